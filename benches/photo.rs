@@ -12,7 +12,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, ExposeOptions, Film};
 use noctograph::photo::exr::Precision;
-use noctograph::photo::{Metadata, Noise, PhotoOptions, Tone, develop, read_out};
+use noctograph::photo::{self, Metadata, Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
@@ -61,7 +61,7 @@ fn photo(c: &mut Criterion) {
     encodes.bench_function("png 8", |b| {
         b.iter(|| {
             let metadata = Metadata::new(&camera, &photo.rgb8);
-            photo.write_png(std::io::Cursor::new(Vec::new()), Some(&metadata), &[]).unwrap()
+            photo::write_png(&photo, std::io::Cursor::new(Vec::new()), Some(&metadata), &[]).unwrap()
         });
     });
     encodes.bench_function("png 16", |b| {

@@ -84,36 +84,18 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-pub mod camera;
+pub use noctograph_core::{
+    camera, control, crazyflie, error, flight, geometry, lamps, strokes,
+};
+pub use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+pub use noctograph_logs::identify;
+pub use noctograph_picture::{expose, light, photo};
+pub use noctograph_studio::{preflight, report, scene, shoot, study};
+pub use {
+    noctograph_export as export, noctograph_letters as letters, noctograph_locate as locate,
+    noctograph_logs as logs, noctograph_score as score,
+};
+
+use noctograph_core::{digest, files, random, settings, srgb, statistics};
+
 pub mod cli;
-pub mod control;
-pub mod crazyflie;
-mod digest;
-pub mod error;
-pub mod estimate;
-pub mod export;
-pub mod expose;
-mod files;
-pub mod flight;
-pub mod geometry;
-pub mod identify;
-pub mod letters;
-pub mod light;
-pub mod logs;
-pub mod photo;
-pub mod plan;
-pub mod preflight;
-#[cfg(feature = "python")]
-mod python;
-mod random;
-pub mod report;
-pub mod scene;
-pub mod score;
-pub mod sensors;
-mod settings;
-pub mod shoot;
-pub mod sim;
-mod srgb;
-mod statistics;
-pub mod study;
-pub mod vehicle;

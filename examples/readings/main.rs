@@ -26,7 +26,7 @@ use std::path::Path;
 use draw::{Rng, SIZES, Taken};
 use noctograph::error::Result;
 use noctograph::letters::{self, Strokes};
-use noctograph::photo::Photo;
+use noctograph::photo::{self, Photo};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Shoot};
@@ -207,7 +207,7 @@ fn write(out: &Path, name: &str, scene: &Scene, photo: &Photo) -> Result<()> {
         fs::create_dir_all(out.join(folder)).expect("a folder that can be made");
     }
     let file = File::create(out.join("photos").join(format!("{name}.png"))).expect("a file");
-    photo.write_png(file, None, &[]).expect("room on the disk");
+    photo::write_png(&photo, file, None, &[]).expect("room on the disk");
     let path = out.join("scenes").join(format!("{name}.toml"));
     fs::write(path, scene.to_toml()).expect("room on the disk");
     Ok(())
@@ -234,7 +234,7 @@ fn open(folder: &Path, name: &str, word: &str) -> Result<(Strokes, Photo, View, 
     let view = View::from(&scene.camera.camera(flown.bounds_m(), 0.0)?);
     word.clone_into(&mut scene.word);
     let strokes = letters::write(&scene.word, &scene.letters)?;
-    Ok((strokes, Photo::read(&folder.join("photos").join(format!("{name}.png")))?, view, scene))
+    Ok((strokes, photo::read(&folder.join("photos").join(format!("{name}.png")))?, view, scene))
 }
 
 fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {

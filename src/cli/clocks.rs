@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::warn;
 use crate::error::{Error, Result};
-use crate::estimate::locate::{
+use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,
     reference_offset_s,
 };

@@ -9,7 +9,7 @@ use super::outcome::{Report, line};
 use super::output::OutputFolder;
 use super::warn;
 use crate::error::Result;
-use crate::photo::Photo;
+use crate::photo::{self, Photo};
 use crate::photo::flip::{Difference, difference};
 use crate::photo::register::{Registration, register};
 use crate::report::photos::{overlay, placed, shrink};
@@ -33,7 +33,7 @@ const LONGEST_PX: u32 = 2048;
 const MOST_OFF: f64 = 0.1;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
-    let (render, photo) = (Photo::read(&args.render)?, Photo::read(&args.photo)?);
+    let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let folder = OutputFolder::create(&args.output)?;
     let found = register(&render, &photo)?;
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         ("placed.png", laid),
     ];
     for (name, picture) in &pictures {
-        folder.write(name, |out| picture.write_png(out, None, &[]))?;
+        folder.write(name, |out| photo::write_png(&picture, out, None, &[]))?;
     }
     let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
     let Registration { transform, correlation, residual_px: [median_px, p95_px] } = found;

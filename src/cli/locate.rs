@@ -17,7 +17,7 @@ use super::table::table;
 use super::warn;
 use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
-use crate::estimate::locate::{
+use crate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
     nis_interval, position_error,

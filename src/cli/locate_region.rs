@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::outcome::Report;
 use super::table::table;
 use crate::error::{Error, Result};
-use crate::estimate::locate::{
+use crate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
 };
 use crate::scene::Scene;

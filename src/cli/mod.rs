@@ -61,13 +61,10 @@ mod table;
 mod tune;
 mod typefaces;
 
-pub(crate) use self::outcome::Report;
-#[cfg(feature = "python")]
-pub(crate) use self::show::verdict_table;
-#[cfg(feature = "python")]
-pub(crate) use self::studies::ranking_report;
-#[cfg(feature = "python")]
-pub(crate) use self::tune::report as tuning_table;
+pub use self::outcome::Report;
+pub use self::show::verdict_table;
+pub use self::studies::ranking_report;
+pub use self::tune::report as tuning_table;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
@@ -253,8 +250,7 @@ pub fn main() -> ExitCode {
 /// # Errors
 ///
 /// [`Error::Input`] for arguments that are refused, and those of the verb.
-#[cfg(feature = "python")]
-pub(crate) fn report_of(words: &[String]) -> Result<Report> {
+pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| Args::from_arg_matches(&matches)) {

@@ -16,10 +16,10 @@ const NAME_WIDTH: usize = 10;
 
 /// Result of a verb.
 #[derive(Debug)]
-pub(crate) struct Report {
-    pub(crate) text: String,
+pub struct Report {
+    pub text: String,
     /// An object.
-    pub(crate) json: Value,
+    pub json: Value,
     pub(super) outcome: Outcome,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,

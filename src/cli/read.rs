@@ -9,7 +9,7 @@ use super::picture::CameraFlags;
 use super::square_on::{Corners, square_on};
 use super::table::table;
 use crate::error::Result;
-use crate::photo::Photo;
+use crate::photo::{self, Photo};
 use crate::score::read;
 
 #[derive(Debug, Args)]
@@ -25,7 +25,7 @@ pub(super) struct ReadArgs {
 }
 
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
-    let photo = Photo::read(&args.photo)?;
+    let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read(&photo);
     if reading.text.is_empty() {

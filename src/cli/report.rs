@@ -11,7 +11,7 @@ use super::output::Output;
 use super::show::sentence;
 use crate::error::{Error, Result};
 use crate::files::{Limit, files_in};
-use crate::photo::Photo;
+use crate::photo::{self, Photo};
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
@@ -117,7 +117,7 @@ fn lead(files: &[PathBuf]) -> Result<String> {
 /// Adds a photo, a drawing, a table or a scene.
 fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     Ok(match &*end(path) {
-        "png" => page.photo(&shrink(Photo::read(path)?, MAX_PX).jpeg(QUALITY), name, None),
+        "png" => page.photo(&photo::jpeg(&shrink(photo::read(path)?, MAX_PX), QUALITY), name, None),
         "svg" => page.drawing(&LIMIT.read(path)?, name),
         "csv" => table(page, path)?,
         _ => {

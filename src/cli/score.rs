@@ -15,7 +15,7 @@ use super::{message, show};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
-use crate::photo::Photo;
+use crate::photo::{self, Photo};
 use crate::plan::Plan;
 use crate::preflight::check_written;
 use crate::report::{overlay_photo, overlay_svg};
@@ -57,7 +57,7 @@ pub(super) struct ScoreArgs {
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
-    let (photo, notes) = Photo::read_with_notes(&args.photo)?;
+    let (photo, notes) = photo::read_with_notes(&args.photo)?;
     let inside = photo.scene_toml.as_deref().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
@@ -116,7 +116,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         let svg = args.output.as_deref().is_some_and(is_svg);
         output.keep(|out| match svg {
             true => out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes()),
-            false => overlay_photo(&photo, &marks, &verdict).write_png(out, None, &[]),
+            false => photo::write_png(&overlay_photo(&photo, &marks, &verdict), out, None, &[]),
         })
     };
     let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();

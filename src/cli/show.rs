@@ -15,7 +15,7 @@ use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::{Shot, in_stops};
 
 /// The verdict: lines for the word, a row for each letter, advice.
-pub(crate) fn verdict_table(verdict: &Verdict) -> String {
+pub fn verdict_table(verdict: &Verdict) -> String {
     let mut text = wrapped("", &verdict_sentence(verdict));
     if let Some(reason) = verdict.reason {
         text += &line("because", &in_words(reason, verdict));

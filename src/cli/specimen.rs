@@ -48,7 +48,7 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     args.characters.as_ref().map_or(Ok(()), |_| font.check_work())?;
     let path = output.keep(|out| match svg {
         true => out.write_all(sheet.svg().as_bytes()),
-        false => sheet.pixels().write_png(out, None, &[]),
+        false => crate::photo::write_png(&sheet.pixels(), out, None, &[]),
     })?;
     let (n, all) = (shown.chars().count(), visible.len());
     let mut text = line("font", &format!("{}: {n} of {all} characters", font.name()));

@@ -10,7 +10,7 @@ use super::output::OutputFolder;
 use super::studies::counter;
 use super::warn;
 use crate::error::Result;
-use crate::photo::Photo;
+use crate::photo::{self, Photo};
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
 use crate::study::statistics::median;
@@ -69,7 +69,7 @@ impl SpreadFlags {
             .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet: Photo = spread_sheet(&title, photos.collect());
-        folder.write("spread.png", |out| sheet.write_png(out, None, &[]))?;
+        folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
         for (drone, (all, within)) in found.all.iter().zip(&found.within).enumerate() {
             let number =
                 if found.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };

@@ -1,5 +1,6 @@
 //! Flags and tables that the verbs of studies share.
 
+use crate::photo;
 use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -156,12 +157,12 @@ pub(super) fn write_ranking(
             writeln!(out)
         })?,
         flights?.keep(|out| out.write_all(flights_csv(records).as_bytes()))?,
-        photos?.keep(|out| sheet.write_png(out, None, &[]))?,
+        photos?.keep(|out| photo::write_png(&sheet, out, None, &[]))?,
     ])
 }
 
 /// A ranking for people and for programs.
-pub(crate) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
+pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let (measures, pairs) = (&ranking.measures, &ranking.pairs);
     let json = json!({
         "flights": flights,

@@ -208,7 +208,7 @@ fn plot(tuned: &Tuned) -> String {
 }
 
 /// The candidates that are best in time and legibility, and what the best one changed.
-pub(crate) fn report(options: &TuneOptions, tuned: &Tuned) -> String {
+pub fn report(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let front = tuned.front.iter().map(|number| {
         let c = &tuned.candidates[*number];

@@ -13,7 +13,7 @@ use super::pieces::Stretch;
 use super::{Job, caution, gains, stem};
 use crate::crazyflie::RING_TIMING_ENTRIES;
 use crate::error::{Error, Result};
-use crate::light::LightOptions;
+use crate::lamps::LightOptions;
 use crate::plan::Plan;
 use crate::settings::settings;
 use crate::sim::ControllerKind;

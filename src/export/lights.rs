@@ -11,7 +11,7 @@
 
 use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
-use crate::light::{COLOR_LED_COLORS, ColorLedLevels, LightOptions, RING_COLORS, packed};
+use crate::lamps::{COLOR_LED_COLORS, ColorLedLevels, LightOptions, RING_COLORS, packed};
 use crate::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
@@ -181,7 +181,7 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
 mod tests {
     use super::*;
     use crate::crazyflie::RING_TIMING_ENTRIES;
-    use crate::light::{RingColor, RingEffect};
+    use crate::lamps::{RingColor, RingEffect};
     use crate::plan::Setpoint;
     use nalgebra::Vector3;
 

@@ -148,7 +148,7 @@ fn camera(camera: &Camera) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::LightOptions;
+    use crate::lamps::LightOptions;
 
     #[test]
     fn durations_of_lights_are_written_seven_bits_at_a_time() {

@@ -2,7 +2,7 @@
 //! bytes).
 
 /// An archive of files: names and contents.
-pub(crate) fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
+pub fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     let (mut archive, mut directory) = (Vec::new(), Vec::new());
     for (name, content) in files {
         let size = length(content.len());

@@ -1,10 +1,10 @@
 //! Layout: characters side by side, lines below each other.
 
 use super::font::Font;
-use super::options::{Align, Fitting, LetterOptions, Picture};
+use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
 use super::shaping::is_shaped;
-use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
+use super::{Cell, Glyph, LeftOut, Picture, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
@@ -146,10 +146,12 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    let (font, order) = (Some(font.clone()), StrokeOrder::Free);
+    let loss = |glyph: &Glyph| (glyph.character, font.lost(glyph.character));
+    let lost = glyphs.iter().map(loss).filter(|(_, length)| *length > 0.0).collect();
+    let (font, order) = (Some(font.name().to_owned()), StrokeOrder::Free);
     let (colors, joints_m) = (Vec::new(), Vec::new());
     let (left_out, picture) = (LeftOut::default(), Picture::Auto);
-    Strokes { word, font, glyphs, order, colors, joints_m, left_out, picture }
+    Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

@@ -1,6 +1,7 @@
 //! Options of letters and their layout.
 
 use super::font;
+use noctograph_core::strokes::Picture;
 use crate::error::Result;
 use crate::settings::{Described, settings};
 
@@ -76,17 +77,6 @@ settings! {
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
-    }
-
-    /// What a picture is.
-    pub enum Picture {
-        /// As it looks: a photograph where what would be its paper has texture, or else a drawing. A
-        /// photograph of few tones, such as a skyline before an even sky, looks like a drawing.
-        "auto" => Auto,
-        /// Lines on paper or a logo: ink is drawn.
-        "drawing" => Drawing,
-        /// A photograph: long edges are drawn.
-        "photograph" => Photograph,
     }
 
     /// Speed along the strokes of handwriting.

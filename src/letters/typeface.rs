@@ -261,7 +261,7 @@ impl Typeface {
 }
 
 /// Whether the first face of a file has an outline of a character.
-pub(crate) fn has_outline(file: &[u8], character: char) -> bool {
+pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
     let id = face.glyph_id(character);
     id.0 != 0 && face.outline(id).is_some()

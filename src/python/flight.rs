@@ -10,15 +10,15 @@ use pyo3::prelude::*;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{Reduced, array, data_frame, numbers, raised, reduced, run, save};
-use crate::error::{Error, Result};
-use crate::flight::{Flight, FlightSample, Quantity};
-use crate::geometry::Attitude;
-use crate::logs::{ImportOptions, import};
-use crate::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
-use crate::report::{NamedFlight, front_view};
-use crate::scene::Scene;
-use crate::shoot::{Shoot, Stop};
-use crate::sim::Session;
+use noctograph::error::{Error, Result};
+use noctograph::flight::{Flight, FlightSample, Quantity};
+use noctograph::geometry::Attitude;
+use noctograph::logs::{ImportOptions, import};
+use noctograph::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
+use noctograph::report::{NamedFlight, front_view};
+use noctograph::scene::Scene;
+use noctograph::shoot::{Shoot, Stop};
+use noctograph::sim::Session;
 
 /// The flight of one drone, sampled over time.
 ///

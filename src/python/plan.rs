@@ -6,10 +6,10 @@ use pyo3::prelude::*;
 
 use super::scene::PyScene;
 use super::{Reduced, array, data_frame, raised, reduced, run, save};
-use crate::error::Error;
-use crate::plan::Plan;
-use crate::report::plan_view;
-use crate::shoot::{Shoot, Stop};
+use noctograph::error::Error;
+use noctograph::plan::Plan;
+use noctograph::report::plan_view;
+use noctograph::shoot::{Shoot, Stop};
 
 /// The plan of one drone: setpoints and light commands in the order of time.
 #[pyclass(frozen, name = "Plan", module = "noctograph")]

@@ -7,10 +7,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
 use super::{Reduced, array, raised, reduced, run, save};
-use crate::scene::Scene;
-use crate::shoot::Stop;
-use crate::sim::design::{MOTOR_LAG_S, design};
-use crate::vehicle::Mixer;
+use noctograph::scene::Scene;
+use noctograph::shoot::Stop;
+use noctograph::sim::design::{MOTOR_LAG_S, design};
+use noctograph::vehicle::Mixer;
 
 /// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera, seed.
 ///

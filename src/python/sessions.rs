@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use super::flight::for_any_controller;
 use super::scene::PyScene;
 use super::{array, array_of, numbers, raised, run, to_python};
-use crate::error::{Error, Result};
-use crate::scene::NamedScene;
-use crate::shoot::Stop;
-use crate::sim::Session;
-use crate::study::{Conditions, Prepared};
+use noctograph::error::{Error, Result};
+use noctograph::scene::NamedScene;
+use noctograph::shoot::Stop;
+use noctograph::sim::Session;
+use noctograph::study::{Conditions, Prepared};
 
 /// One of the flights, and what became of it.
 #[derive(Debug)]

@@ -9,12 +9,12 @@ use pyo3::types::PyBytes;
 use super::flight::PyFlight;
 use super::scene::PyScene;
 use super::{Reduced, array_of, raised, run, save, to_python};
-use crate::cli::verdict_table;
-use crate::error::Error;
-use crate::photo::Photo;
-use crate::report::escaped;
-use crate::score::{Reader, View};
-use crate::shoot::{Format, Recording, Shoot, Shot, Stop};
+use noctograph::cli::verdict_table;
+use noctograph::error::Error;
+use noctograph::photo::{self, Photo};
+use noctograph::report::escaped;
+use noctograph::score::{Reader, View};
+use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
 
 /// A photograph with what was flown for it and whether it reads.
 #[pyclass(frozen, name = "Shot", module = "noctograph")]
@@ -211,5 +211,5 @@ pub(super) fn score<'py>(
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    run(py, &Stop::default(), move || Ok(crate::score::read(&Photo::read(&path)?).text))
+    run(py, &Stop::default(), move || Ok(noctograph::score::read(&photo::read(&path)?).text))
 }

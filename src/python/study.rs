@@ -11,11 +11,11 @@ use serde_json::json;
 
 use super::scene::PyScene;
 use super::{array_of, run, run_showing, to_python};
-use crate::cli::{ranking_report, tuning_table};
-use crate::error::Result;
-use crate::scene::{NamedScene, Scene};
-use crate::shoot::Stop;
-use crate::study::{
+use noctograph::cli::{ranking_report, tuning_table};
+use noctograph::error::Result;
+use noctograph::scene::{NamedScene, Scene};
+use noctograph::shoot::Stop;
+use noctograph::study::{
     Candidate, Conditions, Flown, Knob, Limits, Outcome, Prepared, Store, Study, Trial,
     TuneOptions, evaluate, rank, tune,
 };

@@ -8,7 +8,7 @@ use super::ink::Page;
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
 use super::raster::{Raster, dots};
 use super::{PEN_H, PX_PER_H};
-use crate::letters::Strokes;
+use crate::strokes::Strokes;
 
 /// Scales tried first, from the smallest to the largest.
 const N_SCALES: i32 = 7;

@@ -6,7 +6,7 @@
 use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Stroke, Transform};
 
 use super::raster::Raster;
-use crate::letters::Move;
+use crate::strokes::Move;
 
 /// A page that ink is put on: coverage from 0 to 1.
 pub(super) struct Page(Mask);

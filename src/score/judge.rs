@@ -11,7 +11,7 @@ use super::raster::whole;
 use super::search::search;
 use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
-use crate::letters::Strokes;
+use crate::strokes::Strokes;
 
 /// Shares below this are left out of a letter's row of confusions.
 const LEAST_SHARE: f64 = 0.001;

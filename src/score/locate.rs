@@ -7,7 +7,7 @@
 use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
 use crate::error::Result;
-use crate::letters::{Glyph, Strokes};
+use crate::strokes::{Glyph, Strokes};
 use crate::photo::Photo;
 use crate::statistics::median;
 

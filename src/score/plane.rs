@@ -5,7 +5,7 @@ use tiny_skia::Transform;
 use super::light::{Frame, Light, Rgb};
 use super::view::View;
 use super::{PX_PER_H, cap_height_m};
-use crate::letters::Strokes;
+use crate::strokes::Strokes;
 
 /// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
 /// that a word out of range is still found.

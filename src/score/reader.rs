@@ -25,7 +25,7 @@ use super::{
     check_size,
 };
 use crate::error::Result;
-use crate::letters::{Glyph, Strokes};
+use crate::strokes::{Glyph, Strokes};
 use crate::photo::Photo;
 
 /// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark

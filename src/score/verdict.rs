@@ -7,7 +7,7 @@ use super::calibration::{CALIBRATION, Calibration};
 use super::causes::{Advice, Cause};
 use super::plane::Placed;
 use super::{MAX_ROTATION_RAD, SCALES};
-use crate::letters::Strokes;
+use crate::strokes::Strokes;
 
 /// Whether the word in a photo is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -135,7 +135,7 @@ impl Verdict {
     }
 
     /// Nobody can read the word, whatever the letters look like.
-    pub(crate) fn refuse(&mut self, reason: Reason) {
+    pub fn refuse(&mut self, reason: Reason) {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 

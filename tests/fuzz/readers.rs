@@ -8,7 +8,7 @@ use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{Ink, LetterOptions, Pace, Strokes, Trace, draw, write};
 use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
-use noctograph::photo::{Metadata, Photo};
+use noctograph::photo::{self, Metadata, Photo};
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::read_lighthouse_config;
@@ -99,11 +99,11 @@ fn flight(_: &Path, bytes: &[u8]) -> bool {
 }
 
 fn photo(path: &Path, _: &[u8]) -> bool {
-    Photo::read(path).is_ok()
+    photo::read(path).is_ok()
 }
 
 fn embedded(path: &Path, _: &[u8]) -> bool {
-    let Ok((photo, _)) = Photo::read_with_notes(path) else { return false };
+    let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
     photo.scene_toml.is_some_and(|toml| Scene::parse(&toml, "photo.png").is_ok())
 }
 
@@ -286,7 +286,7 @@ fn shot() -> Vec<u8> {
     let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
     let mut file = Vec::new();
     let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
-    photo.write_png(&mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes).unwrap();
+    photo::write_png(&photo, &mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes).unwrap();
     file
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use noctograph::camera::CameraOptions;
 use noctograph::letters::{LetterOptions, Strokes, write};
-use noctograph::photo::{Metadata, Photo};
+use noctograph::photo::{self, Metadata, Photo};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::{ScoreOptions, View, read as read_blind, score};
 
@@ -40,8 +40,8 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
         Some(Scene { word: told.word.clone(), ..Scene::preset(Preset::default()) }.to_toml());
     let photo = Photo { scene_toml, ..photograph(&drawn, &View::from(&camera)) };
     let metadata = Metadata::new(&camera, &photo.rgb8);
-    photo.write_png(std::fs::File::create(path).unwrap(), Some(&metadata), &[]).unwrap();
-    let Ok((photo, _)) = Photo::read_with_notes(path) else { return false };
+    photo::write_png(&photo, std::fs::File::create(path).unwrap(), Some(&metadata), &[]).unwrap();
+    let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
     let _ = read_blind(&photo);
     score(&photo, &told, &camera, &ScoreOptions::default()).is_ok()
 }

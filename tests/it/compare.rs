@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use noctograph::photo::{Photo, flip};
+use noctograph::photo::{self, Photo, flip};
 
 /// How two photos differ.
 #[derive(Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note
     for (title, photo) in pictures {
         let Some(photo) = photo else { continue };
         let file = std::fs::File::create(folder.join(format!("{title}.png"))).unwrap();
-        photo.write_png(file, None, &[]).unwrap();
+        photo::write_png(&photo, file, None, &[]).unwrap();
         write!(page, "<figure><img src={title}.png width=768 style=image-rendering:pixelated>")
             .unwrap();
         write!(page, "<figcaption>{title}</figcaption></figure>").unwrap();
@@ -100,6 +100,6 @@ fn a_failure_leaves_a_page_with_the_perceived_difference() {
     for title in ["wanted", "found", "16x", "flip"] {
         assert!(text.contains(&format!("src={title}.png")), "{title}: {text}");
     }
-    let seen = Photo::read(&page.with_file_name("flip.png")).unwrap();
+    let seen = photo::read(&page.with_file_name("flip.png")).unwrap();
     assert!(seen.rgb8[..3] > seen.rgb8[3 * 95..], "bright where the pictures differ");
 }

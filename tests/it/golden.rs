@@ -10,7 +10,7 @@
 use std::path::{Path, PathBuf};
 
 use noctograph::expose::BackendChoice;
-use noctograph::photo::{Noise, Photo, flip};
+use noctograph::photo::{self, Noise, Photo, flip};
 use noctograph::report::{Label, labeled};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
@@ -71,11 +71,11 @@ fn golden_photo_of_noor() {
     let path = repository("golden").join(file);
     if bless() {
         let mut png = Vec::new();
-        found.write_png(&mut png, None, &[]).unwrap();
+        photo::write_png(&found, &mut png, None, &[]).unwrap();
         assert!(png.len() <= MAX_BYTES, "a golden of {} bytes is too large", png.len());
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read(&path).ok();
+    let wanted = photo::read(&path).ok();
     let difference = wanted.as_ref().map(|wanted| compare(wanted, &found));
     if difference != Some(None) {
         let note = format!("{difference:?}: bless with NOCTOGRAPH_BLESS=1");
@@ -93,10 +93,10 @@ fn assert_illustration(file: &str, found: &Photo) {
     let path = repository("docs").join(file);
     if bless() {
         let mut png = Vec::new();
-        found.write_png(&mut png, None, &[]).unwrap();
+        photo::write_png(&found, &mut png, None, &[]).unwrap();
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read(&path).unwrap();
+    let wanted = photo::read(&path).unwrap();
     let size_px = |photo: &Photo| [photo.width_px, photo.height_px];
     assert_eq!(size_px(&wanted), size_px(found), "{file}");
     let mean = flip::difference(&wanted, found).mean(|_| true);

@@ -1,7 +1,7 @@
 //! Hostile input: endless files, times and numbers beyond a drone's world, and photos that name
 //! files.
 
-use noctograph::photo::Photo;
+use noctograph::photo::{self, Photo};
 
 use crate::cli::{fails, noctograph};
 
@@ -45,7 +45,7 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
 fn photo_of(scene: &str, path: &std::path::Path) {
     let scene_toml = Some(scene.to_owned());
     let photo = Photo { width_px: 64, height_px: 36, rgb8: vec![0; 64 * 36 * 3], scene_toml };
-    photo.write_png(std::fs::File::create(path).unwrap(), None, &[]).unwrap();
+    photo::write_png(&photo, std::fs::File::create(path).unwrap(), None, &[]).unwrap();
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use noctograph::light::LightTrace;
-use noctograph::photo::Photo;
+use noctograph::photo::{self, Photo};
 
 use crate::cli::{fails, json, noctograph, run_json};
 use crate::gpu_required;
@@ -38,7 +38,7 @@ fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     let expose = |flights: &[&str], name: &str| {
         let arguments = [&["expose"], flights, &exposure, &flags, &[name]].concat();
         noctograph(folder.path()).args(arguments).assert().success();
-        Photo::read(&folder.path().join(name)).unwrap()
+        photo::read(&folder.path().join(name)).unwrap()
     };
     let all = expose(&["a.csv", "b.csv", "c.csv"], "all.png");
     let alone = ["a.csv", "b.csv", "c.csv"].map(|flight| expose(&[flight], "one.png"));
@@ -113,7 +113,7 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     let lamp = ["--set", "light.deck=color-led"];
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
-    let photo = Photo::read(&folder.path().join("one/photo.png")).unwrap();
+    let photo = photo::read(&folder.path().join("one/photo.png")).unwrap();
     // Red less blue of the left half and of the right half.
     let mut halves = [0; 2];
     for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
@@ -169,7 +169,7 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     let run = |arguments: &[&str], taken: &str| {
         let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu", "-o", taken];
         noctograph(folder.path()).args(common).args(arguments).assert().success();
-        Photo::read_with_notes(&folder.path().join(taken)).unwrap().0.scene_toml.unwrap()
+        photo::read_with_notes(&folder.path().join(taken)).unwrap().0.scene_toml.unwrap()
     };
     // Our own photo carries EXIF, but no size: that of the scene stays.
     run(&["--scene", "s.toml"], "taken.png");
@@ -179,7 +179,7 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     }
     let no_exif = Photo { width_px: 2, height_px: 2, rgb8: vec![9; 12], scene_toml: None };
     let file = std::fs::File::create(folder.path().join("bare.png")).unwrap();
-    no_exif.write_png(file, None, &[]).unwrap();
+    photo::write_png(&no_exif, file, None, &[]).unwrap();
     let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];
     let output = noctograph(folder.path()).args(bare).output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -203,7 +203,7 @@ fn a_render_is_found_in_a_photo_of_the_same_light() {
     assert!(found["correlation"].as_f64().unwrap() > 0.95, "{found}");
     assert!(found["mean_flip"].as_f64().unwrap() < 0.1, "{found}");
     for name in ["overlay.png", "difference.png", "placed.png"] {
-        let picture = Photo::read(&folder.path().join("out").join(name)).unwrap();
+        let picture = photo::read(&folder.path().join("out").join(name)).unwrap();
         assert_eq!((picture.width_px, picture.height_px), (640, 360), "{name}");
     }
     fails(&["compare-photo", "a.png", "b.jpg"], &[], &["a.png"]);

@@ -4,6 +4,7 @@
 //! verbs of the command line in processes of their own: these can be ended at any moment, and take
 //! their memory with them.
 
+use crate::photo;
 use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::path::Path;
@@ -91,7 +92,7 @@ impl Studio {
                     reader.score(&shot.photo, &View::from(&shot.camera)).map(Some)
                 }
             };
-            let (verdict, jpeg) = rayon::join(judge, || shot.photo.jpeg(JPEG_QUALITY));
+            let (verdict, jpeg) = rayon::join(judge, || photo::jpeg(&shot.photo, JPEG_QUALITY));
             let obstacles = shot.problems.iter().filter(|problem| problem.is_obstacle());
             let obstacles: Vec<String> = obstacles.map(|it| it.sentence(mentioned)).collect();
             let flight_s = shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);

@@ -20,7 +20,8 @@ use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry::{bounds, distance};
 use crate::letters::center_line::{center_lines, outlines};
-use crate::letters::options::{LetterOptions, Picture, Trace};
+use crate::letters::Picture;
+use crate::letters::options::{LetterOptions, Trace};
 use crate::letters::outline::{Contour, Filled, mean_stroke_width};
 
 /// Pixels of the longer side to which a picture is made smaller.

@@ -7,7 +7,8 @@
 use std::path::Path;
 
 use super::center_line::dot;
-use super::options::{Align, LetterOptions, Pace, Picture};
+use super::Picture;
+use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
@@ -34,7 +35,7 @@ mod xml;
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
-pub(crate) const LIMIT: Limit = Limit {
+pub const LIMIT: Limit = Limit {
     bytes: 8 << 20,
     what: "a drawing",
     hint: "simplify its paths, or make the picture smaller",
@@ -341,7 +342,8 @@ impl Placing {
         let glyphs = glyphs.into_iter().map(glyph).collect();
         let (colors, joints_m, left_out) = (Vec::new(), Vec::new(), LeftOut::default());
         let (word, font, picture) = (String::new(), None, Picture::Auto);
-        Strokes { word, font, glyphs, order, colors, joints_m, left_out, picture }
+        let lost = std::collections::BTreeMap::new();
+        Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture }
     }
 }
 
@@ -353,7 +355,7 @@ fn too_many(file: &str) -> Error {
 
 /// Writes an SVG file whose one stroke goes from red to blue, for tests of what follows.
 #[cfg(test)]
-pub(crate) fn red_to_blue(folder: &Path) -> std::path::PathBuf {
+pub fn red_to_blue(folder: &Path) -> std::path::PathBuf {
     let path = folder.join("a.svg");
     let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
         <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\

@@ -9,7 +9,8 @@ use super::super::raster::Raster;
 use super::super::{ScoreOptions, Verdict, score};
 use crate::camera::Camera;
 use crate::geometry::camera_from_world;
-use crate::letters::{LetterOptions, Move, Strokes, write};
+use crate::letters::{LetterOptions, write};
+use crate::strokes::{Move, Strokes};
 use crate::photo::Photo;
 
 /// A photo in the making.

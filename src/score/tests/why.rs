@@ -2,7 +2,8 @@
 
 use super::studio::{Shot, word};
 use super::*;
-use crate::letters::{LetterOptions, Move, write};
+use crate::letters::{LetterOptions, write};
+use crate::strokes::Move;
 
 fn explained(shot: &Shot, strokes: &Strokes) -> Verdict {
     let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();

@@ -1,0 +1,1 @@
+//! Benches of Noctograph: `cargo bench -p noctograph-benches`.

@@ -1,0 +1,258 @@
+//! The camera as a description without pixels: pose, lens, shutter, sensitivity.
+//!
+//! Camera frame: x right, y down, z forward. Image: origin top left, pixel centers at +0.5.
+//! Not modeled: rolling shutter, field curvature, chromatic aberration.
+
+use nalgebra::{Matrix3, Vector3};
+
+pub use bodies::{BodyModel, CustomBody, CustomLens, FixedLens, LensModel};
+pub use options::check_size;
+pub use options::{
+    CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering, TrailMetering, WordFraming,
+};
+pub use outside::Outside;
+pub use white_balance::WhiteBalance;
+
+mod bodies;
+mod exif;
+mod options;
+mod outside;
+mod white_balance;
+
+/// A camera at rest whose shutter opens once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Entrance pupil, in the world.
+    pub position_m: Vector3<f64>,
+    /// Rotation from the world to the camera frame (x right, y down, z forward).
+    pub camera_from_world: Matrix3<f64>,
+    /// Focal length of the lens.
+    pub focal_length_m: f64,
+    /// Width of the sensor; pixels are square.
+    pub sensor_width_m: f64,
+    /// Aperture number N.
+    pub f_number: f64,
+    /// Share of the light that the lens transmits, 0 to 1.
+    pub transmission: f64,
+    /// Standard deviation of the blur of the lens on the sensor (aberrations, without diffraction).
+    pub blur_m: f64,
+    /// Distance in focus, along the optical axis; everything is sharp with `None`.
+    pub focus_m: Option<f64>,
+    /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as `OpenCV` has it:
+    /// with x, y the tangents off the axis and r² = x² + y², the lens draws
+    /// `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
+    /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
+    pub distortion: [f64; 4],
+    /// Share of the light lost by vignetting at the corner of the picture; it grows with the square
+    /// of the distance from the middle. The natural falloff by cos⁴ is separate.
+    pub vignetting: f64,
+    /// White balance: gains of red, green and blue between the sensor and the tone curve.
+    pub white_balance: [f64; 3],
+    /// Sensitivity; see [`Self::saturation_lx_s`].
+    pub iso: f64,
+    /// Sensitivity at which a full well is white; at a lower one it is white too.
+    pub base_iso: f64,
+    /// Time of flight at which the shutter opens.
+    pub shutter_open_s: f64,
+    /// Time of flight at which the shutter closes.
+    pub shutter_close_s: f64,
+    /// Width of the picture.
+    pub width_px: u32,
+    /// Height of the picture.
+    pub height_px: u32,
+}
+
+/// A point in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImagePoint {
+    /// From the left edge.
+    pub x_px: f64,
+    /// From the top edge.
+    pub y_px: f64,
+    /// Along the optical axis.
+    pub depth_m: f64,
+}
+
+impl Camera {
+    /// The same camera with a picture of another width.
+    #[must_use]
+    pub fn at_width(&self, width_px: u32) -> Self {
+        let height = u64::from(self.height_px) * u64::from(width_px);
+        let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
+        Self { width_px, height_px: u32::try_from(height).unwrap_or(u32::MAX), ..self.clone() }
+    }
+
+    /// Edge of a pixel on the sensor.
+    #[must_use]
+    pub fn pixel_pitch_m(&self) -> f64 {
+        self.sensor_width_m / f64::from(self.width_px)
+    }
+
+    /// Focal length in pixels.
+    #[must_use]
+    pub fn focal_length_px(&self) -> f64 {
+        self.focal_length_m / self.pixel_pitch_m()
+    }
+
+    /// Image of a point of the world; `None` for a point that is not in front of the entrance pupil,
+    /// and beyond the radius at which the distortion folds back.
+    #[must_use]
+    pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
+        let p = self.camera_from_world * (position_m - self.position_m);
+        if p.z <= 0.0 {
+            return None;
+        }
+        let [x, y] = self.distorted([p.x / p.z, p.y / p.z])?;
+        let f = self.focal_length_px();
+        Some(ImagePoint {
+            x_px: f64::from(self.width_px) / 2.0 + f * x,
+            y_px: f64::from(self.height_px) / 2.0 + f * y,
+            depth_m: p.z,
+        })
+    }
+
+    /// Direction in the world, of length 1, of a point of the picture: the inverse of
+    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12; `None` where a strong
+    /// distortion has no inverse.
+    #[must_use]
+    pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
+        let f = self.focal_length_px();
+        let wanted = [
+            (x_px - f64::from(self.width_px) / 2.0) / f,
+            (y_px - f64::from(self.height_px) / 2.0) / f,
+        ];
+        let mut at = wanted;
+        for _ in 0..200 {
+            let found = self.distorted(at)?;
+            let off = [wanted[0] - found[0], wanted[1] - found[1]];
+            at = [at[0] + off[0], at[1] + off[1]];
+            if off[0].abs().max(off[1].abs()) < 1e-12 {
+                let ray = Vector3::new(at[0], at[1], 1.0).normalize();
+                return Some(self.camera_from_world.transpose() * ray);
+            }
+        }
+        None
+    }
+
+    /// Tangents off the axis with distortion; `None` beyond the radius at which it folds back.
+    fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let [k1, k2, p1, p2] = self.distortion;
+        if self.distortion == [0.0; 4] {
+            return Some([x, y]);
+        }
+        let r2 = x * x + y * y;
+        if 1.0 + r2 * (3.0 * k1 + r2 * 5.0 * k2) <= 0.0 {
+            return None;
+        }
+        let radial = 1.0 + r2 * (k1 + r2 * k2);
+        Some([
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ])
+    }
+
+    /// Box `[left, bottom, right, top]` of the plane of the word (y = 0) around the four corners of
+    /// the picture; `None` where a corner does not show the plane within 1 km.
+    #[must_use]
+    pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
+        let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
+        let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
+        let unbounded = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        corners.into_iter().try_fold(unbounded, |[left, bottom, right, top], [x_px, y_px]| {
+            let ray = self.world_from_image(x_px, y_px)?;
+            let distance_m = -self.position_m.y / ray.y;
+            let point_m = self.position_m + ray * distance_m;
+            let [x, z] = [point_m.x, point_m.z];
+            (distance_m > 0.0 && distance_m < 1000.0)
+                .then(|| [left.min(x), bottom.min(z), right.max(x), top.max(z)])
+        })
+    }
+
+    /// Share of the light that vignetting leaves at a point of the picture, 0 to 1.
+    #[must_use]
+    pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
+        let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
+        let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
+        let corner_sq = 0.25 * (width * width + height * height);
+        (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
+    }
+
+    /// Diameter of the circle of confusion on the sensor: `f² / N · |d - d_f| / (d d_f)`.
+    #[must_use]
+    pub fn defocus_m(&self, depth_m: f64) -> f64 {
+        let f = self.focal_length_m;
+        self.focus_m.map_or(0.0, |focus_m| {
+            f * f / self.f_number * (depth_m - focus_m).abs() / (depth_m * focus_m)
+        })
+    }
+
+    /// Luminous exposure in lx s, in the middle of the picture, of a surface of 1 cd/m²:
+    /// `π τ t / (4 N²)`.
+    #[must_use]
+    pub fn lx_s_of_luminance(&self) -> f64 {
+        let exposure_s = self.shutter_close_s - self.shutter_open_s;
+        std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s
+            / (self.f_number * self.f_number)
+    }
+
+    /// Luminous exposure in lx s at which the sensor saturates: `78 / ISO` (ISO 12232, saturation
+    /// based) from the base sensitivity on, where the converter clips, and that of the full well,
+    /// `78 / base ISO`, below it.
+    #[must_use]
+    pub fn saturation_lx_s(&self) -> f64 {
+        78.0 / self.iso.max(self.base_iso)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        CameraOptions::default().camera([-0.6, 0.5, 0.9, 1.0], 57.0).unwrap()
+    }
+
+    #[test]
+    fn the_picture_of_a_camera_square_in_front_shows_its_bounds_of_the_plane() {
+        let camera = camera();
+        let bounds_m = camera.plane_bounds_m().unwrap();
+        // The word is 1.5 m wide and half of the picture.
+        for (found, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
+            assert!((found - wanted).abs() < 1e-9, "{bounds_m:?}");
+        }
+        let up = crate::geometry::camera_from_world(Vector3::new(0.0, 0.1, 1.0));
+        assert_eq!(Camera { camera_from_world: up, ..camera }.plane_bounds_m(), None);
+    }
+
+    #[test]
+    fn the_inverse_of_a_distorting_lens_finds_the_point_again() {
+        for distortion in [[0.0; 4], [-0.12, 0.03, 0.002, -0.001], [0.08, 0.0, 0.0, 0.003]] {
+            let camera = Camera { distortion, ..camera() };
+            for point in [[0.15, 0.0, 0.75], [-0.6, 0.2, 1.0], [1.4, -0.3, 0.0]] {
+                let point = Vector3::from(point);
+                let image = camera.image_from_world(point).unwrap();
+                let ray = camera.world_from_image(image.x_px, image.y_px).unwrap();
+                let wanted = (point - camera.position_m).normalize();
+                assert!((ray - wanted).norm() < 1e-10, "{point:?} with {distortion:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_barrel_draws_the_corner_nearer_and_folds_nothing_back() {
+        let straight = camera();
+        let barrel = Camera { distortion: [-0.2, 0.0, 0.0, 0.0], ..camera() };
+        let corner = Vector3::new(1.5, 0.0, 1.4);
+        let far = |camera: &Camera| camera.image_from_world(corner).unwrap().x_px;
+        assert!(far(&barrel) < far(&straight), "{} and {}", far(&barrel), far(&straight));
+        let aside = camera().position_m + Vector3::new(50.0, 1.0, 0.0);
+        assert_eq!(barrel.image_from_world(aside), None, "an angle that the lens does not draw");
+    }
+
+    #[test]
+    fn ten_metres_in_focus_blur_three_by_36_um() {
+        let camera = Camera { focus_m: Some(10.0), ..camera() };
+        assert!((camera.defocus_m(3.0) - 35.7e-6).abs() < 0.1e-6, "{}", camera.defocus_m(3.0));
+        assert_eq!(camera.defocus_m(10.0), 0.0, "sharp where it is focused");
+    }
+}

@@ -1,0 +1,376 @@
+//! Settings of the camera, and its pose in front of the word.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{BodyModel, Camera, LensModel, WhiteBalance};
+use crate::error::{Error, Result};
+use crate::geometry::{camera_from_orientation, camera_from_world};
+use crate::settings::{Described, settings};
+
+/// Largest width and height of a picture.
+const MAX_SIDE_PX: u32 = 16_384;
+
+/// Most pixels of a picture: 768 MiB of film at 12 bytes a pixel.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+/// Width of a full-frame sensor.
+const FULL_FRAME_WIDTH_M: f64 = 0.036;
+
+settings! {
+    /// The camera.
+    ///
+    /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
+    /// light painting; blur is half the usual circle of confusion of 30 µm.
+    pub struct CameraOptions {
+        /// Who sets aperture and sensitivity. A scene that sets `f_number` or `iso` and not this
+        /// key is not metered.
+        metering: Metering = Metering::default();
+        /// Width of the picture in pixels.
+        width_px: u32 = 1920, in 1.0..=16_384.0;
+        /// Height of the picture in pixels.
+        height_px: u32 = 1080, in 1.0..=16_384.0;
+        /// Dots per inch of the print that the picture is for, which its file notes; none if left
+        /// out.
+        dots_per_inch: Option<f64> = None, in 1.0..=10_000.0;
+        /// Aperture number, unless the meter sets it.
+        f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
+        /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
+        /// base sensitivity.
+        iso: f64 = 100.0, in 1.0..=1e7, unless "camera.metering" = "trail";
+        /// Sensitivity at which a full well is white; above it, the converter clips earlier.
+        base_iso: f64 = 100.0, in 1.0..=1e5;
+        /// Time of flight at which the shutter opens.
+        shutter_open_s: f64 = 0.0, in 0.0..=1e6;
+        /// Time of flight at which the shutter closes; the end of the flight if left out.
+        shutter_close_s: Option<f64> = None, in 0.0..=1e6;
+        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and with
+        /// a custom one everything is sharp.
+        focus_m: Option<f64> = None, in 0.01..=1e6;
+        /// Standard deviation of the blur of the lens on the sensor, without diffraction; a
+        /// telephone's lens has it in proportion to its sensor, on full frame.
+        blur_m: f64 = 15e-6, in 0.0..=0.01;
+        /// Share of light that the lens transmits.
+        transmission: f64 = 0.9, in 0.001..=1.0;
+        /// Share of light lost by vignetting at the corner of the picture, beside the natural
+        /// falloff by cos⁴; that of the lens at its aperture if left out.
+        vignetting: Option<f64> = None, in 0.0..=1.0;
+        /// White balance: gains of red, green and blue, or the color temperature in kelvin.
+        white_balance: WhiteBalance = WhiteBalance::default();
+        /// Pose of the camera.
+        framing: Framing = Framing::default();
+        /// Camera body.
+        body: BodyModel = BodyModel::default();
+        /// Lens.
+        lens: LensModel = LensModel::default();
+    }
+
+    /// Who sets aperture and sensitivity.
+    pub enum Metering tagged {
+        /// The photographer: `f_number` and `iso` as given.
+        "off" => Off,
+        /// The light meter, in steps of a third of a stop: the brightest lamp's trail is white and
+        /// glows, and the room stays dark however long the flight is.
+        "trail" => Trail(TrailMetering),
+    }
+
+    /// Exposures that the light meter aims at, in stops over saturation.
+    pub struct TrailMetering {
+        /// Middle of the brightest trail.
+        trail_stops: f64 = 2.0, in -10.0..=10.0;
+        /// Middle of the brightest trail in its strongest color channel, where its lamp writes in
+        /// color.
+        ///
+        /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness), half
+        /// a stop below by 7; two stops above, by 27.
+        color_stops: f64 = -0.5, in -10.0..=10.0;
+        /// Most of the room's light, which gathers while the shutter is open; the trail gives way
+        /// to it, down to its `least_stops`.
+        room_stops: f64 = -7.0, in -20.0..=0.0;
+        /// Least of the middle of the brightest trail.
+        least_stops: f64 = -1.0, in -10.0..=10.0;
+    }
+
+    /// Pose of the camera.
+    pub enum Framing tagged {
+        /// Square in front of the middle of the word, at the distance at which the word has its
+        /// share of the picture.
+        "word" => Word(WordFraming),
+        /// As given.
+        "fixed" => Fixed(FixedPose),
+    }
+
+    /// A camera square in front of the word.
+    pub struct WordFraming {
+        /// Share of the width or height of the picture that the word fills, whichever comes first.
+        fill_frac: f64 = 0.5, in 0.01..=1.0;
+    }
+
+    /// A camera at a given pose.
+    pub struct FixedPose {
+        /// Entrance pupil, in the world.
+        position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
+        /// Point of the world in the middle of the picture; the middle of the word if left out.
+        target_m: Option<[f64; 3]> = None, in -1e4..=1e4;
+        /// Attitude in the world, in place of the target: a unit quaternion w, x, y, z. As in a
+        /// .skyc file, a camera that is not rotated looks along -z with x to its right.
+        orientation_wxyz: Option<[f64; 4]> = None, in -1.05..=1.05;
+    }
+}
+
+impl CameraOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        check_size(self.width_px, self.height_px)?;
+        Described::check(self, "camera", None)?;
+        let least = self.lens.min_f_number();
+        if self.body.fixed_lens().is_none() && self.f_number < least {
+            let hint = "stop the lens down, or choose a faster one";
+            let wanted = format!("at least {least} with this lens");
+            return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
+        }
+        if let Some(close_s) = self.shutter_close_s.filter(|close_s| *close_s < self.shutter_open_s)
+        {
+            let wanted =
+                format!("a time not before camera.shutter_open_s, {}", self.shutter_open_s);
+            let hint = "let the shutter close after it opens";
+            return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
+        }
+        match &self.framing {
+            Framing::Fixed(pose) => {
+                let ahead = Vector3::from(pose.position_m) + Vector3::y();
+                pose.camera_from_world(ahead).map(|_| ())
+            }
+            Framing::Word(_) => Ok(()),
+        }
+    }
+
+    /// Share of light lost by vignetting at the corner of the picture, at an aperture.
+    pub fn vignetting_at(&self, f_number: f64) -> f64 {
+        let aspect = f64::from(self.height_px) / f64::from(self.width_px);
+        let corner_m = 0.5 * self.body.sensor_width_m() * (1.0 + aspect * aspect).sqrt();
+        self.vignetting.unwrap_or_else(|| self.lens.vignetting(f_number, corner_m))
+    }
+
+    /// Focal length of the lens.
+    #[must_use]
+    pub fn focal_length_m(&self) -> f64 {
+        self.body.fixed_lens().map_or(self.lens.focal_length_m(), |lens| lens.focal_length_m)
+    }
+
+    /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
+    /// word) and a flight that ends at `end_s`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
+        self.check()?;
+        let fixed = self.body.fixed_lens();
+        let [left, bottom, right, top] = bounds_m;
+        let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
+        let (position_m, camera_from_world) = match &self.framing {
+            Framing::Word(framing) => {
+                let aspect = f64::from(self.width_px) / f64::from(self.height_px);
+                let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
+                let distance_m = width_m * self.focal_length_m() / self.body.sensor_width_m();
+                let position_m = middle - Vector3::y() * distance_m;
+                (position_m, camera_from_world(middle - position_m))
+            }
+            Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
+        };
+        let at_word_m = (camera_from_world * (middle - position_m)).z;
+        let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
+        Ok(Camera {
+            position_m,
+            camera_from_world,
+            focal_length_m: self.focal_length_m(),
+            sensor_width_m: self.body.sensor_width_m(),
+            focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
+            distortion: fixed.map_or(self.lens.distortion(), |_| [0.0; 4]),
+            vignetting: self.vignetting_at(self.f_number),
+            white_balance: self.white_balance.gains(),
+            f_number: fixed.map_or(self.f_number, |lens| lens.f_number),
+            transmission: self.transmission,
+            blur_m: self.blur_m
+                * fixed.map_or(1.0, |_| self.body.sensor_width_m() / FULL_FRAME_WIDTH_M),
+            iso: self.iso,
+            base_iso: fixed.map_or(self.base_iso, |lens| lens.iso[0]),
+            shutter_open_s: self.shutter_open_s,
+            shutter_close_s: self.shutter_close_s.unwrap_or(end_s).max(self.shutter_open_s),
+            width_px: self.width_px,
+            height_px: self.height_px,
+        })
+    }
+}
+
+impl FixedPose {
+    /// The rotation from the world to the camera frame, of a camera that looks at `middle` if
+    /// nothing else is given.
+    fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
+        let Some(orientation) = self.orientation_wxyz else {
+            let forward =
+                self.target_m.map_or(middle, Vector3::from) - Vector3::from(self.position_m);
+            if forward.norm() > 1e-9 {
+                return Ok(camera_from_world(forward));
+            }
+            let hint = "place the camera some meters in front of its target";
+            let found = format!("{:?}, the position of the camera", self.position_m);
+            let wanted = "a point away from it";
+            return Err(Error::input("camera.framing.target_m", found, wanted, hint));
+        };
+        let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
+        if (0.95..=1.05).contains(&length) {
+            return Ok(camera_from_orientation(orientation));
+        }
+        let key = "camera.framing.orientation_wxyz";
+        let found = format!("a quaternion of length {length}");
+        Err(Error::input(key, found, "a unit quaternion", "divide it by its length"))
+    }
+}
+
+/// Checks the size of a picture.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the limits.
+pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
+    let sides = [width_px, height_px];
+    let pixels = u64::from(width_px) * u64::from(height_px);
+    if sides.iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) && pixels <= MAX_PIXELS {
+        return Ok(());
+    }
+    Err(Error::input(
+        "camera.width_px and camera.height_px",
+        format!("{width_px}x{height_px}"),
+        format!("sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels"),
+        "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOOR_M: [f64; 4] = [-0.6, 0.5, 0.9, 1.0];
+
+    #[test]
+    fn the_word_fills_its_share_of_the_picture() {
+        let image = |bounds_m, x, z| {
+            let camera = CameraOptions::default().camera(bounds_m, 57.0).unwrap();
+            let image = camera.image_from_world(Vector3::new(x, 0.0, z)).unwrap();
+            [image.x_px, image.y_px].map(f64::round)
+        };
+        assert_eq!(image(NOOR_M, -0.6, 0.75), [480.0, 540.0], "left edge, middle of the height");
+        assert_eq!(image(NOOR_M, 0.9, 0.75), [1440.0, 540.0], "right edge");
+        assert_eq!(image([0.0, 0.0, 0.1, 1.0], 0.05, 1.0), [960.0, 270.0], "a tall word");
+    }
+
+    #[test]
+    fn impossible_cameras_are_refused_by_key() {
+        let refused = |change: &dyn Fn(&mut CameraOptions)| {
+            let mut options = CameraOptions::default();
+            change(&mut options);
+            options.camera(NOOR_M, 57.0).unwrap_err().to_string()
+        };
+        for size_px in [(0, 0), (0, 1080), (100_000, 100_000), (16_384, 16_384)] {
+            let error = refused(&|c| (c.width_px, c.height_px) = size_px);
+            assert!(error.contains(&format!("{}x{}", size_px.0, size_px.1)), "{error}");
+        }
+        let error = refused(&|c| (c.shutter_open_s, c.shutter_close_s) = (5.0, Some(3.0)));
+        assert!(error.contains("camera.shutter_close_s"), "{error}");
+        let error = refused(&|c| (c.lens, c.f_number) = (LensModel::Kit16, 2.0));
+        assert!(error.contains("camera.f_number"), "{error}");
+        let pose = FixedPose { target_m: Some([0.15, -3.0, 0.75]), ..FixedPose::default() };
+        let error = refused(&|c| c.framing = Framing::Fixed(pose.clone()));
+        assert!(error.contains("camera.framing.target_m"), "{error}");
+    }
+
+    #[test]
+    fn a_quaternion_of_a_quarter_turn_about_x_looks_along_y() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let [turned, aimed] = [Some([half, half, 0.0, 0.0]), None].map(|orientation_wxyz| {
+            let pose = FixedPose { orientation_wxyz, ..FixedPose::default() };
+            let options =
+                CameraOptions { framing: Framing::Fixed(pose), ..CameraOptions::default() };
+            options.camera(NOOR_M, 1.0).unwrap().camera_from_world
+        });
+        assert!((turned - aimed).norm() < 1e-12, "{turned}");
+    }
+
+    #[test]
+    fn a_camera_that_stands_aside_looks_at_the_middle_of_the_word() {
+        let pose = FixedPose { position_m: [1.2, -3.5, 1.4], ..FixedPose::default() };
+        let options = CameraOptions { framing: Framing::Fixed(pose), ..CameraOptions::default() };
+        let camera = options.camera(NOOR_M, 57.0).unwrap();
+        let image = camera.image_from_world(Vector3::new(0.15, 0.0, 0.75)).unwrap();
+        let off_px = (image.x_px - 960.0).abs().max((image.y_px - 540.0).abs());
+        assert!(off_px < 1e-9, "{image:?}");
+        let inside = FixedPose { position_m: [0.0, 0.0, 0.75], ..FixedPose::default() };
+        let options = CameraOptions { framing: Framing::Fixed(inside), ..options };
+        let error = options.camera([-0.5, 0.5, 0.5, 1.0], 57.0).unwrap_err().to_string();
+        assert!(error.contains("camera.framing.target_m"), "{error}");
+    }
+
+    #[test]
+    fn lenses_darken_the_corner_as_measured() {
+        // Stops that the lens loses in all at the corner of full frame, wide open and stopped down.
+        let lost = |lens: LensModel, f_number: f64| {
+            let options = CameraOptions { lens, f_number, height_px: 1280, ..Default::default() };
+            let camera = options.camera(NOOR_M, 1.0).unwrap();
+            let ray = camera.world_from_image(0.0, 0.0).unwrap();
+            let cos = (camera.camera_from_world * ray).z;
+            -libm::log2(camera.unvignetted(0.0, 0.0) * cos * cos * cos * cos)
+        };
+        for (lens, f_number, wanted) in
+            [(LensModel::Normal50, 1.8, 2.7), (LensModel::Normal35, 2.0, 2.2)]
+        {
+            let found = lost(lens, f_number);
+            assert!((found - wanted).abs() < 0.05, "{found} at f/{f_number}, wanted {wanted}");
+        }
+        assert!(lost(LensModel::Normal50, 3.5) < 1.0, "less than a stop from f/3.5 on");
+        let natural = lost(LensModel::default(), 8.0);
+        assert!((lost(LensModel::Normal35, 8.0) - natural).abs() < 0.06, "gone at f/8");
+    }
+
+    #[test]
+    fn a_telephone_has_its_makers_angle_of_view_and_aperture() {
+        let of = |body| {
+            let options =
+                CameraOptions { body, f_number: 5.0, height_px: 1440, ..Default::default() };
+            options.camera(NOOR_M, 1.0).unwrap()
+        };
+        for (body, degrees, f_number) in [
+            (BodyModel::IPhone15Pro, 84.0, 1.78),
+            (BodyModel::Pixel8Pro, 82.0, 1.68),
+            (BodyModel::GalaxyS24, 85.0, 1.8),
+        ] {
+            let camera = of(body);
+            // The picture is 4:3: its diagonal is 5/4 of its width.
+            let found = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
+            assert!((found.to_degrees() - degrees).abs() < 0.7, "{:.1}°", found.to_degrees());
+            assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));
+        }
+        let [phone, full] = [BodyModel::Phone, BodyModel::FullFrame24Mp].map(of);
+        let share = |camera: &Camera| camera.blur_m / camera.sensor_width_m;
+        assert!((share(&phone) / share(&full) - 1.0).abs() < 1e-12, "as sharp for its sensor");
+    }
+
+    #[test]
+    fn a_body_and_a_lens_by_name_set_sensor_and_focal_length() {
+        let options = CameraOptions {
+            body: BodyModel::A6400,
+            lens: LensModel::Kit16,
+            ..CameraOptions::default()
+        };
+        let camera = options.camera(NOOR_M, 1.0).unwrap();
+        assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
+        assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
+        // The word is 1.5 m wide and half of the picture.
+        assert!((camera.focus_m.unwrap() - 3.0 * 0.016 / 0.0235).abs() < 1e-12, "at the word");
+        assert_eq!(CameraOptions::default().camera(NOOR_M, 1.0).unwrap().focus_m, None);
+    }
+}

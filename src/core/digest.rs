@@ -1,0 +1,72 @@
+//! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on every
+//! machine and in every build.
+
+use sha2::Digest as _;
+
+/// Takes a product in piece by piece.
+#[derive(Clone, Debug, Default)]
+pub struct Digest(sha2::Sha256);
+
+impl Digest {
+    /// Bytes as they are.
+    pub fn add(&mut self, bytes: impl AsRef<[u8]>) {
+        self.0.update(bytes);
+    }
+
+    /// Numbers as their bits, the lowest byte first.
+    pub fn add_numbers(&mut self, numbers: &[f64]) {
+        // Many at a time: a call for each costs as much as the digest itself.
+        let mut bytes = [0; 8 * 64];
+        for numbers in numbers.chunks(64) {
+            for (bytes, number) in bytes.chunks_exact_mut(8).zip(numbers) {
+                bytes.copy_from_slice(&number.to_le_bytes());
+            }
+            self.0.update(&bytes[..8 * numbers.len()]);
+        }
+    }
+
+    /// 64 hexadecimal digits.
+    pub fn hex(self) -> String {
+        self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// Digest of some bytes.
+pub fn sha256(bytes: &[u8]) -> String {
+    let mut digest = Digest::default();
+    digest.add(bytes);
+    digest.hex()
+}
+
+/// FNV-1a, 64 bits (Fowler, Noll, Vo): names streams of random numbers.
+pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_digest_is_the_standards() {
+        // FIPS 180-4, example of one block.
+        let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256(b"abc"), abc);
+        let mut pieces = Digest::default();
+        pieces.add("a");
+        pieces.add(b"bc");
+        assert_eq!(pieces.hex(), abc);
+        let mut numbers = Digest::default();
+        numbers.add_numbers(&[1.5]);
+        assert_eq!(numbers.hex(), sha256(&[0, 0, 0, 0, 0, 0, 0xf8, 0x3f]));
+    }
+
+    #[test]
+    fn hash_is_the_published_fnv_1a() {
+        // Test vectors of the authors' reference code.
+        assert_eq!(fnv_1a("".bytes()), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(fnv_1a("foobar".bytes()), 0x8594_4171_f739_67e8);
+    }
+}

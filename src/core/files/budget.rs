@@ -1,0 +1,138 @@
+//! Budget: the work and the memory that a foreign input may take, counted and not timed, so that
+//! the same file is read or refused on every machine.
+
+use std::cell::Cell;
+
+use crate::error::{Error, Result};
+
+/// Most work of an input in steps. A step is what a core of 2020 does in a nanosecond: readers
+/// multiply their counts by what one of them was measured to take.
+const MAX_STEPS: u64 = 1_000_000_000;
+
+/// Most memory of an input in bytes: what is kept of it, and copies while it is read.
+const MAX_BYTES: u64 = 240 << 20;
+
+/// Work and memory that are left to an input: a file, a folder of files that belong together, or a
+/// typeface with all its characters.
+///
+/// Decoders spend before they work. What returns no error itself may go on with
+/// [`Budget::spend_steps`] alone, which stays `false` once it was, and leaves the error to
+/// [`Budget::check`].
+#[derive(Debug)]
+pub struct Budget {
+    place: String,
+    hint: &'static str,
+    steps_left: Cell<u64>,
+    bytes_left: Cell<u64>,
+    /// What was asked for beyond the budget.
+    beyond: Cell<Option<Beyond>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Beyond {
+    Steps,
+    Bytes,
+}
+
+impl Budget {
+    /// The budget of an input; `place` is its name in messages, `hint` the advice where it is spent.
+    pub fn of(place: impl Into<String>, hint: &'static str) -> Self {
+        let place = place.into();
+        let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
+        Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
+    }
+
+    /// Takes steps off; whether there were as many, and the budget is not spent yet.
+    pub fn spend_steps(&self, steps: usize) -> bool {
+        self.spend(&self.steps_left, steps, Beyond::Steps)
+    }
+
+    /// Takes steps off.
+    pub fn steps(&self, steps: usize) -> Result<()> {
+        self.spend_steps(steps);
+        self.check()
+    }
+
+    /// Takes bytes off: memory that the input will hold.
+    pub fn bytes(&self, bytes: usize) -> Result<()> {
+        self.spend(&self.bytes_left, bytes, Beyond::Bytes);
+        self.check()
+    }
+
+    /// Bytes that are left.
+    pub fn bytes_left(&self) -> u64 {
+        self.bytes_left.get()
+    }
+
+    /// Gives bytes back that the input holds no longer.
+    pub fn free(&self, bytes: u64) {
+        self.bytes_left.set((self.bytes_left.get() + bytes).min(MAX_BYTES));
+    }
+
+    /// Checks that nothing was spent beyond the budget.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the limit.
+    pub fn check(&self) -> Result<()> {
+        let (found, wanted) = match self.beyond.get() {
+            None => return Ok(()),
+            Some(Beyond::Steps) => (
+                "more work than an input may take",
+                format!("at most {} million steps", MAX_STEPS / 1_000_000),
+            ),
+            Some(Beyond::Bytes) => (
+                "more data than an input may hold",
+                format!("at most {} MiB of memory", MAX_BYTES >> 20),
+            ),
+        };
+        Err(Error::input(&self.place, found, wanted, self.hint))
+    }
+
+    fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
+        if self.beyond.get().is_none() {
+            match left.get().checked_sub(amount as u64) {
+                Some(rest) => left.set(rest),
+                None => self.beyond.set(Some(beyond)),
+            }
+        }
+        self.beyond.get().is_none()
+    }
+}
+
+/// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it would
+/// hold up to twice the bytes that are taken off its budget.
+pub fn push(column: &mut Vec<f64>, value: f64) {
+    if column.len() == column.capacity() {
+        column.reserve_exact(column.len() / 8 + 64);
+    }
+    column.push(value);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_spent_once_and_stays_spent() {
+        let budget = Budget::of("a.svg", "simplify it");
+        let most = usize::try_from(MAX_STEPS).unwrap();
+        assert!(budget.spend_steps(most) && budget.check().is_ok(), "all of it");
+        assert!(!budget.spend_steps(1) && !budget.spend_steps(0));
+        let error = budget.bytes(0).unwrap_err();
+        assert!(error.to_string().starts_with("a.svg: found more work"), "{error}");
+        assert_eq!(error.hint(), "simplify it");
+    }
+
+    #[test]
+    fn memory_may_be_given_back() {
+        let budget = Budget::of("a.csv", "cut it");
+        budget.bytes(7).unwrap();
+        let left = budget.bytes_left();
+        budget.bytes(usize::try_from(left).unwrap()).unwrap();
+        budget.free(left);
+        budget.bytes(usize::try_from(left).unwrap()).unwrap();
+        let error = budget.bytes(1).unwrap_err().to_string();
+        assert!(error.contains("more data than an input may hold, wanted at most 240 MiB"));
+    }
+}

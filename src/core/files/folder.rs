@@ -1,0 +1,196 @@
+//! A folder of files that appear together.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use super::output::STANDARD_OUTPUT;
+use super::staging::{Place, folder_in, locked};
+use crate::error::{Error, Result};
+
+/// A folder whose files are staged inside it until all are written.
+///
+/// Two programs may write into one folder: it is locked while files get their names, so that it
+/// holds all files of the one or of the other.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    staging: TempDir,
+    /// Shows other programs that the staging folder is in use.
+    lock: Option<File>,
+    /// Whether the folder is new, and removed again unless the files are kept.
+    made: bool,
+}
+
+impl OutputFolder {
+    /// Opens a folder, making it where it does not exist.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; [`Error::Input`] for standard output, which is one file.
+    pub fn create(path: &Path) -> Result<Self> {
+        if path == Path::new(STANDARD_OUTPUT) {
+            let hint = "name a folder (./- where it is called so)";
+            return Err(Error::input(
+                "output",
+                STANDARD_OUTPUT,
+                "a folder for several files",
+                hint,
+            ));
+        }
+        let unwritable = |source| Error::write(path, source);
+        let made = !path.exists();
+        std::fs::create_dir_all(path).map_err(unwritable)?;
+        let (staging, lock) = folder_in(path).map_err(unwritable)?;
+        Ok(Self { path: path.to_owned(), staging, lock, made })
+    }
+
+    /// Writes a file that will be called `name`.
+    pub fn write(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+    ) -> Result<()> {
+        let file = File::create(self.staging.path().join(name));
+        let written = file.and_then(|file| {
+            let mut out = BufWriter::with_capacity(1 << 18, file);
+            write(&mut out)?;
+            out.flush()
+        });
+        written.map_err(|source| Error::write(&self.path.join(name), source))
+    }
+
+    /// Gives all files their names, in the order named.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]. A name that may not be written is found before any file has its name.
+    pub fn keep(mut self, names: &[impl AsRef<Path>]) -> Result<Vec<PathBuf>> {
+        self.made = false;
+        let _lock = locked(&self.path);
+        let look = |name: &_| {
+            let path = self.path.join(name);
+            let link = path.is_symlink();
+            let place = Place::at(&path).map_err(|source| Error::write(&path, source))?;
+            Ok((path, link, place))
+        };
+        let places: Vec<_> = names.iter().map(look).collect::<Result<_>>()?;
+        let name = |(name, (path, link, place)): (&_, (PathBuf, bool, Place))| {
+            let staged = self.staging.path().join(name);
+            let named = match place {
+                Place::Regular(permissions) if !link => permissions
+                    .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
+                    .and_then(|()| std::fs::rename(&staged, &path)),
+                Place::Regular(_) => {
+                    let file =
+                        OpenOptions::new().write(true).create(true).truncate(true).open(&path);
+                    file.and_then(|file| copy(&staged, file))
+                }
+                Place::Through(file) => copy(&staged, file),
+            };
+            named.map(|()| path.clone()).map_err(|source| Error::write(&path, source))
+        };
+        names.iter().zip(places).map(name).collect()
+    }
+}
+
+fn copy(from: &Path, mut to: File) -> std::io::Result<()> {
+    std::io::copy(&mut File::open(from)?, &mut to).map(|_| ())
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        self.lock = None;
+        if self.made {
+            // A folder that holds other files by now stays.
+            let _ = std::fs::remove_dir_all(self.staging.path());
+            let _ = std::fs::remove_dir(&self.path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_files_appears_whole() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("a/b");
+        let folder = OutputFolder::create(&path).unwrap();
+        folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
+        assert!(!path.join("one.txt").exists(), "not yet");
+        folder.keep(&["one.txt"]).unwrap();
+        assert_eq!(std::fs::read(path.join("one.txt")).unwrap(), b"1");
+        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1, "and nothing else");
+    }
+
+    #[test]
+    fn a_folder_that_nothing_came_of_is_gone() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("out");
+        let folder = OutputFolder::create(&path).unwrap();
+        folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
+        drop(folder);
+        assert!(!path.exists(), "the folder that was made for it went with it");
+    }
+
+    /// Writers of two hundred files each, of which every set is one writer's.
+    #[test]
+    fn two_writers_of_one_folder_never_mix() {
+        let parent = tempfile::tempdir().unwrap();
+        let names: Vec<String> = (0..200).map(|k| format!("{k}.txt")).collect();
+        for round in 0..5 {
+            std::thread::scope(|scope| {
+                for writer in ["a", "b", "c"] {
+                    let (path, names) = (parent.path(), &names);
+                    scope.spawn(move || {
+                        let folder = OutputFolder::create(path).unwrap();
+                        for name in names {
+                            folder.write(name, |out| out.write_all(writer.as_bytes())).unwrap();
+                        }
+                        folder.keep(names).unwrap();
+                    });
+                }
+            });
+            let read = |name: &String| std::fs::read_to_string(parent.path().join(name)).unwrap();
+            let first = read(&names[0]);
+            assert!(names.iter().all(|name| read(name) == first), "round {round}");
+        }
+        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 200, "and nothing else");
+    }
+
+    #[test]
+    fn where_one_name_is_taken_by_a_folder_no_file_is_replaced() {
+        let parent = tempfile::tempdir().unwrap();
+        std::fs::write(parent.path().join("a.txt"), "old").unwrap();
+        std::fs::create_dir(parent.path().join("b.txt")).unwrap();
+        let folder = OutputFolder::create(parent.path()).unwrap();
+        for name in ["a.txt", "b.txt"] {
+            folder.write(name, |out| out.write_all(b"new")).unwrap();
+        }
+        let error = folder.keep(&["a.txt", "b.txt"]).unwrap_err().to_string();
+        assert!(error.contains("b.txt"), "{error}");
+        assert_eq!(std::fs::read_to_string(parent.path().join("a.txt")).unwrap(), "old");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_link_in_the_folder_is_written_through() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        std::fs::create_dir(at("out")).unwrap();
+        std::fs::write(at("far.txt"), "a longer old text").unwrap();
+        std::os::unix::fs::symlink("../far.txt", at("out/one.txt")).unwrap();
+        std::os::unix::fs::symlink("/dev/null", at("out/two.txt")).unwrap();
+        let folder = OutputFolder::create(&at("out")).unwrap();
+        for name in ["one.txt", "two.txt"] {
+            folder.write(name, |out| out.write_all(b"new")).unwrap();
+        }
+        folder.keep(&["one.txt", "two.txt"]).unwrap();
+        assert_eq!(std::fs::read_to_string(at("far.txt")).unwrap(), "new");
+        assert!(at("out/one.txt").is_symlink() && at("out/two.txt").is_symlink());
+    }
+}

@@ -1,0 +1,167 @@
+//! Inputs: files, pipes and devices, opened once and read up to a limit.
+
+use std::fs::File;
+use std::io::{Read, Take};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// The most that is read of one kind of file.
+#[derive(Clone, Copy, Debug)]
+pub struct Limit {
+    /// Bytes.
+    pub bytes: u64,
+    /// The kind of file, with its article: `a scene file`.
+    pub what: &'static str,
+    /// Advice for a file that is larger.
+    pub hint: &'static str,
+}
+
+impl Limit {
+    /// Opens a file as a stream that fails where it goes beyond the limit.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be opened.
+    pub fn open(self, path: &Path) -> Result<impl Read + use<>> {
+        let file = File::open(path).map_err(|source| Error::read(path, source))?;
+        Ok(Bounded { file: file.take(self.bytes + 1), limit: self })
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is larger.
+    pub fn read(self, path: &Path) -> Result<Vec<u8>> {
+        let unreadable = |source| Error::read(path, source);
+        let file = File::open(path).map_err(unreadable)?;
+        // A vector that doubles holds three times the file while it grows for the last time.
+        let expected = file.metadata().map_or(0, |metadata| metadata.len().min(self.bytes));
+        let mut bytes = Vec::with_capacity(usize::try_from(expected).unwrap_or(0) + 1);
+        file.take(self.bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        self.check(&bytes, path).map(|()| bytes)
+    }
+
+    /// Reads the beginning of a file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be read.
+    pub fn beginning(self, path: &Path, bytes: usize) -> Result<Vec<u8>> {
+        let mut head = Vec::with_capacity(bytes);
+        let read = self.open(path)?.take(bytes as u64).read_to_end(&mut head);
+        read.map(|_| head).map_err(|source| Error::read(path, source))
+    }
+
+    /// Reads a text file.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`]; [`Error::Input`] with the byte where it is not UTF-8.
+    pub fn read_text(self, path: &Path) -> Result<String> {
+        String::from_utf8(self.read(path)?).map_err(|broken| {
+            let at = broken.utf8_error().valid_up_to();
+            let place = format!("{}: byte {}", path.display(), at + 1);
+            Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
+        })
+    }
+
+    fn check(self, bytes: &[u8], path: &Path) -> Result<()> {
+        if bytes.len() as u64 <= self.bytes {
+            return Ok(());
+        }
+        let place = path.display().to_string();
+        Err(Error::input(place, self.beyond(), self.wanted(), self.hint))
+    }
+
+    fn beyond(self) -> String {
+        format!("more than {}", size(self.bytes))
+    }
+
+    fn wanted(self) -> String {
+        format!("{} of at most that", self.what)
+    }
+}
+
+/// The regular files of a folder, links to them included, in the order of their names. What a
+/// program finds in a folder was not named by its user: a pipe there would keep it waiting for ever.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the folder cannot be read.
+pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = entries_in(folder)?;
+    paths.retain(|path| path.is_file());
+    Ok(paths)
+}
+
+/// All that is in a folder, in the order of the names.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the folder cannot be read.
+pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let entries = entries.map_err(|source| Error::read(folder, source))?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
+    Ok(paths)
+}
+
+/// A size as people write it.
+fn size(bytes: u64) -> String {
+    match bytes {
+        mib if mib >= 1 << 20 => format!("{} MiB", mib >> 20),
+        kib if kib >= 1 << 10 => format!("{} KiB", kib >> 10),
+        bytes => format!("{bytes} bytes"),
+    }
+}
+
+/// A stream that fails beyond its limit.
+struct Bounded {
+    file: Take<File>,
+    limit: Limit,
+}
+
+impl Read for Bounded {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.file.read(buffer)?;
+        if self.file.limit() == 0 && n > 0 {
+            let what = format!("{}, wanted {}", self.limit.beyond(), self.limit.wanted());
+            return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, what));
+        }
+        Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMIT: Limit = Limit { bytes: 2048, what: "a note", hint: "shorten it" };
+
+    #[test]
+    fn a_file_of_the_limit_is_read_and_one_byte_more_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), [b'x'; 2048]).unwrap();
+        assert_eq!(LIMIT.read_text(file.path()).unwrap().len(), 2048);
+        let mut text = Vec::new();
+        LIMIT.open(file.path()).unwrap().read_to_end(&mut text).unwrap();
+        assert_eq!(text.len(), 2048);
+        std::fs::write(file.path(), [b'x'; 2049]).unwrap();
+        let error = LIMIT.read(file.path()).unwrap_err();
+        assert!(error.to_string().contains("more than 2 KiB, wanted a note"), "{error}");
+        assert_eq!(error.hint(), "shorten it");
+        let streamed = LIMIT.open(file.path()).unwrap().read_to_end(&mut Vec::new()).unwrap_err();
+        assert_eq!(streamed.kind(), std::io::ErrorKind::FileTooLarge);
+    }
+
+    #[test]
+    fn what_is_no_text_is_named_by_its_byte() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), b"ab\xff").unwrap();
+        let error = LIMIT.read_text(file.path()).unwrap_err().to_string();
+        assert!(error.contains("byte 3"), "{error}");
+    }
+}

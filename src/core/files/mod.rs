@@ -1,0 +1,22 @@
+//! Files: read up to a limit and no further; written whole or not at all.
+//!
+//! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device or
+//! an endless stream costs no more than a file of that size; what a file may become beyond its bytes
+//! is taken off a [`Budget`]. Every writer stages its file beside its place, see [`Output`] and
+//! [`OutputFolder`].
+
+mod budget;
+#[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
+mod folder;
+#[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
+mod input;
+mod lines;
+mod output;
+#[expect(clippy::disallowed_methods, reason = "locks")]
+mod staging;
+
+pub use budget::{Budget, push};
+pub use folder::OutputFolder;
+pub use input::{Limit, entries_in, files_in};
+pub use lines::Lines;
+pub use output::{Output, STANDARD_OUTPUT};

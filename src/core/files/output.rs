@@ -1,0 +1,243 @@
+//! A file that is written: opened before the long work, and whole or not at all.
+
+use std::fs::{File, Permissions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use super::staging::{Place, file_in};
+use crate::error::{Error, Result};
+
+/// Name of standard output as a file.
+pub const STANDARD_OUTPUT: &str = "-";
+
+/// Names of standard output in the file system. Opened anew, a redirected one would be written from
+/// its beginning again.
+const STANDARD_OUTPUTS: [&str; 4] =
+    [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+
+/// Most symbolic links from one to the next.
+const MAX_LINKS: usize = 40;
+
+/// A file that is not written yet.
+///
+/// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
+/// its name; a link is followed. Devices and pipes are written through. `-` is standard output.
+#[derive(Debug)]
+pub struct Output {
+    path: PathBuf,
+    sink: Sink,
+}
+
+#[derive(Debug)]
+enum Sink {
+    StandardOutput,
+    Through(File),
+    Staged { file: NamedTempFile, place: PathBuf, permissions: Option<Permissions> },
+}
+
+impl Output {
+    /// Opens a file, in a folder that exists.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
+    /// place of a file, and for what may not be written.
+    pub fn create(path: &Path) -> Result<Self> {
+        match Sink::open(path) {
+            Ok(sink) => Ok(Self { path: path.to_owned(), sink }),
+            Err(source) => {
+                Err(missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source)))
+            }
+        }
+    }
+
+    /// Writes the content and gives the file its name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; then a regular file is as it was before.
+    pub fn keep(
+        self,
+        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
+    ) -> Result<PathBuf> {
+        self.finish(write, false)
+    }
+
+    /// The same, on the disk before it has its name.
+    pub fn keep_on_disk(
+        self,
+        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
+    ) -> Result<PathBuf> {
+        self.finish(write, true)
+    }
+
+    fn finish(
+        self,
+        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
+        sync: bool,
+    ) -> Result<PathBuf> {
+        let Self { path, sink } = self;
+        let named = match sink {
+            Sink::StandardOutput => {
+                let path = STANDARD_OUTPUT.into();
+                match buffered(&mut std::io::stdout().lock(), write) {
+                    // A reader that went away, such as `head`, is no error.
+                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(path),
+                    written => written.map(|()| path),
+                }
+            }
+            Sink::Through(mut file) => buffered(&mut file, write).map(|()| path.clone()),
+            Sink::Staged { mut file, place, permissions } => buffered(file.as_file_mut(), write)
+                .and_then(|()| permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p)))
+                .and_then(|()| if sync { file.as_file().sync_all() } else { Ok(()) })
+                .and_then(|()| file.persist(&place).map_err(|error| error.error))
+                .map(|_| path.clone()),
+        };
+        named.map_err(|source| Error::write(&path, source))
+    }
+}
+
+impl Sink {
+    fn open(path: &Path) -> std::io::Result<Self> {
+        if STANDARD_OUTPUTS.iter().any(|name| path == Path::new(name)) {
+            return Ok(Self::StandardOutput);
+        }
+        if path.file_name().is_none() {
+            return Err(std::io::ErrorKind::IsADirectory.into());
+        }
+        let permissions = match Place::at(path)? {
+            Place::Through(file) => return Ok(Self::Through(file)),
+            Place::Regular(permissions) => permissions,
+        };
+        let place = followed(path)?;
+        let folder = place.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let file = file_in(folder.unwrap_or(Path::new(".")))?;
+        Ok(Self::Staged { file, place, permissions })
+    }
+}
+
+/// The error of a file whose folder does not exist.
+fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
+    let place = followed(path).ok()?;
+    let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
+    (source.kind() == std::io::ErrorKind::NotFound && !folder.exists()).then(|| {
+        let folder = folder.display();
+        let wanted = "a folder that exists";
+        let hint = format!("make the folder {folder} first, or choose another one");
+        Error::input(path.display(), format!("no folder {folder}"), wanted, hint)
+    })
+}
+
+/// The path that a link leads to, existing or not.
+fn followed(path: &Path) -> std::io::Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match std::fs::read_link(&path) {
+            Ok(to) => path = path.parent().unwrap_or(Path::new("")).join(to),
+            Err(_) => return Ok(path),
+        }
+    }
+    Err(std::io::Error::other("symbolic links in a circle"))
+}
+
+fn buffered(
+    file: &mut dyn Write,
+    write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 18, file);
+    let written = write(&mut out).and_then(|()| out.flush());
+    // What failed is not written again when the buffer is dropped.
+    let _ = out.into_parts();
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(path: &Path) -> String {
+        std::fs::read_to_string(path).unwrap()
+    }
+
+    fn write(path: &Path, content: &[u8]) -> Result<PathBuf> {
+        Output::create(path)?.keep(|out| out.write_all(content))
+    }
+
+    #[test]
+    fn a_file_that_failed_is_not_there_and_the_old_one_is() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("plan.csv");
+        std::fs::write(&path, "old").unwrap();
+        let failed = Output::create(&path).unwrap().keep(|out| {
+            out.write_all(b"half")?;
+            Err(std::io::ErrorKind::StorageFull.into())
+        });
+        assert!(failed.is_err());
+        assert_eq!(text(&path), "old");
+        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1, "nothing half-written");
+    }
+
+    #[test]
+    fn the_next_run_removes_what_a_killed_one_left_and_nothing_else() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        std::fs::write(at(".noctograph-killed.tmp"), "half").unwrap();
+        std::fs::create_dir_all(at(".noctograph-killed-2.tmp/inner")).unwrap();
+        std::fs::write(at(".noctograph-notes.txt"), "mine").unwrap();
+        let living = Output::create(&at("other.csv")).unwrap();
+        write(&at("plan.csv"), b"new").unwrap();
+        assert!(!at(".noctograph-killed.tmp").exists(), "left by a kill");
+        assert!(cfg!(not(unix)) || !at(".noctograph-killed-2.tmp").exists(), "a folder");
+        assert!(at(".noctograph-notes.txt").exists(), "a file of the user's");
+        living.keep(|out| out.write_all(b"whole")).unwrap();
+        assert_eq!(text(&at("other.csv")), "whole", "another run's file is not taken away");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_a_file_keeps_its_mode() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        std::fs::create_dir(at("far")).unwrap();
+        std::fs::write(at("far/plan.csv"), "old").unwrap();
+        let mode = |name: &str| std::fs::metadata(at(name)).unwrap().permissions().mode() & 0o777;
+        std::fs::set_permissions(at("far/plan.csv"), PermissionsExt::from_mode(0o640)).unwrap();
+        symlink("far/plan.csv", at("plan.csv")).unwrap();
+        symlink("far/new.csv", at("new.csv")).unwrap();
+        write(&at("plan.csv"), b"new").unwrap();
+        write(&at("new.csv"), b"new").unwrap();
+        assert!(at("plan.csv").is_symlink() && at("new.csv").is_symlink(), "they stay links");
+        assert_eq!(
+            (text(&at("far/plan.csv")), text(&at("far/new.csv"))),
+            ("new".into(), "new".into())
+        );
+        assert_eq!(mode("far/plan.csv"), 0o640);
+        std::fs::write(at("plain"), "").unwrap();
+        assert_eq!(mode("far/new.csv"), mode("plain"), "the umask's mode");
+        symlink("b", at("a")).unwrap();
+        symlink("a", at("b")).unwrap();
+        assert!(write(&at("a"), b"").is_err(), "a circle");
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_is_named() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("new/deep");
+        let error = write(&folder.join("x.csv"), b"").unwrap_err();
+        let missing = format!("no folder {}", folder.display());
+        assert!(error.to_string().contains(&missing), "{error}");
+        assert!(error.hint().contains(folder.to_str().unwrap()), "{}", error.hint());
+        assert!(!parent.path().join("new").exists(), "no folder is made");
+        assert!(write(&parent.path().join("x.csv"), b"").is_ok());
+    }
+
+    #[test]
+    fn a_folder_is_no_file() {
+        let parent = tempfile::tempdir().unwrap();
+        assert!(Output::create(parent.path()).is_err());
+        assert!(Output::create(Path::new("/")).is_err());
+    }
+}

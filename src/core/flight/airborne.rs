@@ -1,0 +1,141 @@
+//! The part of a flight between take-off and landing, found from its motors, setpoints or heights.
+
+use std::ops::Range;
+
+use super::{Flight, FlightSample, Quantity};
+
+/// In flight, every motor command of a Crazyflie is above this, of 65535: it hovers at about 43,000
+/// (reference flight) and idles below 10,000. A lower limit counts the spin-up on the floor, a
+/// higher one cuts fast descents.
+const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
+
+/// A setpoint or a position higher than this above the floor means flight where motor commands
+/// are not logged.
+const FLYING_HEIGHT_M: f64 = 0.05;
+
+/// Shorter breaks do not end a flight: a saturated mixer stops one motor for some periods of its
+/// loop.
+const LONGEST_BREAK_S: f64 = 0.5;
+
+/// The samples between take-off and landing; `None` where the drone never leaves the floor.
+///
+/// A sample is flown where every motor command is above 20,000 of 65535. Where motors are not
+/// logged, the setpoint's height decides; without setpoints, the height above the lowest sample;
+/// 0.05 m is the limit for both. Half a second of other samples ends a stretch (a gap in the log
+/// does not), and the longest stretch is the flight: samples of the drone being carried or dragged
+/// along the floor afterwards are left out.
+#[must_use]
+pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
+    let floor_m = heights_m.fold(f64::INFINITY, f64::min);
+    let flown = |sample: &FlightSample| {
+        if logged(Quantity::Motors) {
+            sample.motors.iter().all(|command| *command > FLYING_MOTOR_COMMAND)
+        } else if logged(Quantity::Design) {
+            sample.design_m.z > FLYING_HEIGHT_M
+        } else {
+            sample.position_m.z - floor_m > FLYING_HEIGHT_M
+        }
+    };
+    let (mut longest, mut longest_s) = (0..0, 0.0);
+    let (mut stretch, mut landed_s) = (0..0, None);
+    for (index, sample) in flight.samples.iter().enumerate() {
+        if !flown(sample) {
+            let since_s = *landed_s.get_or_insert(sample.time_s);
+            if sample.time_s - since_s >= LONGEST_BREAK_S {
+                stretch = 0..0;
+            }
+            continue;
+        }
+        landed_s = None;
+        let first = if stretch.is_empty() { index } else { stretch.start };
+        stretch = first..index + 1;
+        let lasts_s = sample.time_s - flight.samples[first].time_s;
+        if lasts_s >= longest_s {
+            (longest, longest_s) = (stretch.clone(), lasts_s);
+        }
+    }
+    (!longest.is_empty()).then_some(longest)
+}
+
+impl FlightSample {
+    /// Whether a motor is at an end of its range while any turns.
+    pub fn is_saturated(&self, motor_max: f64) -> bool {
+        let turns = self.motors.iter().any(|motor| *motor > 0.0);
+        turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
+    }
+}
+
+/// Time of a flight with a motor at an end of its range, s.
+pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
+    let pairs = samples.windows(2).filter(|pair| pair[0].is_saturated(motor_max));
+    pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
+}
+
+/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
+#[must_use]
+pub fn on_floor(flight: &Flight) -> Option<String> {
+    if airborne(flight).is_some() {
+        return None;
+    }
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let most = |value: fn(&FlightSample) -> f64| {
+        flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
+    };
+    Some(if flight.samples.is_empty() {
+        "no sample".to_owned()
+    } else if logged(Quantity::Motors) {
+        let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
+        format!(
+            "the weakest motor's command reaches {:.0} of 65535; flight takes {FLYING_MOTOR_COMMAND}",
+            most(weakest)
+        )
+    } else if logged(Quantity::Design) {
+        format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+    } else {
+        let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
+        format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn flight(command: impl Fn(usize) -> f64, height_m: impl Fn(usize) -> f64) -> Flight {
+        let sample = |i: usize| FlightSample {
+            time_s: i as f64 * 0.1,
+            position_m: Vector3::z() * height_m(i),
+            motors: [command(i); 4],
+            ..FlightSample::default()
+        };
+        Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
+    }
+
+    #[test]
+    fn short_breaks_belong_to_the_flight_and_later_twitches_do_not() {
+        let on = |i: usize| (20..60).contains(&i) && !(30..33).contains(&i) || i > 95;
+        let flight = flight(|i| if on(i) { 40_000.0 } else { 3_000.0 }, |_| 0.0);
+        assert_eq!(airborne(&flight), Some(20..60));
+    }
+
+    #[test]
+    fn a_gap_in_the_log_is_no_landing() {
+        let mut flight = flight(|i| if (20..60).contains(&i) { 40_000.0 } else { 0.0 }, |_| 0.0);
+        flight.samples.drain(30..45);
+        flight.gaps = vec![[2.9, 4.5]];
+        assert_eq!(airborne(&flight), Some(20..45));
+    }
+
+    #[test]
+    fn height_decides_where_nothing_else_is_logged() {
+        let mut flight = flight(|_| 0.0, |i| if (10..90).contains(&i) { 0.8 } else { 0.3 });
+        assert_eq!(airborne(&flight), None, "motors off");
+        assert!(on_floor(&flight).unwrap().contains("command reaches 0 of 65535"));
+        flight.unlogged = [Quantity::Motors, Quantity::Design].into();
+        assert_eq!(airborne(&flight), Some(10..90));
+        assert_eq!(on_floor(&flight), None);
+    }
+}

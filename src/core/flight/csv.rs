@@ -1,0 +1,308 @@
+//! Flights as CSV files: one row a sample, one column a number, SI units in the names.
+//!
+//! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
+//! columns of a quantity that a real log lacks are left out together. One column `light.<channel>` a
+//! light channel. `gap_before` is 1 in the first row after a gap, and is there only in files with
+//! gaps. Columns of other names are kept as [`Flight::extra`]; the simulator's are `saturated_s` and,
+//! for a drone with a battery, `battery_v` and `energy_j`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::table::{Table, write_table};
+use super::{Flight, FlightSample, Quantity, Warning};
+use crate::digest::Digest;
+use crate::error::{Error, Result};
+use crate::geometry::Attitude;
+
+/// The column of times, first in the file.
+const TIME: &str = "time_s";
+/// The column of letters, last before the lights: 1 for the first letter, 0 outside letters.
+const LETTER: &str = "letter";
+/// The column that is 1 in the first row after a gap.
+const GAP: &str = "gap_before";
+/// Numbers of a sample: time, those of [`Quantity::TABLE`], letter.
+const N_NUMBERS: usize = 24;
+
+impl Quantity {
+    /// The places of its numbers among those of a sample.
+    pub fn places(self) -> std::ops::Range<usize> {
+        let start = 1 + 3 * self as usize;
+        start..start + Self::TABLE[self as usize].2.len()
+    }
+}
+
+/// Whether a column has a meaning of its own, so that no extra column may take its name.
+pub fn is_standard_column(name: &str) -> bool {
+    [TIME, LETTER, GAP].contains(&name)
+        || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
+        || name.starts_with("light.")
+}
+
+impl Flight {
+    /// Writes the flight as CSV, on the grid of 1e-6.
+    ///
+    /// # Errors
+    ///
+    /// Those of the writer.
+    pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
+        let places = logged().flat_map(|(quantity, ..)| quantity.places());
+        let places: Vec<usize> = [0].into_iter().chain(places).chain([N_NUMBERS - 1]).collect();
+        let after_gap = self.after_gap();
+        let gap = (!self.gaps.is_empty()).then_some(&after_gap);
+        let names = logged().flat_map(|(.., columns)| columns.iter());
+        let header: Vec<String> = [TIME]
+            .iter()
+            .chain(names)
+            .chain(&[LETTER])
+            .map(|&name| name.to_owned())
+            .chain(self.lights.keys().map(|channel| format!("light.{channel}")))
+            .chain(gap.map(|_| GAP.to_owned()))
+            .chain(self.extra.keys().cloned())
+            .collect();
+        let rows = self.samples.iter().enumerate().map(|(row, sample)| {
+            let numbers = sample.numbers();
+            let standard = places.iter().map(move |&place| numbers[place]);
+            let further = self.lights.values().chain(gap).chain(self.extra.values());
+            standard.chain(further.map(move |column| column[row]))
+        });
+        write_table(out, &header, rows)
+    }
+
+    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests, on
+    /// every machine and in every build.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        let mut digest = Digest::default();
+        for quantity in &self.unlogged {
+            digest.add(quantity.name());
+        }
+        for sample in &self.samples {
+            digest.add_numbers(&sample.numbers());
+        }
+        for gap in &self.gaps {
+            digest.add_numbers(gap);
+        }
+        for (name, column) in self.lights.iter().chain(&self.extra) {
+            digest.add(name);
+            digest.add_numbers(column);
+        }
+        digest.hex()
+    }
+
+    /// 1 for each sample that ends a gap, 0 for the others.
+    fn after_gap(&self) -> Vec<f64> {
+        let mut gaps = self.gaps.iter().peekable();
+        let flag = |sample: &FlightSample| {
+            let ends = gaps.next_if(|gap| gap[1] <= sample.time_s).is_some();
+            f64::from(u8::from(ends))
+        };
+        self.samples.iter().map(flag).collect()
+    }
+
+    /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
+    ///
+    /// A quantity may be missing with all its columns: the flight then says so in `unlogged` and
+    /// in a warning.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`], or [`Error::Input`] with line and column.
+    pub fn read_csv(path: &Path) -> Result<Self> {
+        Self::from_table(&Table::read(path)?)
+    }
+
+    /// Reads a flight from the text of such a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with line and column.
+    pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
+        Self::from_table(&Table::parse(csv, file)?)
+    }
+
+    fn from_table(table: &Table) -> Result<Self> {
+        let time_s = table.times_s(TIME)?;
+        let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
+        cells[0] = Some(time_s);
+        let mut unlogged = BTreeSet::new();
+        for (quantity, _, names) in Quantity::TABLE {
+            if names.iter().any(|name| table.has(name)) {
+                for (cell, name) in cells[quantity.places()].iter_mut().zip(names) {
+                    *cell = Some(table.quantity(name)?);
+                }
+            } else {
+                unlogged.insert(quantity);
+            }
+        }
+        cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
+        let number = |row: usize| cells.map(|cell| cell.map_or(0.0, |column| column[row]));
+        let samples: Vec<FlightSample> =
+            (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();
+        let lights = light_columns(table)?;
+        let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
+        let extra: BTreeMap<_, _> =
+            extra.map(|(name, values)| (name.to_owned(), values.to_vec())).collect();
+        if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
+            table.column(Quantity::TABLE[0].2[0])?;
+        }
+        let gaps = if table.has(GAP) {
+            let flags = table.column(GAP)?.iter().skip(1);
+            let pairs = samples.windows(2).zip(flags).filter(|(_, flag)| **flag != 0.0);
+            pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
+        } else {
+            Vec::new()
+        };
+        let warnings = unlogged.iter().map(|q| format!("no {} in the file: set to zero", q.name()));
+        let warnings = warnings.map(Warning::File).collect();
+        Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
+    }
+}
+
+impl FlightSample {
+    /// Its numbers in the order of the file.
+    pub fn numbers(&self) -> [f64; N_NUMBERS] {
+        let Attitude { yaw_rad, pitch_rad, roll_rad } = self.attitude;
+        let vectors = [
+            self.position_m,
+            Vector3::new(yaw_rad, pitch_rad, roll_rad),
+            self.velocity_body_m_s,
+            self.rate_body_rad_s,
+            self.estimate_m,
+            self.design_m,
+        ];
+        let mut numbers = [0.0; N_NUMBERS];
+        numbers[0] = self.time_s;
+        for (cells, vector) in numbers[1..].chunks_exact_mut(3).zip(vectors) {
+            cells.copy_from_slice(vector.as_slice());
+        }
+        numbers[Quantity::Motors.places()].copy_from_slice(&self.motors);
+        numbers[N_NUMBERS - 1] = number_from_letter(self.letter);
+        numbers
+    }
+
+    /// A sample from its numbers in the order of the file.
+    pub fn from_numbers(n: [f64; N_NUMBERS]) -> Self {
+        let vector = |place: usize| Vector3::from_column_slice(&n[place..place + 3]);
+        Self {
+            time_s: n[0],
+            position_m: vector(1),
+            attitude: Attitude { yaw_rad: n[4], pitch_rad: n[5], roll_rad: n[6] },
+            velocity_body_m_s: vector(7),
+            rate_body_rad_s: vector(10),
+            estimate_m: vector(13),
+            design_m: vector(16),
+            motors: [n[19], n[20], n[21], n[22]],
+            letter: letter_from_number(n[23]),
+        }
+    }
+}
+
+/// The light columns of a table, `light.<channel>`, with levels within 0..=1.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the channel of a level outside.
+pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
+    let mut lights = BTreeMap::new();
+    for (channel, levels) in table.columns_after("light.") {
+        if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
+            let place = format!("column light.{channel}");
+            return Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"));
+        }
+        lights.insert(channel.to_owned(), levels.to_vec());
+    }
+    Ok(lights)
+}
+
+/// The file's letter number (0 outside letters) for an index.
+pub fn number_from_letter(letter: Option<usize>) -> f64 {
+    letter.map_or(0.0, |index| index as f64 + 1.0)
+}
+
+/// The index of a letter for the file's number.
+pub fn letter_from_number(number: f64) -> Option<usize> {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    (number >= 1.0).then(|| number as usize - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::table::on_grid;
+
+    fn flight() -> Flight {
+        let n = |i: usize, k: f64| on_grid(libm::sin(i as f64 * k) * 3.0);
+        let v = |i: usize, k: f64| Vector3::new(n(i, k), n(i, k + 0.1), n(i, k + 0.2));
+        let samples = (0..50).map(|i| FlightSample {
+            time_s: on_grid(i as f64 * 0.004),
+            position_m: v(i, 0.7),
+            attitude: Attitude { yaw_rad: n(i, 0.01), pitch_rad: n(i, 0.02), roll_rad: n(i, 0.03) },
+            velocity_body_m_s: v(i, 0.4),
+            rate_body_rad_s: v(i, 0.5),
+            estimate_m: v(i, 0.6),
+            design_m: v(i, 0.8),
+            motors: [n(i, 1.0), n(i, 1.1), n(i, 1.2), n(i, 1.3)],
+            letter: (i > 10).then_some(i / 20),
+        });
+        let samples: Vec<FlightSample> = samples.collect();
+        let levels = (0..50).map(|i| f64::from(i % 2)).collect();
+        let lights = [("headlights".to_owned(), levels)].into();
+        Flight { samples, lights, ..Flight::default() }
+    }
+
+    #[test]
+    fn the_digest_sees_the_last_digit_of_any_number() {
+        let flight = flight();
+        let digest = flight.sha256();
+        assert_eq!(digest, flight.clone().sha256(), "the same flight");
+        let mut moved = flight.clone();
+        moved.samples[7].position_m.y += 1e-6;
+        let mut darker = flight.clone();
+        darker.lights.get_mut("headlights").unwrap()[3] = 0.5;
+        let silent = Flight { unlogged: [Quantity::Motors].into(), ..flight.clone() };
+        for other in [moved, darker, silent] {
+            assert_ne!(other.sha256(), digest);
+        }
+    }
+
+    fn read_back(flight: &Flight) -> Flight {
+        let mut file = Vec::new();
+        flight.write_csv(&mut file).unwrap();
+        Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_flight_reads_back_bit_by_bit() {
+        let mut flight = flight();
+        assert_eq!(read_back(&flight), flight);
+        let voltage = (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect();
+        flight.extra.insert("pm.vbat".into(), voltage);
+        let times = |i: usize| [flight.samples[i].time_s, flight.samples[i + 1].time_s];
+        flight.gaps = vec![times(3), times(4), times(30)];
+        flight.unlogged = [Quantity::Motors, Quantity::Design].into();
+        for sample in &mut flight.samples {
+            (sample.motors, sample.design_m) = ([0.0; 4], Vector3::zeros());
+        }
+        let back = read_back(&flight);
+        assert_eq!(back.warnings.len(), 2, "a warning each: {:?}", back.warnings);
+        assert_eq!(Flight { warnings: vec![], ..back }, flight, "gaps, extra columns, unlogged");
+    }
+
+    #[test]
+    fn half_a_position_and_a_light_level_out_of_range_are_refused() {
+        for (broken, place) in [
+            ("time_s,x_m,z_m\n0,1,2\n", "y_m"),
+            ("time_s\n0\n", "x_m"),
+            ("time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n", "light.headlights"),
+        ] {
+            let table = Table::parse(broken.as_bytes(), "f.csv").unwrap();
+            let error = Flight::from_table(&table).unwrap_err().to_string();
+            assert!(error.contains(place), "{broken}: {error}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over time.
+//!
+//! The simulator and the readers of real logs both make it; later stages do not depend on which.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::Vector3;
+use serde::{Serialize, Serializer};
+
+use crate::geometry::Attitude;
+
+mod airborne;
+pub mod comparison;
+pub mod csv;
+pub mod table;
+pub mod tracking;
+mod warning;
+
+pub use airborne::airborne;
+pub use airborne::{on_floor, saturated_s};
+pub use warning::Warning;
+
+/// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
+/// battery.
+pub const SATURATED_S: &str = "saturated_s";
+/// Column of a simulated flight: voltage of the battery under load, V.
+pub const BATTERY_V: &str = "battery_v";
+/// Column of a simulated flight: energy drawn from the battery so far, J.
+pub const ENERGY_J: &str = "energy_j";
+/// Column of a simulated flight with the estimator `cooperative`: standard deviation of the estimated
+/// position over all three axes, m, as the estimator has it.
+pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
+/// Column beside it: normalized squared error of the estimated position over its three axes; 1 on
+/// average where the estimator's covariance is true.
+pub const ESTIMATE_NEES: &str = "estimate_nees";
+
+/// A flight of one drone, sampled over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Flight {
+    /// Samples in rising order of time.
+    pub samples: Vec<FlightSample>,
+    /// Light commands in force at each sample, as received over the radio: one column per
+    /// channel, 0 (off) to 1, each as long as `samples`.
+    pub lights: BTreeMap<String, Vec<f64>>,
+    /// Further columns, each as long as `samples`. Of a real log: under the names and in the units
+    /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and, where
+    /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
+    pub extra: BTreeMap<String, Vec<f64>>,
+    /// Gaps in a real log: times of the last sample before and of the first sample after, in rising
+    /// order. Nothing is known in between: no line is drawn and no lamp shines across one.
+    pub gaps: Vec<[f64; 2]>,
+    /// Quantities that the log lacks: zeros in the samples.
+    pub unlogged: BTreeSet<Quantity>,
+    /// What one should know of it.
+    pub warnings: Vec<Warning>,
+}
+
+impl Flight {
+    /// Last value of a further column; `None` where the flight lacks it.
+    pub fn at_end(&self, column: &str) -> Option<f64> {
+        self.extra.get(column)?.last().copied()
+    }
+}
+
+/// A quantity of a sample, which a log may lack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quantity {
+    /// [`FlightSample::position_m`].
+    Position,
+    /// [`FlightSample::attitude`].
+    Attitude,
+    /// [`FlightSample::velocity_body_m_s`].
+    Velocity,
+    /// [`FlightSample::rate_body_rad_s`].
+    Rate,
+    /// [`FlightSample::estimate_m`].
+    Estimate,
+    /// [`FlightSample::design_m`].
+    Design,
+    /// [`FlightSample::motors`].
+    Motors,
+}
+
+impl Quantity {
+    /// Each quantity with its name in messages and its columns in a flight file, in order of both.
+    pub const TABLE: [(Self, &str, &[&str]); 7] = [
+        (Self::Position, "position", &["x_m", "y_m", "z_m"]),
+        (Self::Attitude, "attitude", &["yaw_rad", "pitch_rad", "roll_rad"]),
+        (Self::Velocity, "velocity", &["vx_body_m_s", "vy_body_m_s", "vz_body_m_s"]),
+        (Self::Rate, "body rate", &["wx_body_rad_s", "wy_body_rad_s", "wz_body_rad_s"]),
+        (Self::Estimate, "estimated position", &["x_estimate_m", "y_estimate_m", "z_estimate_m"]),
+        (Self::Design, "design position", &["x_design_m", "y_design_m", "z_design_m"]),
+        (Self::Motors, "motor commands", &["m1", "m2", "m3", "m4"]),
+    ];
+
+    /// Its name in messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::TABLE[self as usize].1
+    }
+}
+
+/// One of several drones, by its index. People count from 1, and so do texts and JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DroneIndex(pub usize);
+
+impl std::fmt::Display for DroneIndex {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (self.0 + 1).fmt(f)
+    }
+}
+
+impl Serialize for DroneIndex {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        (self.0 + 1).serialize(to)
+    }
+}
+
+/// One instant of a flight.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FlightSample {
+    /// Since the first setpoint; in a real log, since its first sample.
+    pub time_s: f64,
+    /// Body origin in the world.
+    pub position_m: Vector3<f64>,
+    /// Attitude of the body in the world.
+    pub attitude: Attitude,
+    /// Velocity in the body frame.
+    pub velocity_body_m_s: Vector3<f64>,
+    /// Angular velocity in the body frame.
+    pub rate_body_rad_s: Vector3<f64>,
+    /// Position according to the estimator.
+    pub estimate_m: Vector3<f64>,
+    /// Position of the design at this instant (continuous, not held; in a real log the setpoint in
+    /// force, held).
+    pub design_m: Vector3<f64>,
+    /// Motor commands m1…m4, 0…65535.
+    pub motors: [f64; 4],
+    /// Index of the letter that is being written; `None` during take-off and landing.
+    pub letter: Option<usize>,
+}

@@ -1,0 +1,334 @@
+//! Tables of numbers as CSV: the file form of plans and flights.
+//!
+//! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers lie
+//! on a grid of 1e-6 (micrometers, microseconds, microradians), to which [`on_grid`] rounds,
+//! so that a product reads back from its file bit by bit as it was in memory.
+
+use std::io::{Read, Write};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::files::{Budget, Limit, Lines, push};
+
+/// Most columns that a table may have.
+const MAX_COLUMNS: usize = 1024;
+
+/// Steps of reading a number, and bytes of memory: it is in the table, and in what is made of it.
+const STEPS: usize = 60;
+const BYTES: usize = 2 * size_of::<f64>();
+
+/// Longest flight: an hour, twelve times a Crazyflie's battery.
+pub const MAX_DURATION_S: f64 = 3600.0;
+
+/// Largest number of a table: below it squares and sums stay finite.
+pub const MAX_NUMBER: f64 = 1e30;
+
+/// Largest position in m, speed in m/s, angle in rad, motor command: far beyond a drone's world.
+pub const MAX_QUANTITY: f64 = 1e6;
+
+/// Latest or earliest time, before and after which a microsecond is lost in rounding.
+const MAX_TIME_S: f64 = 1e9;
+
+/// Largest file: an hour of 36 columns at 100 Hz in numbers of twenty digits.
+const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a table", hint: SMALLER_HINT };
+
+/// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
+///
+/// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
+#[must_use]
+#[inline(always)]
+pub fn on_grid(value: f64) -> f64 {
+    // Adding and subtracting 2^52 rounds to the nearest whole number.
+    const WHOLE: f64 = 4_503_599_627_370_496.0;
+    let size = (value * 1e6).abs();
+    let near = (size + WHOLE) - WHOLE;
+    // Half away from zero, as `round`, which is a function call on many processors; without a
+    // branch, so that a row of numbers is vectorized.
+    let below = near - if near > size { 1.0 } else { 0.0 };
+    let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
+    let rounded = (below + above).copysign(value) / 1e6 + 0.0;
+    if size < 4.5e15 { rounded } else { value }
+}
+
+/// A table read from a file: named columns of equal length.
+#[derive(Debug)]
+pub struct Table {
+    file: String,
+    header: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Table {
+    /// Reads a CSV file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
+    /// a cell is no finite number, a row is short or long, or the table is too large.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(LIMIT.open(path)?, &path.display().to_string())
+    }
+
+    /// Reads CSV text; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse(text: impl Read, file: &str) -> Result<Self> {
+        let budget = Budget::of(file, SMALLER_HINT);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(Lines::new(text));
+        let broken = |source: &csv::Error| {
+            let line = source.position().map_or(1, csv::Position::line);
+            let wanted = "a CSV table with a header line and rows of equal length";
+            Error::input(format!("{file}:{line}"), source, wanted, REWRITE_HINT)
+        };
+        let header: Vec<String> =
+            reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
+        if header.len() > MAX_COLUMNS {
+            let found = format!("{} columns", header.len());
+            let wanted = format!("at most {MAX_COLUMNS}");
+            return Err(Error::input(file, found, wanted, SMALLER_HINT));
+        }
+        let mut columns = vec![Vec::new(); header.len()];
+        let mut record = csv::StringRecord::new();
+        while reader.read_record(&mut record).map_err(|e| broken(&e))? {
+            budget.bytes(BYTES * header.len())?;
+            budget.steps(STEPS * header.len())?;
+            for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
+                let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
+                let value = value.ok_or_else(|| {
+                    let line = record.position().map_or(1, csv::Position::line);
+                    let place = format!("{file}:{line}: column {name}");
+                    let found = format!("{:?}", shortened(cell));
+                    let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
+                    Error::input(place, found, wanted, REWRITE_HINT)
+                })?;
+                push(column, value);
+            }
+        }
+        Ok(Self { file: file.to_owned(), header, columns })
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    /// A column by name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there is none.
+    pub fn column(&self, name: &str) -> Result<&[f64]> {
+        let index = self.header.iter().position(|title| title == name).ok_or_else(|| {
+            let wanted = format!("a column {name}");
+            let found = shortened(&self.header.join(","));
+            Error::input(format!("{}:1", self.file), found, wanted, REWRITE_HINT)
+        })?;
+        Ok(&self.columns[index])
+    }
+
+    /// A column of a quantity: every number is within ±1e6.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there is none, and with the line of a number beyond.
+    pub fn quantity(&self, name: &str) -> Result<&[f64]> {
+        let column = self.column(name)?;
+        match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
+            None => Ok(column),
+            Some(row) => {
+                let place = format!("{}:{}: column {name}", self.file, row + 2);
+                let wanted = format!("a number within ±{MAX_QUANTITY}");
+                Err(Error::input(place, column[row], wanted, REWRITE_HINT))
+            }
+        }
+    }
+
+    /// Whether there is a column of this name.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.header.iter().any(|title| title == name)
+    }
+
+    /// All columns whose name begins with `prefix`, without it.
+    pub fn columns_after<'a>(
+        &'a self,
+        prefix: &'a str,
+    ) -> impl Iterator<Item = (&'a str, &'a [f64])> {
+        let named = self.header.iter().zip(&self.columns);
+        named.filter_map(move |(title, column)| Some((title.strip_prefix(prefix)?, &column[..])))
+    }
+
+    /// A column of times, which must not be empty, must not fall, and lasts an hour at most.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the line where time falls or goes beyond.
+    pub fn times_s(&self, name: &str) -> Result<&[f64]> {
+        let time_s = self.column(name)?;
+        if time_s.is_empty() {
+            return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
+        }
+        if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
+            let place = format!("{}:{}: column {name}", self.file, row + 3);
+            let wanted = format!("at least {}, the time before it", time_s[row]);
+            return Err(Error::input(place, time_s[row + 1], wanted, "sort the rows by time"));
+        }
+        let beyond = |time_s: f64, first_s: f64| {
+            time_s.abs() > MAX_TIME_S || time_s - first_s > MAX_DURATION_S
+        };
+        if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {
+            let place = format!("{}:{}: column {name}", self.file, row + 2);
+            let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
+            return Err(Error::input(place, time_s[row], wanted, MILLISECONDS_HINT));
+        }
+        Ok(time_s)
+    }
+}
+
+/// The beginning of a cell, for a message.
+fn shortened(cell: &str) -> String {
+    let mut characters = cell.chars();
+    let some: String = characters.by_ref().take(60).collect();
+    if characters.next().is_some() { some + " ..." } else { some }
+}
+
+/// Advice on a flight of more than an hour.
+pub const MILLISECONDS_HINT: &str =
+    "are these milliseconds? Convert them to seconds, or cut the file to one flight";
+
+const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
+
+const REWRITE_HINT: &str = "correct the file, or let the program write it again";
+
+/// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
+///
+/// # Errors
+///
+/// Those of the writer.
+pub fn write_table(
+    out: &mut impl Write,
+    header: &[String],
+    rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
+) -> std::io::Result<()> {
+    writeln!(out, "{}", header.join(","))?;
+    let mut line = Vec::new();
+    for row in rows {
+        line.clear();
+        for value in row {
+            push_number(&mut line, value);
+            line.push(b',');
+        }
+        line.pop();
+        line.push(b'\n');
+        out.write_all(&line)?;
+    }
+    Ok(())
+}
+
+/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction of
+/// its time, for the 300,000 numbers of a flight.
+fn push_number(line: &mut Vec<u8>, value: f64) {
+    let scaled = (value * 1e6).abs();
+    if scaled >= 4.5e15 {
+        line.extend_from_slice(value.to_string().as_bytes());
+        return;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "below 4.5e15")]
+    let rest = (scaled + 0.5) as u64;
+    if value < 0.0 && rest > 0 {
+        line.push(b'-');
+    }
+    let (mut whole, mut part) = (rest / 1_000_000, (rest % 1_000_000) as u32);
+    // From the last digit to the first, six after the point: divided by constants, which the compiler
+    // turns into multiplications.
+    let mut digits = [b'.'; 24];
+    for digit in digits[18..].iter_mut().rev() {
+        *digit = b'0' + (part % 10) as u8;
+        part /= 10;
+    }
+    let mut first = 17;
+    loop {
+        first -= 1;
+        digits[first] = b'0' + (whole % 10) as u8;
+        whole /= 10;
+        if whole == 0 {
+            break;
+        }
+    }
+    let mut end = digits.len();
+    while digits[end - 1] == b'0' && end > 18 {
+        end -= 1;
+    }
+    line.extend_from_slice(&digits[first..if end == 18 { 17 } else { end }]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn text(value: f64) -> String {
+        let mut line = Vec::new();
+        push_number(&mut line, value);
+        String::from_utf8(line).unwrap()
+    }
+
+    #[test]
+    fn numbers_take_the_digits_they_need() {
+        let cases =
+            [(0.0, "0"), (-0.25, "-0.25"), (1_234.000_001, "1234.000001"), (65535.0, "65535")];
+        for (value, wanted) in cases {
+            assert_eq!(text(value), wanted);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_number_on_the_grid_reads_back_bit_by_bit(value in -1e6..1e6_f64) {
+            let value = on_grid(value);
+            let back: f64 = text(value).parse().unwrap();
+            prop_assert_eq!(back.to_bits(), value.to_bits());
+        }
+    }
+
+    #[test]
+    fn the_grid_is_the_nearest_with_halves_away_from_zero() {
+        let wanted = |value: f64| (value * 1e6).round() / 1e6 + 0.0;
+        let ties = (-9..9).map(|k| (f64::from(k) + 0.5) * 1e-6);
+        let near = ties.flat_map(|tie| [tie.next_down(), tie, tie.next_up(), tie * 1e7, -tie]);
+        let edges = [0.0, -0.0, 4.4e9, -4.4e9, 4.6e9, 1e300, -1e308];
+        let drawn = (0..100_000).map(|k| f64::from(k) * 1.234_567_891e-4 - 6.0);
+        for value in near.chain(edges).chain(drawn) {
+            let wanted = if value.abs() > 4.5e9 { value } else { wanted(value) };
+            assert_eq!(on_grid(value).to_bits(), wanted.to_bits(), "{value:e}");
+        }
+        assert!(on_grid(f64::NAN).is_nan(), "NaN stays NaN");
+    }
+
+    #[test]
+    fn a_broken_cell_is_named_by_line_and_column() {
+        for cell in ["NaN", "inf", "", "1,2", "x"] {
+            let csv = format!("time_s,x_m\n0,1\n0.1,{cell}\n");
+            let error = Table::parse(csv.as_bytes(), "plan.csv").unwrap_err().to_string();
+            assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
+        }
+        let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
+        let error = table.times_s("time_s").unwrap_err().to_string();
+        assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
+    }
+
+    #[test]
+    fn a_table_of_too_many_numbers_is_refused_with_the_memory_of_the_limit() {
+        let header = vec!["a"; 1000].join(",") + "\n";
+        let row = vec!["0"; 1000].join(",") + "\n";
+        let parse = |n| Table::parse((header.clone() + &row.repeat(n)).as_bytes(), "flight.csv");
+        assert_eq!(parse(15_000).unwrap().n_rows(), 15_000, "an hour of 41 columns at 100 Hz");
+        let error = parse(16_000).unwrap_err().to_string();
+        assert!(error.contains("flight.csv: found more data"), "{error}");
+        assert!(error.contains("at most 240 MiB of memory"), "{error}");
+    }
+}

@@ -1,0 +1,183 @@
+//! The design as a path in time: straight legs, each flown evenly.
+
+use nalgebra::Vector3;
+
+use crate::flight::Flight;
+
+/// Largest distance of a left-out sample from its leg, per axis: twice the grid of the flight's
+/// file, so that a straight stroke is one leg.
+const TOLERANCE_M: f64 = 2e-6;
+
+/// Position of the design over time. Before the first and after the last sample it does not move.
+#[derive(Clone, Debug)]
+pub struct DesignPath {
+    corners: Vec<Corner>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    time_s: f64,
+    at_m: Vector3<f64>,
+}
+
+impl DesignPath {
+    /// The design of a flight; `None` where the flight has no samples, or a design of zeros
+    /// throughout, as a log without setpoints has.
+    pub fn new(flight: &Flight) -> Option<Self> {
+        let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
+        let corners = flight
+            .samples
+            .iter()
+            .map(|sample| Corner { time_s: sample.time_s, at_m: sample.design_m });
+        designed.then(|| Self { corners: without_even_corners(corners) })
+    }
+
+    /// The stretch of time that the design covers.
+    pub fn span_s(&self) -> [f64; 2] {
+        [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
+    }
+
+    /// When the design first moves; `None` where it never does.
+    pub(crate) fn first_move_s(&self) -> Option<f64> {
+        let away = |corner: &Corner| corner.at_m != self.corners[0].at_m;
+        let next = self.corners.iter().position(away)?;
+        Some(self.corners[next - 1].time_s)
+    }
+
+    /// A reader that starts at the beginning.
+    pub fn walk(&self) -> Walk<'_> {
+        Walk { path: self, leg: 0 }
+    }
+}
+
+/// Reads a path at times that do not fall, without searching.
+#[derive(Debug)]
+pub(crate) struct Walk<'a> {
+    path: &'a DesignPath,
+    leg: usize,
+}
+
+impl Walk<'_> {
+    /// Position of the design at `time_s`.
+    pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
+        self.go_to(time_s);
+        self.path.on_leg(self.leg, time_s)
+    }
+
+    /// Distance in the x-z plane from a point to the path of the design between two times.
+    pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
+        let mut from_m = self.at_m(from_s);
+        let mut nearest_m = f64::INFINITY;
+        for leg in self.leg.. {
+            let end_s = self.path.corners.get(leg + 1).map_or(f64::INFINITY, |end| end.time_s);
+            let to_m = self.path.on_leg(leg, end_s.min(to_s));
+            nearest_m = nearest_m.min(in_plane_distance_m(point_m, from_m, to_m));
+            if end_s >= to_s {
+                break;
+            }
+            from_m = to_m;
+        }
+        nearest_m
+    }
+
+    fn go_to(&mut self, time_s: f64) {
+        let corners = &self.path.corners;
+        while corners.get(self.leg + 1).is_some_and(|next| next.time_s <= time_s) {
+            self.leg += 1;
+        }
+    }
+}
+
+impl DesignPath {
+    /// Position on the leg that begins at corner `leg`, held before its start and after its end.
+    fn on_leg(&self, leg: usize, time_s: f64) -> Vector3<f64> {
+        let start = self.corners[leg];
+        let Some(end) = self.corners.get(leg + 1) else { return start.at_m };
+        let lasts_s = end.time_s - start.time_s;
+        let done = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
+        start.at_m + (end.at_m - start.at_m) * done.clamp(0.0, 1.0)
+    }
+}
+
+fn in_plane_distance_m(point: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
+    let (leg, arm) = ((to - from).xz(), (point - from).xz());
+    let along = if leg == leg * 0.0 { 0.0 } else { arm.dot(&leg) / leg.norm_squared() };
+    (arm - leg * along.clamp(0.0, 1.0)).norm()
+}
+
+/// Leaves out corners that lie on an even, straight leg between their neighbors.
+///
+/// Swinging door: as long as one velocity from the leg's start passes all its samples within the
+/// tolerance, the leg goes on.
+fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
+    let mut kept: Vec<Corner> = Vec::new();
+    let mut last: Option<Corner> = None;
+    let open = [Vector3::repeat(f64::NEG_INFINITY), Vector3::repeat(f64::INFINITY)];
+    let mut door = open;
+    for corner in corners {
+        if let (Some(start), Some(before)) = (kept.last().copied(), last) {
+            let velocity = (corner.at_m - start.at_m) / (corner.time_s - start.time_s);
+            let passes =
+                corner.time_s > before.time_s && velocity >= door[0] && velocity <= door[1];
+            if !passes {
+                kept.push(before);
+                door = open;
+            }
+            let start = kept[kept.len() - 1];
+            let lasts_s = corner.time_s - start.time_s;
+            if lasts_s > 0.0 {
+                let velocity = (corner.at_m - start.at_m) / lasts_s;
+                let slack = Vector3::repeat(TOLERANCE_M / lasts_s);
+                door = [door[0].sup(&(velocity - slack)), door[1].inf(&(velocity + slack))];
+            }
+        } else {
+            kept.push(corner);
+        }
+        last = Some(corner);
+    }
+    kept.extend(last);
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::tracking::constructed::{flight, still};
+
+    #[test]
+    fn a_straight_stroke_is_one_leg_and_a_step_is_another() {
+        // Right for a second, a step up, then a wait.
+        let design = |t: f64| match t {
+            t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
+            _ => Vector3::new(0.2, 0.0, 0.6),
+        };
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
+        let times_s: Vec<f64> = path.corners.iter().map(|corner| corner.time_s).collect();
+        assert_eq!(times_s, [0.0, 1.0, 1.01, 2.0]);
+        let mut walk = path.walk();
+        for k in 0..=400 {
+            let t = f64::from(k) * 0.005;
+            let expected = if t <= 1.0 { design(t) } else { walk.at_m(t) };
+            assert!((walk.at_m(t) - expected).norm() < 1e-12, "at {t} s");
+        }
+        assert_eq!(walk.at_m(9.0), Vector3::new(0.2, 0.0, 0.6), "held after its end");
+    }
+
+    #[test]
+    fn distance_is_to_the_named_stretch_alone() {
+        // Right at z = 0.5 for a second, up for a second.
+        let design = |t: f64| Vector3::new(t.min(1.0), 0.0, 0.5 + (t - 1.0).max(0.0));
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
+        let point = Vector3::new(0.9, 7.0, 1.0);
+        let near = |span| path.walk().distance_m(point, span);
+        assert!((near([0.0, 2.0]) - 0.1).abs() < 1e-9, "to the upright: {}", near([0.0, 2.0]));
+        assert!((near([0.0, 1.0]) - 0.5).abs() < 1e-9, "to the base: {}", near([0.0, 1.0]));
+        assert!((near([0.2, 0.2]) - libm::hypot(0.7, 0.5)).abs() < 1e-9, "to a point");
+    }
+
+    #[test]
+    fn a_design_of_zeros_is_none() {
+        assert!(DesignPath::new(&flight(0.01, 1.0, |_| Vector3::x(), still)).is_none());
+        assert!(DesignPath::new(&Flight::default()).is_none());
+    }
+}

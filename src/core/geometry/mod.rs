@@ -1,0 +1,123 @@
+//! Poses, frames and polylines: the only place where one frame is turned into another.
+//!
+//! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
+//! the x-z plane. Body: x forward, y left, z up. Attitude: yaw ψ, pitch θ, roll φ with
+//! `world_from_body = Rz(ψ) Ry(θ) Rx(φ)`, the convention of the reference flight.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+mod chord;
+mod polyline;
+
+pub use chord::Chords;
+pub use polyline::{arc_lengths, bounds, distance, polyline_length_m, segment_distance, simplify};
+
+/// Attitude of a body as yaw, pitch and roll; in JSON an array of the three.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(into = "[f64; 3]")]
+pub struct Attitude {
+    /// ψ, about world z.
+    pub yaw_rad: f64,
+    /// θ, about the yawed y axis; positive tips the nose down.
+    pub pitch_rad: f64,
+    /// φ, about body x.
+    pub roll_rad: f64,
+}
+
+impl From<Attitude> for [f64; 3] {
+    fn from(attitude: Attitude) -> Self {
+        [attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad]
+    }
+}
+
+impl Attitude {
+    /// The rotation that turns body vectors into world vectors: `Rz(ψ) Ry(θ) Rx(φ)`.
+    #[must_use]
+    pub fn world_from_body(&self) -> Matrix3<f64> {
+        let (sy, cy) = libm::sincos(self.yaw_rad);
+        let (sp, cp) = libm::sincos(self.pitch_rad);
+        let (sr, cr) = libm::sincos(self.roll_rad);
+        Matrix3::new(
+            cy * cp,
+            cy * sp * sr - sy * cr,
+            cy * sp * cr + sy * sr,
+            sy * cp,
+            sy * sp * sr + cy * cr,
+            sy * sp * cr - cy * sr,
+            -sp,
+            cp * sr,
+            cp * cr,
+        )
+    }
+}
+
+/// The rotation that turns world vectors into camera vectors (x right, y down, z forward) for a
+/// camera that looks along `forward` and holds its horizon level.
+///
+/// Looking straight up or down leaves the horizon open; world x is then taken as right.
+///
+/// # Panics
+///
+/// If `forward` is zero.
+#[must_use]
+pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
+    assert!(forward.norm() > 0.0, "a camera must look somewhere");
+    let forward = forward.normalize();
+    let side = forward.cross(&Vector3::z());
+    let right = if side.norm() > 1e-9 { side.normalize() } else { Vector3::x() };
+    let down = forward.cross(&right);
+    Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()])
+}
+
+/// The rotation that turns world vectors into camera vectors (x right, y down, z forward), for a
+/// camera whose attitude is the quaternion `w, x, y, z` and which, unturned, looks along -z with x
+/// to its right and y up (Blender, Skybrush's `.skyc`, glTF).
+///
+/// # Panics
+///
+/// If the quaternion is zero.
+#[must_use]
+pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
+    let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+    assert!(quaternion.norm() > 0.0, "a quaternion of zeros is no attitude");
+    let world_from_viewer = nalgebra::UnitQuaternion::from_quaternion(quaternion);
+    let camera_from_viewer = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+    camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
+}
+
+/// A vector turned about the vertical axis, from x toward y; by nothing, exactly itself.
+#[must_use]
+#[inline]
+pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
+    if angle_rad == 0.0 {
+        return *vector;
+    }
+    let (sin, cos) = libm::sincos(angle_rad);
+    Vector3::new(cos * vector.x - sin * vector.y, sin * vector.x + cos * vector.y, vector.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attitude_is_a_rotation_and_yaw_turns_x_to_y() {
+        let attitude = Attitude { yaw_rad: 0.3, pitch_rad: -0.2, roll_rad: 0.1 };
+        let r = attitude.world_from_body();
+        assert!((r * r.transpose() - Matrix3::identity()).norm() < 1e-15, "orthonormal");
+        assert!((r.determinant() - 1.0).abs() < 1e-15, "right-handed");
+        let quarter = Attitude { yaw_rad: std::f64::consts::FRAC_PI_2, ..Default::default() }
+            .world_from_body();
+        assert!((quarter * Vector3::x() - Vector3::y()).norm() < 1e-15, "x becomes y");
+    }
+
+    #[test]
+    fn a_camera_looking_into_the_scene_sees_x_right_and_z_up() {
+        let r = camera_from_world(Vector3::y() * 2.0);
+        assert_eq!(r * Vector3::x(), Vector3::x(), "world x is right");
+        assert_eq!(r * Vector3::z(), -Vector3::y(), "world up is up in the picture");
+        assert_eq!(r * Vector3::y(), Vector3::z(), "world y is depth");
+        assert!((r.determinant() - 1.0).abs() < 1e-15, "right-handed");
+    }
+}

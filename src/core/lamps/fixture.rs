@@ -1,0 +1,122 @@
+//! Fixtures: the rows of the emitter table, with the position, beam and drive of each lamp.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result, within};
+use crate::settings::{Described, Shape, settings};
+
+settings! {
+    /// A lamp on the drone: one row of the emitter table.
+    pub struct Fixture {
+        /// Name in tables and messages.
+        name: String = "lamp".to_owned();
+        /// Drive: what turns it on.
+        drive: Drive = Drive::Always;
+        /// Position on the body: x forward, y left, z up.
+        position_body_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
+        /// Axis of its beam, in the body frame.
+        axis_body: [f64; 3] = [1.0, 0.0, 0.0], in -1e3..=1e3;
+        /// Light-emitting dies: one, or several of different colors with drives of their own.
+        dies: Vec<Die> = vec![Die::default()];
+        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis; 1 is a
+        /// Lambertian lamp.
+        beam_exponent: f64 = 1.0, in 0.0..=1000.0;
+        /// Share of the intensity on the axis that the package spills evenly in all directions.
+        spill: f64 = 0.0, in 0.0..=1.0;
+        /// Cosine of the angle off axis beyond which the body hides the lamp: −1 for nowhere, 0
+        /// beyond a right angle.
+        visible_cos: f64 = -1.0, in -1.0..=1.0;
+        /// Diameter of the luminous disc.
+        diameter_m: f64 = 0.003, in 0.0..=1.0;
+        /// Frequency of its pulse-width modulation; 0 for none.
+        pwm_hz: f64 = 0.0, in 0.0..=1e5;
+        /// Bit in the parameter led.bitmask of the firmware, if it has one.
+        ///
+        /// `led.c`.
+        bitmask_bit: Option<u8> = None, in 0.0..=6.0;
+    }
+
+    /// A die of a lamp.
+    pub struct Die {
+        /// Luminous intensity along the axis at full level.
+        intensity_cd: f64 = 1.0, in 0.0..=1e6;
+        /// Chromaticity x, y (CIE 1931, 2°).
+        chromaticity: [f64; 2] = [0.3127, 0.329], in 0.0..=0.9;
+    }
+}
+
+/// Drive of a lamp.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Drive {
+    /// A light channel of the plan; changes wait for the radio and the lamp timer of the firmware.
+    Command(String),
+    /// Power: always on.
+    Always,
+    /// A sequence of the firmware (`ledseq.c`).
+    Blink {
+        /// Duration of a flash.
+        on_s: f64,
+        /// Time from one flash to the next.
+        period_s: f64,
+        /// Start of the first flash.
+        phase_s: f64,
+    },
+    /// Flashes at random, too short to tell apart: the mean level of every 0.1 s follows their
+    /// number.
+    Flicker {
+        /// Mean number of flashes per second.
+        flashes_hz: f64,
+        /// Duration of a flash.
+        flash_s: f64,
+    },
+    /// The effect of the LED ring at this LED, 0 to 11 (`ledring12.c`).
+    Ring(usize),
+    /// The color LED deck: four dies white, red, green, blue (`color_led_deck.c`).
+    ColorLed,
+}
+
+impl Described for Drive {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
+        let range =
+            |field: &str, value, min, max| within(&format!("{place}.{field}"), value, min, max);
+        match self {
+            Self::Blink { on_s, period_s, phase_s } => {
+                range("blink.period_s", *period_s, 0.001, 1e6)?;
+                range("blink.on_s", *on_s, 0.0, *period_s)?;
+                range("blink.phase_s", *phase_s, -1e6, 1e6)
+            }
+            Self::Flicker { flashes_hz, flash_s } => {
+                range("flicker.flashes_hz", *flashes_hz, 0.0, 1e4)?;
+                range("flicker.flash_s", *flash_s, 0.0, 1.0)
+            }
+            Self::Ring(_) | Self::ColorLed | Self::Command(_) | Self::Always => Ok(()),
+        }
+    }
+}
+
+/// LEDs of the ring.
+pub const RING_LEDS: usize = 12;
+
+impl Fixture {
+    /// Checks that axis, dies and drive fit together; `key` names the table.
+    pub(super) fn check_drive(&self, key: &str) -> Result<()> {
+        let place = |field: &str| format!("{key} `{}`: {field}", self.name);
+        let squares: f64 = self.axis_body.iter().map(|value| value * value).sum();
+        within(&place("axis_body (length squared)"), squares, 1e-6, 1e6)?;
+        for Die { chromaticity: [x, y], .. } in &self.dies {
+            within(&place("chromaticity y"), *y, 0.001, 0.9)?;
+            within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
+        }
+        let (found, wanted) = match (&self.drive, self.dies.len()) {
+            (Drive::Ring(led), _) if *led >= RING_LEDS => (led.to_string(), "an LED from 0 to 11"),
+            (Drive::Ring(_), n) if n != 3 => (n.to_string(), "3 dies: red, green, blue"),
+            (Drive::ColorLed, n) if n != 4 => (n.to_string(), "4 dies: white, red, green, blue"),
+            _ => return Ok(()),
+        };
+        let hint = "the printed scene has the rows of every known deck";
+        Err(Error::input(place("drive and dies"), found, wanted, hint))
+    }
+}

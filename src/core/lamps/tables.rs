@@ -1,0 +1,193 @@
+//! Tables: the lamps of drones and decks that exist, as rows.
+//!
+//! A scene file lists its rows, so that it makes the same photo when these tables change.
+//!
+//! Sources: Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve WS2812B
+//! on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
+//! `color_led_deck.h`); WS2812B data sheets (390–420, 660–720, 180–200 mcd at 620, 522, 466 nm,
+//! 120° wide, pulse width at 400 Hz or more). Chromaticities are those of gaussian spectra 20, 35
+//! and 25 nm wide at these wavelengths.
+
+use super::{Die, Drive, Fixture};
+
+/// Red, 622 nm.
+const RED: [f64; 2] = [0.694, 0.306];
+/// Green, 525 nm.
+const GREEN: [f64; 2] = [0.151, 0.758];
+/// Blue, 466 nm.
+const BLUE: [f64; 2] = [0.132, 0.049];
+/// White, as D65.
+const WHITE: [f64; 2] = [0.3127, 0.329];
+
+/// The LEDs on the board of a Crazyflie 2.x: none of them is part of a program, all of them are in
+/// the picture.
+///
+/// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
+/// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of `ledseq.c` at 016e1e7); link
+/// LED at the front left (M4), red for every packet sent (`radiolinkSyslinkDispatch`,
+/// `radiolink.c`), for a tick of 1 ms that its timer cuts short (`seq_linkup_def` and `runLedseq`,
+/// `ledseq.c`), so half of it in the mean. The reference flight's log of 38 variables in seven
+/// blocks, at 10 ms where the radio keeps up, holds 279 packets a second. At 0.2 m/s they lie 0.7 mm
+/// apart: a faint thin line, as in the team's photograph, which shows no green for the packets
+/// received.
+///
+/// Assumptions: 20 mcd in every direction (0603 class; the light that a small package and the
+/// white solder mask around it send sideways), at the motor mounts 30 mm out on both axes; the
+/// board hides them from below. At f/8, ISO 100 and 0.2 m/s that is a stop below saturation in
+/// luminance and three above in the blue channel: clipped blue streaks thinner than the
+/// headlights', as in the team's photograph.
+#[must_use]
+pub fn crazyflie() -> Vec<Fixture> {
+    let on_board = |name: &str, drive, [x, y]: [f64; 2], chromaticity, bit| Fixture {
+        name: name.into(),
+        drive,
+        position_body_m: [x, y, 0.0],
+        axis_body: [0.0, 0.0, 1.0],
+        dies: vec![Die { intensity_cd: 0.02, chromaticity }],
+        beam_exponent: 1.0,
+        spill: 1.0,
+        visible_cos: -0.5,
+        diameter_m: 0.002,
+        pwm_hz: 0.0,
+        bitmask_bit: Some(bit),
+    };
+    let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
+    let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
+    let mut rows = vec![
+        on_board("power M2", Drive::Always, [-0.03, -0.03], BLUE, 5),
+        on_board("power M3", Drive::Always, [-0.03, 0.03], BLUE, 0),
+        on_board("status M1", status, [0.03, -0.03], RED, 4),
+        on_board("link M4", packets, [0.03, 0.03], RED, 2),
+    ];
+    // That of the link is too faint to see.
+    let glints: Vec<Fixture> = rows[..3].iter().map(off_the_propeller).collect();
+    rows.extend(glints);
+    rows
+}
+
+/// The glint of an LED of the board on the propeller above it.
+///
+/// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
+/// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7 of
+/// saturation, where a tenth of the main strand's own light, which leaks into green, clips. That it
+/// is the propeller which throws it, a centimeter higher up, is an assumption.
+fn off_the_propeller(led: &Fixture) -> Fixture {
+    let [x, y, _] = led.position_body_m;
+    let mut glint = led.clone();
+    glint.name = format!("{} off the propeller", led.name);
+    glint.position_body_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
+    glint.diameter_m = 0.004;
+    glint.dies.iter_mut().for_each(|die| die.intensity_cd *= 0.06);
+    glint
+}
+
+/// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
+///
+/// LED 0 points forward and the numbers run to the right, as the deck's drawing numbers its parts;
+/// the firmware's order is documented nowhere.
+///
+/// Assumptions: a headlight spills 5 % to its side: the team's camera looked at the drone from its
+/// side, at right angles to the beam, and still recorded clipped white streaks. Too little, and a
+/// drone seen from the side writes nothing. Beyond 120° off its beam the deck and the battery hide
+/// it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a camera
+/// below the drone sees the spinner's helix, and the team's camera, above it, saw only the glow on
+/// the floor.
+#[must_use]
+pub fn led_ring() -> Vec<Fixture> {
+    let headlight = |name: &str, left_m| Fixture {
+        name: name.into(),
+        drive: Drive::Command("headlights".into()),
+        position_body_m: [0.016, left_m, -0.01],
+        axis_body: [1.0, 0.0, 0.0],
+        dies: vec![Die { intensity_cd: 1.8, chromaticity: WHITE }],
+        beam_exponent: 1.0,
+        spill: 0.05,
+        visible_cos: -0.5,
+        diameter_m: 0.003,
+        pwm_hz: 0.0,
+        bitmask_bit: None,
+    };
+    let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
+    rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
+        name: format!("ring {led}"),
+        drive: Drive::Ring(led),
+        position_body_m: [forward_m, -right_m, -0.012],
+        axis_body: [0.0, 0.0, -1.0],
+        dies: vec![
+            Die { intensity_cd: 0.4, chromaticity: RED },
+            Die { intensity_cd: 0.69, chromaticity: GREEN },
+            Die { intensity_cd: 0.19, chromaticity: BLUE },
+        ],
+        beam_exponent: 1.0,
+        spill: 0.0,
+        visible_cos: 0.0,
+        diameter_m: 0.003,
+        pwm_hz: 400.0,
+        bitmask_bit: None,
+    }));
+    rows
+}
+
+/// The glints of the headlights on the two motors in front of them, 46 mm from the middle.
+///
+/// In the team's photograph a second white strand runs beside the headlights', 15 mm (4.5 to 5 px of
+/// 3.1 mm) ahead of them in the first N and the O's, where the drone is seen from its side; to the right
+/// of the camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
+/// things as far to the left and to the right as the motors are. They reach 0.7 to 0.9 of saturation
+/// there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the same camera: 0.05 cd
+/// to every side but the front, which the motors shade.
+pub fn off_the_motors() -> Vec<Fixture> {
+    let glint = |mut headlight: Fixture| {
+        headlight.name = format!("{} off the motor", headlight.name);
+        let left_m = headlight.position_body_m[1].signum() * MOTOR_M;
+        headlight.position_body_m = [MOTOR_M, left_m, 0.0];
+        headlight.axis_body = [-1.0, 0.0, 0.0];
+        headlight.spill = 1.0;
+        headlight.diameter_m = 0.004;
+        headlight.dies[0].intensity_cd = 0.05;
+        headlight
+    };
+    led_ring().into_iter().take(2).map(glint).collect()
+}
+
+/// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).
+const MOTOR_M: f64 = 0.0325;
+
+/// Forward and to the right of the middle, in m: every 30° on a circle of 13.7 mm, to 0.01 mm.
+const PLACES: [[f64; 2]; 12] = [
+    [0.0137, 0.0],
+    [0.01186, 0.00685],
+    [0.00685, 0.01186],
+    [0.0, 0.0137],
+    [-0.00685, 0.01186],
+    [-0.01186, 0.00685],
+    [-0.0137, 0.0],
+    [-0.01186, -0.00685],
+    [-0.00685, -0.01186],
+    [0.0, -0.0137],
+    [0.00685, -0.01186],
+    [0.01186, -0.00685],
+];
+
+/// The color LED deck of 2025 below the body: one lamp of four dies, white, red, green, blue.
+///
+/// 250, 139, 210 and 50 lm as the firmware has them, spread as cosine: lm/π cd along the axis.
+/// Assumptions: the dome lets all of it through and spills 20 % sideways; 10 mm across; pulse width
+/// at 1 kHz. Its throttling when hot is not modeled.
+#[must_use]
+pub fn color_led() -> Vec<Fixture> {
+    let die = |intensity_cd, chromaticity| Die { intensity_cd, chromaticity };
+    vec![Fixture {
+        name: "color LED".into(),
+        drive: Drive::ColorLed,
+        position_body_m: [0.0, 0.0, -0.015],
+        axis_body: [0.0, 0.0, -1.0],
+        dies: vec![die(79.6, WHITE), die(44.2, RED), die(66.8, GREEN), die(15.9, BLUE)],
+        beam_exponent: 1.0,
+        spill: 0.2,
+        visible_cos: -0.3,
+        diameter_m: 0.01,
+        pwm_hz: 1000.0,
+        bitmask_bit: None,
+    }]
+}

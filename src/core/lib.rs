@@ -1,0 +1,20 @@
+//! What all stages of Noctograph share: tools, and products as plain data.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+pub mod camera;
+pub mod control;
+pub mod crazyflie;
+pub mod digest;
+pub mod error;
+pub mod files;
+pub mod flight;
+pub mod geometry;
+pub mod lamps;
+pub mod photo;
+pub mod random;
+pub mod settings;
+pub mod srgb;
+pub mod statistics;
+pub mod strokes;

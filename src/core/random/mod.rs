@@ -1,0 +1,33 @@
+//! Random numbers as functions of a key, so that each depends on no other; named streams of noise, and
+//! a smooth random field.
+
+mod elementary;
+mod noise;
+mod normals;
+
+pub use self::noise::{Field, Noise};
+pub use self::normals::Normals;
+
+/// The odd number nearest to 2⁶⁴ over the golden ratio.
+pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// One step of `SplitMix64` (Steele, Lea, Flood 2014).
+pub fn split_mix(state: u64) -> u64 {
+    let z = state.wrapping_add(GOLDEN);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Poisson number of a mean up to 500 for a uniform number from 0 to 1, by inversion.
+pub fn poisson(mean: f64, uniform: f64) -> u32 {
+    let mut share = libm::exp(-mean);
+    let (mut number, mut sum) = (0, share);
+    // The bound ends the loop where rounding keeps the sum of the shares below 1.
+    while sum <= uniform && number < 1000 {
+        number += 1;
+        share *= mean / f64::from(number);
+        sum += share;
+    }
+    number
+}

@@ -1,0 +1,183 @@
+//! Random numbers of a flight: named streams of one seed, and a smooth random field.
+//!
+//! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
+//! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
+//! measurements alone; no other sensor can shift it.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{SVector, Vector3};
+use pulp::{Arch, NullaryFnOnce};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+
+use super::elementary::cos;
+use crate::digest::fnv_1a;
+
+/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
+const WAVES: usize = 8;
+
+/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
+/// a further sensor or drone leaves it as it is.
+#[derive(Debug)]
+pub struct Noise {
+    pub(super) rng: ChaCha8Rng,
+    spare: Option<f64>,
+}
+
+impl Noise {
+    pub fn new(seed: u64, drone: u64, sensor: &str) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(fnv_1a(drone.to_le_bytes().into_iter().chain(sensor.bytes())));
+        Self { rng, spare: None }
+    }
+
+    /// Normal with mean 0 and variance 1, by Box and Muller (1958): with `libm` its bits are the
+    /// same on every machine, which the tails of a ziggurat are not.
+    pub fn normal(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
+        let (sin, cos) = libm::sincos(TAU * self.uniform());
+        self.spare = Some(radius * sin);
+        radius * cos
+    }
+
+    /// Three independent normals.
+    pub fn normals(&mut self) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.normal())
+    }
+
+    /// Uniform in `[0, 1)`.
+    pub fn uniform(&mut self) -> f64 {
+        self.rng.random()
+    }
+}
+
+/// A vector of `N` components that varies smoothly over space: per component a sum of random plane
+/// waves, which tends to a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features:
+/// Rahimi, Recht 2007).
+#[derive(Debug)]
+pub struct Field<const N: usize> {
+    waves: [[Wave; WAVES]; N],
+    amplitude: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    wavevector_rad_m: Vector3<f64>,
+    phase_rad: f64,
+}
+
+impl<const N: usize> Field<N> {
+    /// A field with standard deviation `sigma` of each component and length `length_m`.
+    pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
+        let mut wave = || Wave {
+            wavevector_rad_m: noise.normals() / length_m,
+            phase_rad: TAU * noise.uniform(),
+        };
+        let waves = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
+        let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
+        Self { waves, amplitude }
+    }
+
+    pub fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
+        SVector::from_fn(|component, _| self.component(component, position_m))
+    }
+
+    pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
+        let heights = Arch::new().dispatch(Heights(&self.waves[component], position_m));
+        self.amplitude * heights.iter().sum::<f64>()
+    }
+}
+
+/// Heights of plane waves at a place.
+struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
+
+impl NullaryFnOnce for Heights<'_> {
+    type Output = [f64; WAVES];
+
+    #[inline(always)]
+    fn call(self) -> [f64; WAVES] {
+        let Self(waves, place) = self;
+        let mut heights = [0.0; WAVES];
+        for (height, wave) in heights.iter_mut().zip(waves) {
+            let k = &wave.wavevector_rad_m;
+            *height = cos(k.x * place.x + k.y * place.y + k.z * place.z + wave.phase_rad);
+        }
+        heights
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn first(seed: u64, drone: u64, sensor: &str) -> [f64; 4] {
+        let mut noise = Noise::new(seed, drone, sensor);
+        std::array::from_fn(|_| noise.normal())
+    }
+
+    #[test]
+    fn streams_are_their_own_by_seed_drone_and_name() {
+        let gyro = first(1, 0, "gyro");
+        assert_eq!(gyro, first(1, 0, "gyro"), "repeats");
+        assert_ne!(gyro, first(2, 0, "gyro"), "seed");
+        assert_ne!(gyro, first(1, 1, "gyro"), "drone");
+        assert_ne!(gyro, first(1, 0, "accelerometer"), "name");
+    }
+
+    #[test]
+    fn numbers_stay_what_they_are_in_every_release() {
+        // Recorded; changes only if rand changes its ChaCha8 or its uniform numbers.
+        let recorded =
+            [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
+        assert_eq!(first(42, 0, "gyro"), recorded);
+    }
+
+    #[test]
+    fn a_number_depends_on_its_count_alone() {
+        let mut noise = Noise::new(42, 0, "gyro");
+        let drawn: Vec<f64> = (0..20).map(|_| noise.normal()).collect();
+        for pair in [7_u32, 2, 9] {
+            // A normal takes one uniform number of 64 bits, two words, from the stream.
+            noise.rng.set_word_pos(u128::from(4 * pair));
+            noise.spare = None;
+            let at = 2 * pair as usize;
+            assert_eq!([noise.normal(), noise.normal()], [drawn[at], drawn[at + 1]]);
+        }
+    }
+
+    #[test]
+    fn normals_have_the_moments_of_a_normal() {
+        let mut noise = Noise::new(7, 0, "test");
+        let n = 200_000;
+        let mut moments = [0.0; 4];
+        for _ in 0..n {
+            let x = noise.normal();
+            let square = x * x;
+            for (moment, term) in moments.iter_mut().zip([x, square, x * square, square * square]) {
+                *moment += term / f64::from(n);
+            }
+        }
+        for (moment, want) in moments.into_iter().zip([0.0, 1.0, 0.0, 3.0]) {
+            assert!((moment - want).abs() < 0.05, "{moments:?}");
+        }
+    }
+
+    #[test]
+    fn field_has_its_spread_and_its_length() {
+        let mut noise = Noise::new(3, 0, "test");
+        let (mut square, mut product, n) = (0.0, 0.0, 4000);
+        for _ in 0..n {
+            let field = Field::<3>::new(&mut noise, 2.0, 0.5);
+            let (here, there) = (field.at(&Vector3::zeros()), field.at(&(Vector3::x() * 0.5)));
+            square += here.norm_squared() / f64::from(3 * n);
+            product += here.dot(&there) / f64::from(3 * n);
+        }
+        assert!((square / 4.0 - 1.0).abs() < 0.05, "variance {square} of 4");
+        let correlation = product / square;
+        assert!((correlation - libm::exp(-0.5)).abs() < 0.05, "correlation {correlation}");
+    }
+}

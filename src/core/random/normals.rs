@@ -1,0 +1,118 @@
+//! Normal numbers of a stream that draws nothing else, computed in vectorized blocks with the same
+//! bits as [`Noise::normal`].
+//!
+//! Box and Muller's formula with logarithm, sine and cosine from [`super::elementary`]. A flight at
+//! 500 Hz draws 4500 numbers a second; blocks take 3.7 ns each, one by one they take 13.5 ns.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+use rand::Rng;
+use rand::rngs::ChaCha8Rng;
+
+use super::Noise;
+use super::elementary::{is_hard, ln, sincos};
+
+/// Pairs per block. More fill wider registers; fewer waste less of a short flight.
+const PAIRS: usize = 32;
+
+/// A stream of normals with mean 0 and variance 1.
+#[derive(Debug)]
+pub struct Normals {
+    rng: ChaCha8Rng,
+    block: Block,
+    drawn: usize,
+}
+
+impl Normals {
+    /// The numbers of a stream from which nothing was drawn yet.
+    pub fn new(noise: Noise) -> Self {
+        let block = Block { cosines: [0.0; PAIRS], sines: [0.0; PAIRS] };
+        Self { rng: noise.rng, block, drawn: 2 * PAIRS }
+    }
+
+    #[inline]
+    pub fn next(&mut self) -> f64 {
+        if self.drawn == 2 * PAIRS {
+            self.fill();
+        }
+        let (pair, second) = (self.drawn / 2, self.drawn % 2 == 1);
+        self.drawn += 1;
+        if second { self.block.sines[pair] } else { self.block.cosines[pair] }
+    }
+
+    /// Three independent normals.
+    #[inline]
+    pub fn next_three(&mut self) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.next())
+    }
+
+    fn fill(&mut self) {
+        let mut bytes = [0; 16 * PAIRS];
+        self.rng.fill_bytes(&mut bytes);
+        let mut drawn = [[0; 2]; PAIRS];
+        for (number, bytes) in drawn.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {
+            *number = u64::from_le_bytes(*bytes);
+        }
+        pulp::Arch::new().dispatch(Fill { drawn: &drawn, block: &mut self.block });
+        self.drawn = 0;
+    }
+}
+
+/// Both normals of each pair.
+#[derive(Debug)]
+struct Block {
+    cosines: [f64; PAIRS],
+    sines: [f64; PAIRS],
+}
+
+/// Random bits, and the normals to be made of them.
+struct Fill<'a> {
+    drawn: &'a [[u64; 2]; PAIRS],
+    block: &'a mut Block,
+}
+
+impl pulp::NullaryFnOnce for Fill<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let mut radii = [0.0; PAIRS];
+        let mut hard = [false; PAIRS];
+        for i in 0..PAIRS {
+            let [first, second] = self.drawn[i];
+            radii[i] = (-2.0 * ln(1.0 - uniform(first))).sqrt();
+            let angle = TAU * uniform(second);
+            let (sin, cos) = sincos(angle);
+            (self.block.cosines[i], self.block.sines[i]) = (radii[i] * cos, radii[i] * sin);
+            hard[i] = is_hard(angle);
+        }
+        for i in (0..PAIRS).filter(|i| hard[*i]) {
+            let (sin, cos) = libm::sincos(TAU * uniform(self.drawn[i][1]));
+            (self.block.cosines[i], self.block.sines[i]) = (radii[i] * cos, radii[i] * sin);
+        }
+    }
+}
+
+/// Uniform in `[0, 1)` from 64 random bits, as `rand` makes it of their first 53.
+#[inline(always)]
+fn uniform(bits: u64) -> f64 {
+    let whole = (bits >> 11) as f64;
+    whole * (f64::EPSILON / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_is_what_is_drawn_one_by_one_bit_for_bit() {
+        for seed in 0..200 {
+            let mut one_by_one = Noise::new(seed, 0, "gyro");
+            let mut block = Normals::new(Noise::new(seed, 0, "gyro"));
+            for i in 0..1000 {
+                assert_eq!(block.next().to_bits(), one_by_one.normal().to_bits(), "{seed}, {i}");
+            }
+        }
+    }
+}

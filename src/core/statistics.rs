@@ -1,0 +1,38 @@
+//! Medians and quantiles, for every room that needs one.
+
+use std::cmp::Ordering;
+
+/// Median: of an even number of values, the upper of the two in the middle.
+pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Option<T> {
+    let mut values: Vec<T> = values.into_iter().collect();
+    let middle = values.len() / 2;
+    let order = |a: &T, b: &T| a.partial_cmp(b).unwrap_or(Ordering::Equal);
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
+}
+
+/// Weighted quantile: the least value up to which a share of the weight lies, given pairs of a
+/// value and its weight. Sorts the pairs.
+pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
+    let mut weight = 0.0;
+    let reached = pairs.iter().find(|pair| {
+        weight += pair.1;
+        weight >= wanted
+    });
+    reached.map(|(value, _)| *value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn median_is_the_upper_middle_and_quantiles_follow_the_weight() {
+        assert_eq!(median([3, 1, 4, 2]), Some(3));
+        assert_eq!(median::<f64>([]), None);
+        let mut pairs = [(2.0, 1.0), (5.0, 6.0), (1.0, 3.0)];
+        let found = [0.2, 0.4, 0.5].map(|share| weighted_quantile(&mut pairs, share));
+        assert_eq!(found, [Some(1.0), Some(2.0), Some(5.0)]);
+    }
+}

@@ -1,0 +1,166 @@
+//! Strokes: the product of letters, placed glyphs in the plane of the word.
+//!
+//! The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
+
+use std::collections::BTreeMap;
+
+use crate::digest::Digest;
+use crate::geometry::{bounds, distance};
+use crate::settings::settings;
+
+settings! {
+    /// What a picture is.
+    pub enum Picture {
+        /// As it looks: a photograph where what would be its paper has texture, or else a drawing. A
+        /// photograph of few tones, such as a skyline before an even sky, looks like a drawing.
+        "auto" => Auto,
+        /// Lines on paper or a logo: ink is drawn.
+        "drawing" => Drawing,
+        /// A photograph: long edges are drawn.
+        "photograph" => Photograph,
+    }
+}
+
+/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
+/// one of each color.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Strokes {
+    /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
+    /// lower case; empty for a drawing.
+    pub word: String,
+    /// Name of its font; a drawing has none.
+    pub font: Option<String>,
+    /// Characters whose center lines lack a stroke of the typeface, and its length in cap heights.
+    pub lost: BTreeMap<char, f64>,
+    /// One per drawn character; spaces and line ends have none.
+    pub glyphs: Vec<Glyph>,
+    /// Whether the strokes may be reordered.
+    pub order: StrokeOrder,
+    /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
+    pub colors: Vec<[u8; 3]>,
+    /// Where a stroke goes on in another color, along a gradient: one glyph's light ends there and
+    /// another's begins.
+    pub joints_m: Vec<[f64; 2]>,
+    /// What the detail of a drawing leaves out (`letters.detail`).
+    pub left_out: LeftOut,
+    /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
+    /// bitmap.
+    pub picture: Picture,
+}
+
+/// Strokes of a drawing that are not drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// Their number.
+    pub strokes: usize,
+    /// Their share of the length of all strokes, 0 to 1.
+    pub share: f64,
+}
+
+/// Whether strokes may be reordered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StrokeOrder {
+    /// They may be drawn in any order, and backward.
+    #[default]
+    Free,
+    /// They are drawn in the writer's order and direction.
+    Kept,
+}
+
+/// One character, placed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glyph {
+    /// The character.
+    pub character: char,
+    /// Its box.
+    pub cell: Cell,
+    /// Moves of the pen, in order. Where a move does not begin at the end of the one before, the
+    /// pen jumps. A dark move without length at the beginning means that the pen arrives in the
+    /// dark.
+    pub moves: Vec<Move>,
+}
+
+/// The box of a character in the plane of the word. Tails and accents may lie outside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Left edge.
+    pub left_m: f64,
+    /// Lower edge, on which capitals stand.
+    pub baseline_m: f64,
+    /// Width without the gap to the next letter.
+    pub width_m: f64,
+    /// Height of a capital.
+    pub cap_height_m: f64,
+}
+
+/// One straight move of the pen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Where it begins: x, y in the plane of the word.
+    pub from_m: [f64; 2],
+    /// Where it ends.
+    pub to_m: [f64; 2],
+    /// Whether the lights are on.
+    pub lit: bool,
+    /// Speed as a share of the stroke speed: 1 but for handwriting in its writer's pace
+    /// (`letters.pace`).
+    pub pace: f64,
+}
+
+impl Strokes {
+    /// SHA-256 of all moves, in hexadecimal.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        let mut digest = Digest::default();
+        digest.add(&self.word);
+        for step in self.glyphs.iter().flat_map(|glyph| &glyph.moves) {
+            let Move { from_m, to_m, lit, pace } = step;
+            let lit = f64::from(u8::from(*lit)) * pace;
+            digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit]);
+        }
+        digest.hex()
+    }
+
+    /// Number of its strokes: lit moves without a way in the dark between them, whatever their colors.
+    #[must_use]
+    pub fn n_strokes(&self) -> usize {
+        let runs = |glyph: &Glyph| {
+            let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
+            runs.filter(|run| run[0].lit).count()
+        };
+        let n_runs: usize = self.glyphs.iter().map(runs).sum();
+        n_runs.saturating_sub(self.joints_m.len())
+    }
+
+    /// Length of its strokes.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        let lit = self.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+        lit.map(|step| distance(step.from_m, step.to_m)).sum()
+    }
+
+    /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the
+    /// word.
+    #[must_use]
+    pub fn bounds_m(&self) -> [f64; 4] {
+        let corners = self.glyphs.iter().flat_map(|glyph| {
+            let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;
+            let cell = [[left_m, baseline_m], [left_m + width_m, baseline_m + cap_height_m]];
+            let lit = glyph.moves.iter().filter(|step| step.lit);
+            cell.into_iter().chain(lit.flat_map(|step| [step.from_m, step.to_m]))
+        });
+        bounds(corners)
+    }
+
+    /// The glyphs of each line, from the topmost line on: ranges of [`Self::glyphs`].
+    #[must_use]
+    pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
+        let mut begin = 0;
+        let same = |a: &Glyph, b: &Glyph| a.cell.baseline_m == b.cell.baseline_m;
+        let lines = self.glyphs.chunk_by(same).map(|line| {
+            begin += line.len();
+            begin - line.len()..begin
+        });
+        lines.collect()
+    }
+}

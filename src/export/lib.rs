@@ -1,0 +1,261 @@
+//! Export: plans become files that drones and other programs read.
+//!
+//! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
+//! out: [`File`]s, one module for each format. SI units and radians up to the last line of each.
+//!
+//! A trajectory on board flies from a run-up before the first letter to a run-out after the last
+//! one; take-off, the way there and landing are commands of their own. [`flown`] is the plan of
+//! such a flight, decoded from what was exported.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+extern crate self as export;
+use noctograph_core::{camera, control, crazyflie, digest, error, files, flight, geometry, lamps, settings, statistics};
+use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+#[cfg(test)]
+use noctograph_letters as letters;
+
+use crate::camera::Camera;
+use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use crate::error::Result;
+use crate::lamps::LightOptions;
+use crate::plan::Plan;
+use crate::settings::settings;
+use crate::sim::SimOptions;
+
+mod cflib;
+pub mod compressed;
+mod crazyswarm;
+mod gains;
+pub mod lights;
+mod log_config;
+mod on_board;
+mod pieces;
+pub mod poly4d;
+#[cfg(test)]
+mod recorded;
+mod skybrush;
+mod vviz;
+pub mod zip;
+
+pub use cflib::Mode;
+use on_board::take_off_s;
+pub use on_board::{Form, Length, flown};
+
+settings! {
+    /// Form of exported files.
+    pub enum Format {
+        /// Python script for cflib: flies, switches the lights and records the log.
+        "cflib" => Cflib,
+        /// Compressed trajectory of the Crazyflie (bytes).
+        "compressed" => Compressed,
+        /// Polynomial trajectory of the Crazyflie (bytes).
+        "poly4d" => Poly4d,
+        /// Trajectories, crazyflies.yaml and a script for Crazyswarm2.
+        "crazyswarm2" => Crazyswarm2,
+        /// Show of Skybrush with the photographer's camera.
+        "skyc" => Skyc,
+        /// Show for viewers of drone shows.
+        "vviz" => Vviz,
+        /// Gains of the controller: firmware parameters (JSON) or a table in C.
+        "gains" => Gains,
+        /// Log configurations for cfclient and the µSD card.
+        "log-config" => LogConfig,
+    }
+}
+
+/// What is exported.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// One plan for each drone.
+    pub plans: &'a [Plan],
+    /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on them;
+    /// empty where none is ([`Format::trajectory`]), or none fits.
+    pub flown: &'a [Plan],
+    /// What speaks against flying them, where it is exported nevertheless; scripts say it.
+    pub unsafe_because: Option<&'a str>,
+    /// The word, for names and titles.
+    pub word: &'a str,
+    /// Lamps.
+    pub light: &'a LightOptions,
+    /// Drone and controller.
+    pub sim: &'a SimOptions,
+    /// The photographer's camera.
+    pub camera: &'a Camera,
+    /// Largest distance of a trajectory from the design, m.
+    pub tolerance_m: f64,
+    /// What the script for cflib sends unless it is told otherwise.
+    pub mode: Mode,
+    /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
+    pub trajectory_clock: f64,
+}
+
+impl Format {
+    /// The trajectory that drones fly of it: its form and the length it may have.
+    /// `None`: setpoints, or no flight.
+    #[must_use]
+    pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
+        match self {
+            Self::Cflib if mode != Mode::Trajectory => None,
+            Self::Cflib | Self::Compressed => Some((Form::Compressed, Length::OnBoard)),
+            Self::Poly4d | Self::Crazyswarm2 => Some((Form::Poly4d, Length::OnBoard)),
+            Self::Skyc | Self::Vviz => Some((Form::Compressed, Length::Any)),
+            Self::Gains | Self::LogConfig => None,
+        }
+    }
+
+    /// Whether its files fly a drone.
+    #[must_use]
+    pub fn flies(self) -> bool {
+        !matches!(self, Self::Gains | Self::LogConfig)
+    }
+}
+
+impl Job<'_> {
+    /// The light commands of a drone that flies a trajectory, in the time of its plan.
+    fn trajectory_lights(&self, drone: usize) -> Result<Vec<lights::Command>> {
+        let Some(flown) = self.flown.get(drone) else {
+            return lights::commands(&self.plans[drone], self.light);
+        };
+        let mut commands = lights::commands(flown, self.light)?;
+        let zero_s = take_off_s(self.plans)?;
+        commands.iter_mut().for_each(|command| command.time_s += zero_s);
+        Ok(commands)
+    }
+}
+
+/// A comment line that says what speaks against flying a script; empty where nothing does.
+fn caution(job: &Job<'_>) -> String {
+    // A line of its own: what is quoted may hold a word that was typed.
+    let line = |text: &str| text.replace(|c: char| c.is_control(), " ");
+    job.unsafe_because.map_or_else(String::new, |why| {
+        format!("# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n", line(why))
+    })
+}
+
+/// A file on its way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct File {
+    /// Its name, without a folder.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+impl File {
+    fn new(name: impl Into<String>, text: String) -> Self {
+        Self { name: name.into(), bytes: text.into_bytes() }
+    }
+
+    #[cfg(test)]
+    fn text(self) -> String {
+        String::from_utf8(self.bytes).unwrap()
+    }
+}
+
+/// The files of a format. Several drones have a file each.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Input`] for plans without letters and lamps that the format does not
+/// know; [`crate::error::Error::Infeasible`] for what does not fit the format.
+pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
+    let shows = matches!(format, Format::Skyc | Format::Vviz);
+    assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
+    let (stem, n) = (stem(job.word), job.plans.len());
+    let each = |ending: &str, bytes: &dyn Fn(&Plan) -> Result<Vec<u8>>| {
+        let one = |(drone, plan)| {
+            Ok(File { name: numbered(&stem, drone, n, ending), bytes: bytes(plan)? })
+        };
+        job.plans.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
+    };
+    match format {
+        Format::Cflib => scripts(job),
+        Format::Compressed => each("traj", &|plan| {
+            Ok(compressed::Compressed::encode(plan, job.tolerance_m)?.to_bytes())
+        }),
+        Format::Poly4d => {
+            each("poly4d", &|plan| Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes()))
+        }
+        Format::Crazyswarm2 => crazyswarm::files(job),
+        Format::Skyc => Ok(vec![skybrush::show(job)?]),
+        Format::Vviz => Ok(vec![vviz::show(job)?]),
+        Format::Gains => gains::files(job.sim),
+        Format::LogConfig => Ok(log_config::files()),
+    }
+}
+
+/// What a plan takes of the trajectory memory on board, and how it can be sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Memory {
+    /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
+    pub bytes: usize,
+    /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
+    pub pieces: usize,
+    /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
+    /// setpoints of a script.
+    pub formats: Vec<&'static str>,
+    /// Whether it fits in all of them.
+    pub fits_all: bool,
+}
+
+/// The trajectory memory that a plan takes.
+///
+/// # Errors
+///
+/// As [`compressed::Compressed::n_bytes`] and [`poly4d::Poly4d::fit_any_length`].
+pub fn memory(plan: &Plan) -> Result<Memory> {
+    let bytes = compressed::Compressed::n_bytes(plan, Form::Compressed.tolerance_m())?;
+    let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
+    let pieces = all.n_pieces();
+    let fits = [
+        (Format::Compressed, bytes <= TRAJECTORY_MEMORY_BYTES),
+        (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
+        (Format::Cflib, cflib::fits_the_radio(plan)),
+    ];
+    let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
+    let fits_all = fits.iter().all(|(_, fits)| *fits);
+    Ok(Memory { bytes, pieces, formats: formats.collect(), fits_all })
+}
+
+fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
+    let (stem, n) = (stem(job.word), job.plans.len());
+    let before_s = on_board::earliest_s(job.plans)?;
+    let script = |drone| {
+        let text = cflib::script(job, drone, before_s)?;
+        Ok(File::new(numbered(&stem, drone, n, "py"), text))
+    };
+    let mut files = (0..n).map(script).collect::<Result<Vec<_>>>()?;
+    if n > 1 {
+        let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
+        files.push(File::new(format!("fly_{stem}.py"), cflib::launcher(job, &names)));
+    }
+    Ok(files)
+}
+
+/// A word as the stem of a file's name: its letters and digits of ASCII.
+pub fn stem(word: &str) -> String {
+    let stem: String = word.chars().filter(char::is_ascii_alphanumeric).take(32).collect();
+    if stem.is_empty() { "drawing".to_owned() } else { stem }
+}
+
+/// The name of a drone's file, with its number where there are several.
+fn numbered(stem: &str, drone: usize, n: usize, ending: &str) -> String {
+    if n > 1 { format!("{stem}-{}.{ending}", drone + 1) } else { format!("{stem}.{ending}") }
+}
+
+/// Largest distance of the trajectories in a format from the design, m; `None` where it has none.
+///
+/// # Errors
+///
+/// As [`export`].
+pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
+    let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
+    let worst_m = |plan: &Plan| -> Result<f64> {
+        let pieces = on_board::pieces(plan, form, job.tolerance_m, Length::Any)?;
+        Ok(pieces::Stretch::new(plan)?.worst_m(&pieces))
+    };
+    let each = job.plans.iter().map(worst_m).collect::<Result<Vec<f64>>>()?;
+    Ok(Some(each.into_iter().fold(0.0, f64::max)))
+}

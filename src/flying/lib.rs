@@ -1,0 +1,17 @@
+//! Flying: [`noctograph_core::strokes::Strokes`] become a [`plan::Plan`] and a
+//! [`noctograph_core::flight::Flight`].
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+use noctograph_core::{
+    control, crazyflie, digest, error, files, flight, geometry, random, settings, statistics, strokes,
+};
+#[cfg(test)]
+use noctograph_letters as letters;
+
+pub mod estimate;
+pub mod plan;
+pub mod sensors;
+pub mod sim;
+pub mod vehicle;

@@ -1,0 +1,444 @@
+//! Fleet: several drones share the strokes of one word, and keep apart in space and time.
+//!
+//! Each drone takes a stretch of the word from left to right with about as much light as the
+//! others. Of each stretch some routes are tried: the shortest, the same backward, and from one side to
+//! the other, which keep drones apart that fly at once. The drones are dealt with one after another; each
+//! takes the route that ends first and keeps apart from those before, waiting on the floor as long as it
+//! must. The one that ends last is dealt with first the next time, until that has been tried with each.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+
+use super::order::{as_drawn, is_kept, shortest};
+use super::pen::PenStroke;
+use super::{EvenStyle, Plan, PlanOptions, Setpoint, Style, adjusted, even};
+use crate::error::{Error, Result};
+use crate::geometry::bounds;
+use crate::strokes::Strokes;
+
+/// Least horizontal distance of two drones, unless they are [`MIN_VERTICAL_M`] above each other:
+/// the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
+pub const MIN_HORIZONTAL_M: f64 = 0.3;
+/// Reach of the downwash below a drone.
+pub const MIN_VERTICAL_M: f64 = 0.9;
+/// Time between two checks of the distance, and step by which a drone's start is delayed.
+const CHECK_STEP_S: f64 = 0.05;
+
+/// Two drones at the moment when they are closest to each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach {
+    /// When.
+    pub time_s: f64,
+    /// Horizontal distance.
+    pub horizontal_m: f64,
+    /// Difference in height.
+    pub vertical_m: f64,
+}
+
+/// Plans of the drones that write a word together, `options.drones` of them; fewer where there are
+/// not as many strokes.
+///
+/// # Errors
+///
+/// As [`super::plan()`]; [`Error::Input`] for several drones in style `team`, and
+/// [`Error::Infeasible`] where they cannot keep apart.
+pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
+    if options.drones <= 1 {
+        return Ok(vec![super::plan(strokes, options)?]);
+    }
+    options.check()?;
+    let Style::Even(style) = &options.style else {
+        let found = format!("{} drones in style team", options.drones);
+        let hint = "set plan.style = \"even\"";
+        return Err(Error::input("plan.drones", found, "one, or style even", hint));
+    };
+    let mut found: Vec<Dealt> = Vec::new();
+    for whole_letters in [false, true] {
+        found.extend(Dealt::new(strokes, whole_letters, options, style)?);
+    }
+    let first = found.into_iter().min_by_key(|dealt| dealt.end);
+    let dealt = first.ok_or_else(|| Error::Infeasible {
+        what: "two drones come too close to each other, however long one waits".to_owned(),
+        hint: "share the word among fewer drones, or write it larger".into(),
+    })?;
+    dealt.plans(options, style)
+}
+
+/// The shares of all drones, with the routes that they may take and those that they do.
+struct Dealt {
+    homes_m: Vec<f64>,
+    routes: Vec<Vec<Route>>,
+    starts: Vec<Start>,
+    /// Step at which the last drone ends.
+    end: usize,
+}
+
+impl Dealt {
+    /// `None` where the drones cannot keep apart.
+    fn new(
+        strokes: &Strokes,
+        whole_letters: bool,
+        options: &PlanOptions,
+        style: &EvenStyle,
+    ) -> Result<Option<Self>> {
+        let shares = shares(strokes, whole_letters, options, style)?;
+        let homes_m = homes_x_m(&shares);
+        let ways = |share: &[PenStroke]| match is_kept(strokes, style) {
+            true => vec![share.to_vec()],
+            false => ways(share, options, style),
+        };
+        let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
+            ways(share).into_iter().map(|way| Route::new(way, options, style, *home_m)).collect()
+        };
+        let routes = shares.iter().zip(&homes_m).map(routes).collect::<Result<Vec<_>>>()?;
+        let starts = starts(&routes);
+        Ok(starts.map(|(end, starts)| Self { homes_m, routes, starts, end }))
+    }
+
+    fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
+        let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
+        let plan = |((routes, start), home_m): ((&Vec<Route>, &Start), &f64)| {
+            let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
+            let later = PlanOptions { floor_wait_s, ..options.clone() };
+            let plan = even::plan(&routes[start.route].strokes, &later, style, Some(*home_m))?;
+            Ok(adjusted(plan, options))
+        };
+        drones.map(plan).collect()
+    }
+}
+
+/// A way to draw a share.
+struct Route {
+    strokes: Vec<PenStroke>,
+    track: Track,
+}
+
+impl Route {
+    fn new(
+        strokes: Vec<PenStroke>,
+        options: &PlanOptions,
+        style: &EvenStyle,
+        home_x_m: f64,
+    ) -> Result<Self> {
+        let track = Track::of(&even::plan(&strokes, options, style, Some(home_x_m))?);
+        Ok(Self { strokes, track })
+    }
+}
+
+/// Which route a drone takes, and after how many steps.
+#[derive(Clone, Copy)]
+struct Start {
+    route: usize,
+    delay: usize,
+}
+
+impl Start {
+    /// Step at which the drone has landed, of its routes.
+    fn end(self, routes: &[Route]) -> usize {
+        self.delay + routes[self.route].track.places.len()
+    }
+}
+
+/// The routes and delays of all drones whose last one ends first, and the step at which it does; `None`
+/// where they cannot keep apart.
+fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
+    let mut order: Vec<usize> = (0..routes.len()).collect();
+    let mut best: Option<(usize, Vec<Start>)> = None;
+    let mut meetings = Meetings { routes, known: HashMap::new() };
+    for _ in 0..2 * routes.len() {
+        let dealt = dealt(routes, &order, &mut meetings);
+        let last = match dealt {
+            Ok(starts) => {
+                let ends = starts.iter().enumerate().map(|(at, start)| start.end(&routes[at]));
+                let (end, last) = ends.zip(0..).max().expect("one drone at least");
+                if best.as_ref().is_none_or(|(least, _)| end < *least) {
+                    best = Some((end, starts));
+                }
+                last
+            }
+            Err(stuck) => stuck,
+        };
+        let place = order.iter().position(|at| *at == last).expect("each drone has a turn");
+        if place == 0 {
+            break;
+        }
+        order[..=place].rotate_right(1);
+    }
+    best
+}
+
+/// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
+fn dealt(
+    routes: &[Vec<Route>],
+    order: &[usize],
+    meetings: &mut Meetings<'_>,
+) -> std::result::Result<Vec<Start>, usize> {
+    let mut found: Vec<(usize, Start)> = Vec::new();
+    for &at in order {
+        let ends = found.iter().map(|(other, start)| start.end(&routes[*other]));
+        let most = ends.max().unwrap_or(0);
+        let apart = |route: usize| {
+            let mut delays = (0..=most).map(|delay| Start { route, delay });
+            delays.find(|start| !found.iter().any(|other| meetings.are((at, *start), *other)))
+        };
+        let starts = (0..routes[at].len()).filter_map(apart);
+        let first = starts.min_by_key(|start| start.end(&routes[at]));
+        found.push((at, first.ok_or(at)?));
+    }
+    found.sort_by_key(|(at, _)| *at);
+    Ok(found.into_iter().map(|(_, start)| start).collect())
+}
+
+/// Whether two drones meet, each on one of its routes and by how many steps the first starts after the
+/// other one: looked up from order to order.
+struct Meetings<'a> {
+    routes: &'a [Vec<Route>],
+    /// By drones and routes, then by delay.
+    known: HashMap<[usize; 4], Vec<Option<bool>>>,
+}
+
+impl Meetings<'_> {
+    fn are(&mut self, (a, of_a): (usize, Start), (b, of_b): (usize, Start)) -> bool {
+        let [one, other] = [(a, of_a), (b, of_b)].map(|(at, of)| &self.routes[at][of.route].track);
+        let n = [one, other].map(|track| track.places.len());
+        // One that starts when the other has landed may as well start later.
+        let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
+        let known = self.known.entry([a, of_a.route, b, of_b.route]);
+        let known = known.or_insert_with(|| vec![None; n[0] + n[1] + 1]);
+        *known[later].get_or_insert_with(|| one.meets(of_a.delay, other, of_b.delay))
+    }
+}
+
+/// Where a plan is at every step, and whether it stands on the floor with its motors off.
+struct Track {
+    places: Vec<(Vector3<f64>, bool)>,
+    /// Longest horizontal way from one step to the next.
+    step_m: f64,
+}
+
+impl Track {
+    fn of(plan: &Plan) -> Self {
+        let place = |time_s: f64| {
+            (plan.design_m(time_s), plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor))
+        };
+        let end_s = plan.duration_s();
+        let times_s = (0..).map(|step| f64::from(step) * CHECK_STEP_S);
+        let times_s = times_s.take_while(|time_s| *time_s < end_s).chain([end_s]);
+        let places: Vec<_> = times_s.map(place).collect();
+        let steps_m = places.windows(2).map(|ends| (ends[1].0 - ends[0].0).xy().norm());
+        Self { step_m: steps_m.fold(0.0, f64::max), places }
+    }
+
+    /// The place at a step, if the plan starts after some: on the floor before it and behind its end.
+    fn at(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
+        self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
+    }
+
+    /// Horizontal distance and difference in height from another at a step, unless they are above each
+    /// other.
+    fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
+        let ((a, a_parked), (b, b_parked)) = (self.at(step, delay), other.at(step, later));
+        let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
+        let apart_m = a - b;
+        (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
+    }
+
+    fn meets(&self, delay: usize, other: &Self, later: usize) -> bool {
+        let end = (self.places.len() + delay).max(other.places.len() + later);
+        let mut step = 0;
+        while step < end {
+            let aside_m = (self.at(step, delay).0 - other.at(step, later).0).xy().norm();
+            let is_near = aside_m < MIN_HORIZONTAL_M - 1e-9;
+            if is_near && self.apart_m(delay, other, later, step).is_some() {
+                return true;
+            }
+            // No nearer than that while both fly straight at each other.
+            let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let n_safe = n_safe.max(0.0) as usize;
+            step = step.saturating_add(1).saturating_add(n_safe);
+        }
+        false
+    }
+}
+
+/// The strokes from left to right, in stretches of about equal length; of whole letters, if asked for.
+fn shares(
+    strokes: &Strokes,
+    whole_letters: bool,
+    options: &PlanOptions,
+    style: &EvenStyle,
+) -> Result<Vec<Vec<PenStroke>>> {
+    let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
+    if !is_kept(strokes, style) {
+        let sides = |stroke: &PenStroke| extent_x_m(std::slice::from_ref(stroke));
+        let middle = |stroke: &PenStroke| sides(stroke)[0] + sides(stroke)[1];
+        all.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+    }
+    let whole_m: f64 = all.iter().map(PenStroke::length_m).sum();
+    let each_m = whole_m / f64::from(options.drones);
+    let mut shares: Vec<Vec<PenStroke>> = vec![Vec::new()];
+    let mut drawn_m = 0.0;
+    for stroke in all {
+        let length_m = stroke.length_m();
+        let full_m = each_m * shares.len() as f64;
+        let last = shares.last().and_then(|share| share.last());
+        let may_end = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
+        if drawn_m + 0.5 * length_m > full_m && may_end {
+            shares.push(Vec::new());
+        }
+        drawn_m += length_m;
+        shares.last_mut().expect("one at least").push(stroke);
+    }
+    Ok(shares)
+}
+
+/// Ways to draw a share, whose strokes are given from left to right.
+fn ways(share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
+    let backward = |way: &[PenStroke]| way.iter().rev().map(|stroke| stroke.along(1)).collect();
+    let shortest = shortest(share, options.stroke_speed_m_s, style);
+    let to_the_right = |stroke: &PenStroke| {
+        let ends = [0, stroke.points_m.len() - 1].map(|at| stroke.points_m[at].x);
+        if ends[0] > ends[1] { stroke.along(1) } else { stroke.clone() }
+    };
+    let across: Vec<PenStroke> = share.iter().map(to_the_right).collect();
+    vec![backward(&shortest), shortest, backward(&across), across]
+}
+
+/// Where each drone starts and lands: below the middle of its share, clear of the others.
+fn homes_x_m(shares: &[Vec<PenStroke>]) -> Vec<f64> {
+    let middles: Vec<f64> =
+        shares.iter().map(|share| extent_x_m(share).iter().sum::<f64>() / 2.0).collect();
+    let mut homes = middles.clone();
+    for at in 1..homes.len() {
+        homes[at] = homes[at].max(homes[at - 1] + MIN_HORIZONTAL_M);
+    }
+    let n = homes.len() as f64;
+    let aside_m = (homes.iter().sum::<f64>() - middles.iter().sum::<f64>()) / n;
+    homes.iter().map(|home| home - aside_m).collect()
+}
+
+/// Least and greatest x of strokes.
+fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
+    let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
+    let [left, _, right, _] = bounds(points.map(|point| [point.x, point.y]));
+    [left, right]
+}
+
+/// The closest moment of two plans that are too close to each other, if they ever are: within
+/// [`MIN_HORIZONTAL_M`] horizontally, and not above each other ([`closest`]).
+#[must_use]
+pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
+    closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
+}
+
+/// The moment of least horizontal distance of two plans while they are not above each other: within
+/// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
+/// motors off. `None`: they are always above each other.
+#[must_use]
+pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
+    let (a, b) = (Track::of(a), Track::of(b));
+    let place = |step: usize| {
+        let [horizontal_m, vertical_m] = a.apart_m(0, &b, 0, step)?;
+        Some(Approach { time_s: step as f64 * CHECK_STEP_S, horizontal_m, vertical_m })
+    };
+    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
+    (0..a.places.len().max(b.places.len())).filter_map(place).min_by(nearest)
+}
+
+/// The moment of least difference in height of two plans while both fly, one within
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of the
+/// first plan is then `vertical_m` above the other one's, or below it where that is negative.
+#[must_use]
+pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
+    let (mut nearest, mut time_s): (Option<Approach>, f64) = (None, 0.0);
+    while time_s <= a.duration_s().min(b.duration_s()) {
+        let flies = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(|s| !s.on_floor());
+        let apart_m = a.design_m(time_s) - b.design_m(time_s);
+        let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z);
+        let nearer = nearest.is_none_or(|n| vertical_m.abs() < n.vertical_m.abs());
+        if horizontal_m < MIN_HORIZONTAL_M - 1e-9 && nearer && flies(a) && flies(b) {
+            nearest = Some(Approach { time_s, horizontal_m, vertical_m });
+        }
+        time_s += CHECK_STEP_S;
+    }
+    nearest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+
+    fn strokes(word: &str) -> Strokes {
+        write(word, &LetterOptions { font: "simplex".into(), ..LetterOptions::default() }).unwrap()
+    }
+
+    #[test]
+    fn more_drones_take_less_time_and_wait_for_each_other_briefly() {
+        for word in ["PEACE", "WELCOME"] {
+            let longest_s = |drones: u32| {
+                let options = PlanOptions { drones, ..PlanOptions::even() };
+                let plans = fleet(&strokes(word), &options).unwrap();
+                let pairs = (0..plans.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+                for (a, b) in pairs {
+                    assert_eq!(conflict(&plans[a], &plans[b]), None, "{word}");
+                }
+                plans.iter().map(Plan::duration_s).fold(0.0, f64::max)
+            };
+            let [one_s, two_s, four_s] = [1, 2, 4].map(longest_s);
+            assert!(two_s < 0.65 * one_s && four_s < two_s, "{word}: {one_s}, {two_s}, {four_s} s");
+        }
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        assert_eq!(
+            fleet(&strokes("HI"), &options).unwrap().len(),
+            2,
+            "letters less than 0.3 m apart"
+        );
+    }
+
+    #[test]
+    fn two_drones_write_the_whole_word_apart_and_in_less_time() {
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        let plans = fleet(&strokes("NOOR"), &options).unwrap();
+        assert_eq!(plans.len(), 2);
+        assert_eq!(conflict(&plans[0], &plans[1]), None);
+        let alone = super::super::plan(&strokes("NOOR"), &options).unwrap();
+        let together: f64 = plans.iter().map(Plan::full_light_s).sum();
+        assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
+        let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
+        assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
+    }
+
+    #[test]
+    fn a_drone_waits_until_its_way_is_clear() {
+        // Neighboring letters: the second drone may not begin beside the first one's end.
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        let plans = fleet(&strokes("OO"), &options).unwrap();
+        assert_eq!(conflict(&plans[0], &plans[1]), None);
+        assert!(conflict(&plans[0], &plans[0]).is_some(), "two drones in one place");
+    }
+
+    #[test]
+    fn steps_are_skipped_only_where_nobody_can_meet() {
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        let plans = fleet(&strokes("NOOR"), &options).unwrap();
+        let [a, b] = [0, 1].map(|at| Track::of(&plans[at]));
+        let mut found = [0, 0];
+        for delay in (0..a.places.len() + b.places.len()).step_by(3) {
+            let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
+            let meets = (0..delay + a.places.len() + b.places.len())
+                .any(|step| a.apart_m(delay, &b, 0, step).is_some_and(near));
+            assert_eq!(a.meets(delay, &b, 0), meets, "{delay} steps later");
+            found[usize::from(meets)] += 1;
+        }
+        assert!(found.iter().all(|n| *n > 10), "{found:?}");
+    }
+
+    #[test]
+    fn style_team_is_for_one_drone() {
+        let options = PlanOptions { drones: 2, ..PlanOptions::default() };
+        assert!(fleet(&strokes("NO"), &options).is_err());
+    }
+}

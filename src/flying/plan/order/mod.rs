@@ -1,0 +1,314 @@
+//! Order and direction of strokes with the least time in the dark.
+//!
+//! In a small word the duration of a transit is that of its plan; else it is estimated as the slower
+//! axis of a double integrator, from the velocity at one stroke's end to that at the next one's
+//! start, with take-off below the first stroke and landing below the last. The estimate is the same
+//! backward, so that a reversed run of strokes costs the same inside.
+//!
+//! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held, Karp 1962; Bellman
+//! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
+//! for that order.
+
+use nalgebra::Vector2;
+
+use super::motion::State;
+use super::pen::{PenStroke, Way, pen_strokes};
+use super::transit::Transit;
+use super::{EvenStyle, Order};
+use crate::crazyflie::RING_TICK_S;
+use crate::error::{Error, Result};
+use crate::flight::table::MAX_DURATION_S;
+use crate::strokes::{StrokeOrder, Strokes};
+
+mod search;
+
+/// Most strokes whose order is the optimum.
+const EXACT_STROKES: usize = 10;
+/// Most ways of all strokes together for which transits are planned to know their duration.
+const MEASURED_WAYS: usize = 24;
+/// Most strokes of a drawing: its order is sought among all pairs.
+const MAX_STROKES: usize = 10_000;
+
+/// A stroke and the way it is drawn.
+type Leg = (usize, usize);
+
+/// The strokes of a drawing in the order and direction in which they are flown; handwriting keeps
+/// the writer's.
+pub(super) fn in_order(
+    strokes: &Strokes,
+    speed_m_s: f64,
+    style: &EvenStyle,
+) -> Result<Vec<PenStroke>> {
+    let drawn = as_drawn(strokes, speed_m_s)?;
+    Ok(if is_kept(strokes, style) { drawn } else { shortest(&drawn, speed_m_s, style) })
+}
+
+/// Whether strokes keep their order and direction.
+pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
+    style.order == Order::Drawn || strokes.order == StrokeOrder::Kept
+}
+
+/// The strokes as they were drawn.
+pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStroke>> {
+    let drawn = pen_strokes(strokes);
+    if drawn.is_empty() {
+        let hint = "write letters that leave light";
+        return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
+    }
+    let lit_s = drawn.iter().map(|stroke| stroke.duration_s(speed_m_s)).sum::<f64>();
+    if lit_s > MAX_DURATION_S || drawn.len() > MAX_STROKES {
+        let n = drawn.len();
+        return Err(Error::Infeasible {
+            what: format!("{n} strokes of {lit_s:.0} s in all are too much for a flight"),
+            hint: "raise plan.stroke_speed_m_s, or draw less, or smaller".into(),
+        });
+    }
+    Ok(drawn)
+}
+
+/// Strokes in the order and direction with the least time in the dark.
+pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
+    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    let flown = shortest_legs(&ways, style).into_iter();
+    flown.map(|(stroke, way)| drawn[stroke].along(way)).collect()
+}
+
+fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle) -> Vec<Leg> {
+    if ways.len() <= EXACT_STROKES {
+        let measured = ways.iter().map(Vec::len).sum::<usize>() <= MEASURED_WAYS;
+        return Tour { ways, style, measured }.exact();
+    }
+    let tour = Tour { ways, style, measured: false };
+    let mut legs = tour.nearest();
+    tour.improve(&mut legs);
+    tour.best_ways(&legs)
+}
+
+/// Strokes, and the time in the dark between them.
+struct Tour<'a> {
+    ways: &'a [Vec<Way>],
+    style: &'a EvenStyle,
+    /// Whether transits are planned, not estimated.
+    measured: bool,
+}
+
+impl Tour<'_> {
+    fn way(&self, leg: Leg) -> &Way {
+        &self.ways[leg.0][leg.1]
+    }
+
+    /// Between two strokes; from or to the floor where there is none.
+    fn between_s(&self, from: Option<Leg>, to: Option<Leg>) -> f64 {
+        let still = Vector2::zeros();
+        match (from.map(|leg| self.way(leg)), to.map(|leg| self.way(leg))) {
+            (Some(a), Some(b)) => self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s),
+            (None, Some(b)) => self.transit_s(Vector2::new(0.0, b.start_m.y), still, b.start_m_s),
+            (Some(a), None) => self.transit_s(Vector2::new(0.0, -a.end_m.y), a.end_m_s, still),
+            (None, None) => 0.0,
+        }
+    }
+
+    fn transit_s(&self, way_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+        if self.measured {
+            let state = |position_m: Vector2<f64>, velocity_m_s: Vector2<f64>| State {
+                position_m,
+                velocity_m_s,
+                ..State::default()
+            };
+            let (from, to) = (state(Vector2::zeros(), from), state(way_m, to));
+            let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
+            return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
+        }
+        let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
+        let axis = |i: usize| axis_s(way_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
+        axis(0).max(axis(1))
+    }
+
+    fn total_s(&self, legs: &[Leg]) -> f64 {
+        let inner = legs.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
+        let inner_s: f64 = inner.sum();
+        inner_s
+            + self.between_s(None, legs.first().copied())
+            + self.between_s(legs.last().copied(), None)
+    }
+
+    /// Held–Karp: the best order of each set of strokes that ends with each way.
+    fn exact(&self) -> Vec<Leg> {
+        let legs: Vec<Leg> = (0..self.ways.len())
+            .flat_map(|stroke| (0..self.ways[stroke].len()).map(move |way| (stroke, way)))
+            .collect();
+        let (n, all) = (legs.len(), (1_usize << self.ways.len()) - 1);
+        let mut best = vec![(f64::INFINITY, usize::MAX); (all + 1) * n];
+        let between: Vec<f64> = legs
+            .iter()
+            .flat_map(|a| legs.iter().map(|b| self.between_s(Some(*a), Some(*b))))
+            .collect();
+        for (last, leg) in legs.iter().enumerate() {
+            best[(1 << leg.0) * n + last] = (self.between_s(None, Some(*leg)), usize::MAX);
+        }
+        for set in 1..=all {
+            for last in 0..n {
+                let (so_far_s, _) = best[set * n + last];
+                if so_far_s.is_infinite() {
+                    continue;
+                }
+                for (next, leg) in legs.iter().enumerate() {
+                    if set & (1 << leg.0) == 0 {
+                        let with = so_far_s + between[last * n + next];
+                        let entry = &mut best[(set | (1 << leg.0)) * n + next];
+                        if with < entry.0 {
+                            *entry = (with, last);
+                        }
+                    }
+                }
+            }
+        }
+        let whole = |last: usize| best[all * n + last].0 + self.between_s(Some(legs[last]), None);
+        let last = (0..n).min_by(|a, b| whole(*a).total_cmp(&whole(*b)));
+        let (mut set, mut at) = (all, last.unwrap_or(usize::MAX));
+        let mut order = Vec::new();
+        while at != usize::MAX {
+            order.push(legs[at]);
+            let before = best[set * n + at].1;
+            set &= !(1 << legs[at].0);
+            at = before;
+        }
+        order.reverse();
+        order
+    }
+
+    /// The best directions for an order: a shortest path through the ways.
+    fn best_ways(&self, legs: &[Leg]) -> Vec<Leg> {
+        let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(legs.len());
+        for (index, leg) in legs.iter().enumerate() {
+            let ways = 0..self.ways[leg.0].len();
+            let layer = ways.map(|way| {
+                let to = Some((leg.0, way));
+                let Some(from) = index.checked_sub(1).map(|k| legs[k].0) else {
+                    return (self.between_s(None, to), 0);
+                };
+                let through =
+                    layers[index - 1].iter().enumerate().map(|(before, (so_far_s, _))| {
+                        (so_far_s + self.between_s(Some((from, before)), to), before)
+                    });
+                through.min_by(|a, b| a.0.total_cmp(&b.0)).expect("every stroke has two ways")
+            });
+            layers.push(layer.collect());
+        }
+        let mut chosen = Vec::with_capacity(legs.len());
+        let mut next: Option<usize> = None;
+        for (index, leg) in legs.iter().enumerate().rev() {
+            let way = next.unwrap_or_else(|| {
+                let end =
+                    |way: &usize| layers[index][*way].0 + self.between_s(Some((leg.0, *way)), None);
+                let ways = 0..layers[index].len();
+                ways.min_by(|a, b| end(a).total_cmp(&end(b))).expect("every stroke has two ways")
+            });
+            chosen.push((leg.0, way));
+            next = Some(layers[index][way].1);
+        }
+        chosen.reverse();
+        chosen
+    }
+}
+
+/// Least time over a distance on one axis, from one speed to another, with bounded speed and
+/// acceleration.
+fn axis_s(way_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
+    let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
+    let sign = if way_m >= direct_m { 1.0 } else { -1.0 };
+    let (d, v, w) = (way_m * sign, from_m_s * sign, to_m_s * sign);
+    let squares = 0.5 * (v * v + w * w);
+    let peak = (limit_m_s2 * d + squares).max(0.0).sqrt();
+    if peak <= speed_m_s {
+        return ((2.0 * peak - v - w) / limit_m_s2).max(0.0);
+    }
+    let cruise_m = d - (speed_m_s * speed_m_s - squares) / limit_m_s2;
+    (2.0 * speed_m_s - v - w) / limit_m_s2 + cruise_m.max(0.0) / speed_m_s
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    fn drawing(n: usize, seed: u64) -> Vec<Vec<Way>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut point = || {
+            let x = rng.random_range(0.0..2.0);
+            Vector2::new(x, rng.random_range(0.5..1.5))
+        };
+        let strokes = (0..n).map(|letter| PenStroke::even(letter, vec![point(), point()]));
+        strokes.map(|stroke| stroke.ways(0.2)).collect()
+    }
+
+    /// The least time over all orders and ways, by trying each.
+    fn brute(tour: &Tour<'_>, done: &mut Vec<Leg>, best: &mut f64) {
+        if done.len() == tour.ways.len() {
+            *best = best.min(tour.total_s(done));
+            return;
+        }
+        for stroke in 0..tour.ways.len() {
+            if done.iter().all(|leg| leg.0 != stroke) {
+                for way in 0..tour.ways[stroke].len() {
+                    done.push((stroke, way));
+                    brute(tour, done, best);
+                    done.pop();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_order_of_a_small_word_is_the_optimum() {
+        let style = EvenStyle::default();
+        for seed in 0..5 {
+            let ways = drawing(5, seed);
+            let tour = Tour { ways: &ways, style: &style, measured: false };
+            let mut best = f64::INFINITY;
+            brute(&tour, &mut Vec::new(), &mut best);
+            let found = tour.total_s(&tour.exact());
+            assert!((found - best).abs() < 1e-9, "seed {seed}: {found} instead of {best}");
+        }
+    }
+
+    #[test]
+    fn the_heuristic_comes_near_the_optimum_and_draws_each_stroke_once() {
+        let style = EvenStyle::default();
+        for seed in 0..8 {
+            let ways = drawing(9, seed);
+            let tour = Tour { ways: &ways, style: &style, measured: false };
+            let best = tour.total_s(&tour.exact());
+            let mut legs = tour.nearest();
+            tour.improve(&mut legs);
+            let found = tour.total_s(&tour.best_ways(&legs));
+            assert!(found < 1.1 * best && found >= best - 1e-9, "{found} against {best}");
+            let mut seen: Vec<usize> = legs.iter().map(|leg| leg.0).collect();
+            seen.sort_unstable();
+            assert_eq!(seen, (0..9).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn two_thousand_strokes_take_less_than_half_the_time_of_their_drawn_order() {
+        let style = EvenStyle::default();
+        let ways = drawing(2000, 7);
+        let tour = Tour { ways: &ways, style: &style, measured: false };
+        let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
+        let found = shortest_legs(&ways, &style);
+        let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));
+        assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
+    }
+
+    #[test]
+    fn one_axis_takes_the_textbook_time() {
+        assert!((axis_s(1.0, 0.0, 0.0, 9.0, 4.0) - 1.0).abs() < 1e-12, "2 sqrt(d/a)");
+        assert!((axis_s(-1.0, 0.0, 0.0, 1.0, 4.0) - 1.25).abs() < 1e-12, "d/v + v/a");
+        assert!((axis_s(0.5, 1.0, 0.0, 9.0, 1.0) - 1.0).abs() < 1e-12, "braking alone");
+        assert!((axis_s(0.0, 1.0, -1.0, 9.0, 2.0) - 1.0).abs() < 1e-12, "turning back");
+        let (there, back) = (axis_s(0.3, 0.2, -0.1, 1.0, 2.0), axis_s(-0.3, 0.1, -0.2, 1.0, 2.0));
+        assert!((there - back).abs() < 1e-12, "the same backward: {there} {back}");
+    }
+}

@@ -1,0 +1,150 @@
+//! Style `team`: up, letter by letter at constant speed, down.
+//!
+//! Every leg sends a setpoint at its start and then at a fixed interval; positions advance evenly
+//! along the leg. Steps between letters are sent as one setpoint. Source: the flight script of the
+//! reference team, whose setpoints are in the log of their flight (2022; 0.2 m/s, 0.1 s, 2 s of
+//! waiting after a letter).
+
+use nalgebra::Vector3;
+
+use super::pen::{DOT_M, dot_s};
+use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
+use crate::error::{Error, Result};
+use crate::flight::table::MAX_DURATION_S;
+use crate::flight::table::on_grid;
+use crate::geometry::polyline_length_m;
+use crate::strokes::{Glyph, Strokes};
+
+/// Plans the flight that writes `strokes`.
+pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
+    let duration_s = longest_duration_s(strokes, options, style);
+    if duration_s > MAX_DURATION_S {
+        return Err(Error::Infeasible {
+            what: format!("the flight would take up to {duration_s:.0} s, more than an hour"),
+            hint: "raise plan.stroke_speed_m_s, or write a shorter or smaller word".into(),
+        });
+    }
+    let plan = Plan::with_channels(&options.lights);
+    let mut script = Script { options, style, plan, time_s: 0.0, letter: None };
+    let whole = options.extent == Extent::Whole;
+    if whole {
+        script.take_off(strokes);
+    }
+    for (index, glyph) in strokes.glyphs.iter().enumerate() {
+        script.letter = Some(index);
+        script.write(glyph);
+    }
+    script.letter = None;
+    if whole {
+        script.land();
+    } else {
+        script.send(script.position_m(), Vector3::zeros(), false);
+    }
+    Ok(script.plan)
+}
+
+/// Upper bound of the duration: all strokes, waits, and the ways to and from the word.
+fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
+    let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
+    let strokes_m: f64 = moves.map(|m| polyline_length_m(&[m.from_m, m.to_m])).sum();
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
+        + style.approach_height_m
+        + options.landing_height_m;
+    let waits_s: f64 = strokes.glyphs.iter().map(|_| style.letter_wait_s).sum();
+    (strokes_m + ways_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
+}
+
+/// A plan under construction.
+struct Script<'a> {
+    options: &'a PlanOptions,
+    style: &'a TeamStyle,
+    plan: Plan,
+    time_s: f64,
+    letter: Option<usize>,
+}
+
+impl Script<'_> {
+    /// From the floor below the middle of the word to below its first letter.
+    fn take_off(&mut self, strokes: &Strokes) {
+        let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
+        self.wait(Vector3::zeros(), self.options.floor_wait_s);
+        let lift_off = Vector3::new(0.0, 0.0, self.style.lift_off_height_m);
+        let approach = Vector3::new(x_start_m, 0.0, self.style.approach_height_m);
+        self.fly(lift_off, approach, false);
+    }
+
+    /// One letter, then a step to the right of its box and a wait there in the dark.
+    fn write(&mut self, glyph: &Glyph) {
+        let mut last = self.position_m();
+        for (index, leg) in glyph.moves.iter().enumerate() {
+            if index == 0 && !leg.lit && leg.from_m == leg.to_m {
+                self.fly(last, in_word_plane(leg.to_m), false);
+            }
+            last = in_word_plane(leg.to_m);
+            self.fly(in_word_plane(leg.from_m), last, leg.lit);
+        }
+        let cell = glyph.cell;
+        let beside_m = cell.left_m + cell.width_m + self.style.step_m;
+        let beside = Vector3::new(beside_m, 0.0, last.z.min(cell.baseline_m));
+        self.wait(beside, self.style.letter_wait_s);
+    }
+
+    /// Straight down, back to below the middle of the word, motors off.
+    fn land(&mut self) {
+        let above = self.position_m();
+        let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
+        self.fly(above, down, false);
+        self.fly(down, Vector3::new(0.0, 0.0, down.z), false);
+        self.wait(Vector3::zeros(), self.options.floor_wait_s);
+        self.send(Vector3::zeros(), Vector3::zeros(), false);
+    }
+
+    /// A straight leg at the stroke speed, a lit one for as long as a dot takes at least; a leg
+    /// without length takes no time.
+    fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
+        let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
+        if length_m > 0.0 {
+            let least_s = if lit && length_m < DOT_M { dot_s(speed_m_s) } else { 0.0 };
+            let lasts_s = (length_m / speed_m_s).max(least_s);
+            self.leg(from, (to - from) / lasts_s, lasts_s, lit);
+        }
+    }
+
+    fn wait(&mut self, at: Vector3<f64>, duration_s: f64) {
+        self.leg(at, Vector3::zeros(), duration_s, false);
+    }
+
+    /// Setpoints from now until `duration_s` is over.
+    fn leg(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
+        let (start_s, mut since_s) = (self.time_s, 0.0);
+        let mut n = 0.0;
+        // A setpoint just before the leg's end would only repeat the next leg's first.
+        while since_s < duration_s - 1e-6 {
+            self.time_s = start_s + since_s;
+            self.send(from + velocity * since_s, velocity, lit);
+            n += 1.0;
+            since_s = n * self.options.setpoint_interval_s;
+        }
+        self.time_s = start_s + duration_s;
+    }
+
+    fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
+        let setpoint = Setpoint {
+            time_s: on_grid(self.time_s),
+            position_m: position.map(on_grid),
+            velocity_m_s: velocity.map(on_grid),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: self.letter,
+        };
+        self.plan.push(setpoint, f64::from(lit));
+    }
+
+    fn position_m(&self) -> Vector3<f64> {
+        self.plan.setpoints.last().map_or_else(Vector3::zeros, |last| last.position_m)
+    }
+}
+
+fn in_word_plane([x, up]: [f64; 2]) -> Vector3<f64> {
+    Vector3::new(x, 0.0, up)
+}

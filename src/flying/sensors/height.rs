@@ -1,0 +1,235 @@
+//! Slow sensors: time of flight to the floor, air pressure, and satellites.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
+use crate::random::Noise;
+use crate::vehicle::FloorOptions;
+
+/// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
+const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
+
+/// What the noise of the ranger grows by at 2.5 m.
+const FAR_NOISE_M: f64 = 0.0025;
+
+/// Standard deviation of a ranger at a distance: `noise_m + 0.0025 exp(c (d − 2.5))` with
+/// `c = ln(80)/1.5`. With 2.5 mm of noise it is the firmware's (`zranger2.c`): 5 mm at 2.5 m, 0.2 m
+/// at 4 m.
+pub(crate) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
+    let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
+    FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
+}
+
+/// When a sensor of a steady rate is due.
+#[derive(Debug)]
+struct Clock {
+    rate_hz: f64,
+    measured: u32,
+}
+
+impl Clock {
+    fn new(rate_hz: f64) -> Self {
+        Self { rate_hz, measured: 0 }
+    }
+
+    fn due(&mut self, time_s: f64) -> bool {
+        let due = f64::from(self.measured) <= time_s * self.rate_hz;
+        self.measured += u32::from(due);
+        due
+    }
+}
+
+/// Infrared ranger that looks down along the body's z axis onto the floor.
+#[derive(Debug)]
+pub(super) struct TimeOfFlight {
+    clock: Clock,
+    noise: Noise,
+    noise_m: f64,
+    floor: FloorOptions,
+}
+
+impl TimeOfFlight {
+    pub(super) fn new(
+        options: &TimeOfFlightOptions,
+        floor: &FloorOptions,
+        noise: impl Fn(&str) -> Noise,
+    ) -> Self {
+        Self {
+            clock: Clock::new(options.rate_hz),
+            noise: noise("time of flight"),
+            noise_m: options.noise_m,
+            floor: floor.clone(),
+        }
+    }
+
+    /// Distance to the floor; none where it is too far.
+    pub(super) fn read(
+        &mut self,
+        position_m: &Vector3<f64>,
+        world_from_body: impl Fn() -> Matrix3<f64>,
+        time_s: f64,
+    ) -> Option<f64> {
+        if !self.clock.due(time_s) {
+            return None;
+        }
+        let (error, down) = (self.noise.normal(), -world_from_body().column(2));
+        if down.z >= 0.0 {
+            return None;
+        }
+        let distance_m = self.floor.distance_m(position_m, &down);
+        (distance_m <= TIME_OF_FLIGHT_RANGE_M).then(|| {
+            (distance_m + error * time_of_flight_sigma_m(self.noise_m, distance_m)).max(0.0)
+        })
+    }
+}
+
+/// Barometric height over the starting place: white noise, a slow random walk and a steady drift.
+#[derive(Debug)]
+pub(super) struct Barometer {
+    clock: Clock,
+    noise: Noise,
+    noise_m: f64,
+    walk: Noise,
+    step_m: f64,
+    walked_m: f64,
+    drift_m_s: f64,
+}
+
+impl Barometer {
+    pub(super) fn new(options: &BarometerOptions, noise: impl Fn(&str) -> Noise) -> Self {
+        Self {
+            clock: Clock::new(options.rate_hz),
+            noise: noise("barometer"),
+            noise_m: options.noise_m,
+            walk: noise("barometer drift"),
+            step_m: options.drift_m_sqrt_s / options.rate_hz.sqrt(),
+            walked_m: 0.0,
+            drift_m_s: options.drift_m_s,
+        }
+    }
+
+    /// Error of the height but for its white noise.
+    pub(super) fn bias_m(&self, time_s: f64) -> f64 {
+        self.walked_m + self.drift_m_s * time_s
+    }
+
+    pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
+        self.clock.due(time_s).then(|| {
+            self.walked_m += self.walk.normal() * self.step_m;
+            height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m
+        })
+    }
+}
+
+/// Satellite fixes with a base station: white noise on every axis, and times without a fix.
+#[derive(Debug)]
+pub(super) struct Gnss {
+    clock: Clock,
+    noise: Noise,
+    options: GnssOptions,
+}
+
+impl GnssOptions {
+    /// Whether there is no fix at a time.
+    pub fn is_silent(&self, time_s: f64) -> bool {
+        self.silent_s.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s))
+    }
+}
+
+impl Gnss {
+    pub(super) fn new(options: &GnssOptions, noise: impl Fn(&str) -> Noise) -> Self {
+        Self { clock: Clock::new(options.rate_hz), noise: noise("gnss"), options: options.clone() }
+    }
+
+    pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
+        if !self.clock.due(time_s) {
+            return None;
+        }
+        let fix_m = position_m + self.noise.normals() * self.options.noise_m;
+        (!self.options.is_silent(time_s)).then_some(fix_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Attitude;
+    use crate::sensors::density::{Series, random_walk_density, white_density};
+
+    const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
+
+    fn noise(sensor: &str) -> Noise {
+        Noise::new(9, 0, sensor)
+    }
+
+    /// Readings of a sensor in `n` ticks of 500 Hz.
+    fn series(rate_hz: f64, n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Series {
+        let mut series = Series::new(rate_hz);
+        for value in (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)) {
+            series.push(value);
+        }
+        series
+    }
+
+    #[test]
+    fn ranger_spreads_as_the_firmware_says() {
+        let sigma_m = |distance_m| time_of_flight_sigma_m(0.0025, distance_m);
+        assert!((sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
+        let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, noise);
+        for distance_m in [0.5, 2.5, 3.5] {
+            let (mut ranger, above_m) = (ranger(), Vector3::z() * distance_m);
+            let found = series(40.0, 1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
+            let want = sigma_m(distance_m) / f64::sqrt(20.0);
+            for (band, density) in white_density(&found).into_iter().enumerate() {
+                assert!((density / want - 1.0).abs() < 0.2, "{distance_m} m, band {band}");
+            }
+        }
+        let mut ranger = ranger();
+        let far_m = Vector3::z() * 5.1;
+        assert_eq!(ranger.read(&far_m, Matrix3::identity, 0.0), None, "no floor");
+        let tilt = Attitude { roll_rad: libm::acos(0.9), ..Attitude::default() };
+        let tilted = ranger.read(&Vector3::z(), || tilt.world_from_body(), 1.0).unwrap();
+        assert!((tilted - 1.0 / 0.9).abs() < 0.02, "along the body: {tilted}");
+    }
+
+    #[test]
+    fn barometer_is_white_and_drifts() {
+        let options = BarometerOptions { drift_m_sqrt_s: 0.0, ..Default::default() };
+        let mut barometer = Barometer::new(&options, noise);
+        for density in white_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
+            assert!((density / (0.09 / 5.0) - 1.0).abs() < 0.15, "σ 0.09 m at 50 Hz: {density}");
+        }
+        let options = BarometerOptions { noise_m: 0.0, ..Default::default() };
+        let mut barometer = Barometer::new(&options, noise);
+        for walk in random_walk_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
+            assert!((walk / f64::sqrt(2.0) / 0.012 - 1.0).abs() < 0.15, "after a second: {walk}");
+        }
+    }
+
+    #[test]
+    fn satellites_are_white_ten_times_a_second() {
+        let mut gnss = Gnss::new(&GnssOptions::default(), noise);
+        let found = series(10.0, 1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
+        for density in white_density(&found) {
+            assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");
+        }
+    }
+    #[test]
+    fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
+        let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };
+        let mut barometer = Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, noise);
+        assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
+
+        let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
+        let fixes = |options: &GnssOptions| {
+            let mut gnss = Gnss::new(options, noise);
+            (0..50).map(|k| gnss.read(Vector3::zeros(), f64::from(k) * 0.1)).collect::<Vec<_>>()
+        };
+        let (all, some) = (fixes(&GnssOptions::default()), fixes(&silent));
+        assert!(all.iter().all(Option::is_some));
+        for (k, (all, some)) in all.iter().zip(&some).enumerate() {
+            let heard = !(10..20).contains(&k) && !(30..35).contains(&k);
+            assert_eq!(*some, all.filter(|_| heard), "fix {k}: the others stay as they are");
+        }
+    }
+}

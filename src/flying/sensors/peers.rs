@@ -1,0 +1,216 @@
+//! Drones that fly together: who they are, and the messages between them.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{PeerOptions, Positioning, SensorOptions};
+use crate::crazyflie::GRAVITY_M_S2;
+use crate::random::Noise;
+
+/// The drones that fly together, in the order of their plans, as one of them knows them.
+#[derive(Clone, Debug)]
+pub(crate) struct Fleet {
+    pub members: Vec<Member>,
+    /// Which of them this is.
+    pub place: usize,
+}
+
+/// A drone of a fleet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Member {
+    /// Index of its noise and of its anchors.
+    pub index: u64,
+    /// Where it believes to start: the true place but for an error.
+    pub start_m: Vector3<f64>,
+}
+
+impl Fleet {
+    /// A drone alone, at the origin.
+    #[cfg(test)]
+    pub fn alone(index: u64) -> Self {
+        Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
+    }
+}
+
+impl Member {
+    /// A drone that truly starts at `start_m`.
+    pub fn new(
+        sensors: &SensorOptions,
+        seed: u64,
+        index: u64,
+        start_m: Vector3<f64>,
+    ) -> Self {
+        let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
+        let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
+        let start_m = match error_m > 0.0 {
+            true => start_m + Noise::new(seed, index, "start").normals() * error_m,
+            false => start_m,
+        };
+        Self { index, start_m }
+    }
+}
+
+/// What a distance was measured to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Target {
+    /// An anchor, by index.
+    Anchor(usize),
+    /// A drone, by its place in the fleet.
+    Drone(usize),
+    /// The floor, by time of flight.
+    Floor,
+    /// The floor, by air pressure.
+    Air,
+}
+
+/// A range in a message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SharedRange {
+    pub time_s: f64,
+    pub target: Target,
+    pub distance_m: f64,
+}
+
+/// A height over the floor in a message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SharedHeight {
+    pub time_s: f64,
+    /// [`Target::Floor`] or [`Target::Air`].
+    pub target: Target,
+    pub height_m: f64,
+    pub variance: f64,
+}
+
+/// The motion since the start by inertial sensors alone. A lost message costs no more than time:
+/// the next one holds the motion since the last that was heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Reckoning {
+    pub time_s: f64,
+    pub velocity_m_s: Vector3<f64>,
+    pub position_m: Vector3<f64>,
+}
+
+/// The motion between two moments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Leg {
+    pub span_s: f64,
+    pub(crate) gained_m_s: Vector3<f64>,
+    /// Beyond what the velocity at the beginning explains.
+    pub moved_m: Vector3<f64>,
+    /// Integral of the specific force, world frame.
+    pub(crate) force_m_s: Vector3<f64>,
+}
+
+impl Reckoning {
+    /// The motion since an earlier moment.
+    pub fn since(&self, then: &Self) -> Leg {
+        let span_s = self.time_s - then.time_s;
+        let gained_m_s = self.velocity_m_s - then.velocity_m_s;
+        Leg {
+            span_s,
+            gained_m_s,
+            moved_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
+            force_m_s: gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s),
+        }
+    }
+}
+
+/// What a drone tells the others.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Message {
+    /// Place of the sender in the fleet.
+    pub from: usize,
+    pub motion: Reckoning,
+    /// Since the last message.
+    pub ranges: Vec<SharedRange>,
+    pub heights: Vec<SharedHeight>,
+    /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
+    pub estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
+}
+
+/// The air between the drones.
+#[derive(Debug)]
+pub(crate) struct Air {
+    options: PeerOptions,
+    /// Of each pair of a sender and a receiver, by their places.
+    luck: Vec<Vec<Noise>>,
+    /// Messages on their way with the time of arrival and the receiver, in the order of sending.
+    under_way: VecDeque<(f64, usize, Message)>,
+    sent: u32,
+}
+
+impl Air {
+    /// The air between drones with these indices.
+    pub fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
+        let luck = |from: &u64| {
+            let to = |to: &u64| Noise::new(seed, *from, &format!("message loss to {to}"));
+            indices.iter().map(to).collect()
+        };
+        Self {
+            options: options.clone(),
+            luck: indices.iter().map(luck).collect(),
+            under_way: VecDeque::new(),
+            sent: 0,
+        }
+    }
+
+    /// Whether messages are due by `time_s`; they count as sent.
+    pub(crate) fn is_due(&mut self, time_s: f64) -> bool {
+        let due = f64::from(self.sent) <= time_s * self.options.rate_hz;
+        self.sent += u32::from(due);
+        due
+    }
+
+    /// Sends a message to all others; each hears it or not.
+    pub fn send(&mut self, message: &Message) {
+        let arrives_s = message.motion.time_s + self.options.delay_s;
+        for (to, luck) in self.luck[message.from].iter_mut().enumerate() {
+            if luck.uniform() >= self.options.loss_frac && to != message.from {
+                self.under_way.push_back((arrives_s, to, message.clone()));
+            }
+        }
+    }
+
+    /// The next message that has arrived by `time_s`, and its receiver.
+    pub fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
+        let (arrives_s, ..) = self.under_way.front()?;
+        (*arrives_s <= time_s).then(|| self.under_way.pop_front()).flatten().map(|m| (m.1, m.2))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(from: usize, time_s: f64) -> Message {
+        Message {
+            from,
+            motion: Reckoning { time_s, ..Reckoning::default() },
+            ranges: Vec::new(),
+            heights: Vec::new(),
+            estimate: (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros()),
+        }
+    }
+
+    #[test]
+    fn messages_arrive_late_and_as_often_as_stated() {
+        let options = PeerOptions { loss_frac: 0.3, delay_s: 0.05, ..PeerOptions::default() };
+        let mut air = Air::new(&options, 1, &[0, 1, 2]);
+        let mut heard = [0; 3];
+        for k in 0..4000_u32 {
+            let time_s = f64::from(k) * 0.05;
+            assert!(air.is_due(time_s), "twenty a second");
+            assert!(!air.is_due(time_s), "and no more");
+            air.send(&message(0, time_s));
+            assert_eq!(air.arrived(time_s + 0.049), None, "not yet");
+            while let Some((to, message)) = air.arrived(time_s + 0.0501) {
+                assert_eq!((message.from, message.motion.time_s), (0, time_s));
+                heard[to] += 1;
+            }
+        }
+        assert_eq!(heard[0], 0, "not to itself");
+        assert!(heard[1..].iter().all(|n| (2700..2900).contains(n)), "{heard:?} of 4000");
+        assert_ne!(heard[1], heard[2], "each has its own luck");
+    }
+}

@@ -1,0 +1,72 @@
+//! Controllers: an estimate and a setpoint become motor commands.
+//!
+//! One trait with four implementations, chosen by [`ControllerKind`]. A controller runs
+//! `rates.attitude_hz` times a second, and its command is held in between as in the firmware.
+
+mod altitude;
+mod gain;
+mod geometric;
+mod linear;
+mod lqr;
+mod pid;
+mod reference;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::Vector4;
+
+use self::altitude::AltitudeHold;
+pub(super) use self::altitude::ThrustMap;
+pub use self::altitude::altitude_gains;
+pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
+use self::geometric::Geometric;
+pub(super) use self::linear::LinearController;
+use self::lqr::Lqr;
+use self::pid::PidCascade;
+pub(super) use self::reference::Reference;
+use super::options::{ControllerKind, SimOptions};
+use crate::error::Result;
+use crate::vehicle::State;
+
+/// A controller.
+pub(super) trait Controller: std::fmt::Debug + Send {
+    /// Motor commands for the estimated state and the reference.
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command;
+
+    /// Resets the integrals while the motors are off.
+    fn rest(&mut self, estimate: &State);
+
+    /// What the controller remembers from one command to the next and acts on, as values that may be
+    /// set; nothing for the regulators, whose gains are known.
+    fn memory(&mut self) -> Vec<&mut f64> {
+        Vec::new()
+    }
+
+    /// Replaces the vehicle's thrust map by an estimated one; most controllers keep the vehicle's.
+    fn set_thrust_map(&mut self, _: ThrustMap) {}
+}
+
+/// Command to the motors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Command {
+    /// m1…m4, from 0 to `vehicle.motor_max`.
+    pub(super) motors: Vector4<f64>,
+    /// Whether a motor was at its limit.
+    pub(super) saturated: bool,
+}
+
+/// The controller that the options name.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Infeasible`] where a regulator's weights have no gain.
+pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
+    Ok(match options.controller.kind {
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+            Box::new(Lqr::new(options)?)
+        }
+        ControllerKind::Pid => Box::new(PidCascade::new(options)),
+        ControllerKind::Geometric => Box::new(Geometric::new(options)),
+        ControllerKind::Altitude => Box::new(AltitudeHold::new(options)?),
+    })
+}

@@ -1,0 +1,48 @@
+//! Simulation of a flight.
+//!
+//! Product in: [`Plan`](crate::plan::Plan). Product out: [`Flight`](crate::flight::Flight), which
+//! the log of a real flight gives as well.
+//!
+//! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
+//! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
+//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone starts at rest at the
+//! first setpoint, and a setpoint at or below the floor switches the motors off. The reference
+//! team's controller, the default of [`SimOptions`] (a scene's is the firmware's PID), holds each
+//! setpoint as it was sent: a position with no velocity, which the drone trails by about half a
+//! second; [`ControllerKind`] lists the others.
+//! [`design`] computes the gains without a flight.
+//!
+//! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
+//! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
+//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
+//! sensors and the Kalman filter follow the Crazyflie's firmware.
+//!
+//! Not modeled: whole-number motor commands; filters of the inertial sensors; sliding, bouncing and
+//! tipping on the floor.
+
+mod avionics;
+mod controller;
+pub mod design;
+mod drone;
+mod estimator;
+mod fly;
+mod options;
+mod radio;
+mod recorder;
+mod session;
+
+pub use avionics::Avionics;
+pub use controller::altitude_gains;
+pub use drone::Drone;
+pub use estimator::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,
+    writing_sigma_m,
+};
+pub use fly::fly_watched;
+pub use fly::{fly, fly_fleet};
+pub use options::{
+    AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
+    EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
+    ObserverOptions, PidOptions, RadioOptions, RateOptions, Setpoints, Share, SimOptions,
+};
+pub use session::Session;

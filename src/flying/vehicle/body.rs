@@ -1,0 +1,410 @@
+//! The rigid body: where it is, and one step of its motion.
+
+#[cfg(test)]
+use nalgebra::Rotation3;
+use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
+
+use super::VehicleOptions;
+use super::model::State;
+#[cfg(test)]
+use super::model::{attitude, rate, velocity};
+use super::rotors::Load;
+use crate::crazyflie::GRAVITY_M_S2;
+
+/// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
+pub(super) type Row = SVector<f64, 13>;
+
+/// Where a rigid body is and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidBody {
+    /// Body origin, world frame.
+    pub position_m: Vector3<f64>,
+    /// World frame.
+    pub velocity_m_s: Vector3<f64>,
+    /// Attitude: turns body vectors into world vectors.
+    pub world_from_body: UnitQuaternion<f64>,
+    /// Angular velocity, body frame.
+    pub rate_rad_s: Vector3<f64>,
+}
+
+impl RigidBody {
+    /// A level body at rest that looks along world x.
+    #[must_use]
+    pub fn at(position_m: Vector3<f64>) -> Self {
+        Self {
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            world_from_body: UnitQuaternion::identity(),
+            rate_rad_s: Vector3::zeros(),
+        }
+    }
+
+    /// The same place, level and at rest, with the nose turned from world x toward y.
+    #[must_use]
+    pub fn facing(&self, yaw_rad: f64) -> Self {
+        let half_yaw = 0.5 * yaw_rad;
+        let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
+        let world_from_body = UnitQuaternion::new_unchecked(level);
+        Self { world_from_body, ..Self::at(self.position_m) }
+    }
+
+    /// The body in a state of the design model.
+    #[cfg(test)]
+    pub(crate) fn from_state(state: &State) -> Self {
+        let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
+        let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
+        Self {
+            position_m: state.fixed_rows::<3>(0).into(),
+            velocity_m_s: world_from_body * velocity(state),
+            world_from_body,
+            rate_rad_s: rate(state),
+        }
+    }
+
+    /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
+    pub(crate) fn is_on_its_back(&self) -> bool {
+        let q = &self.world_from_body;
+        let (cos_of_roll, sin_pitch) =
+            (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
+        cos_of_roll <= 0.0 || sin_pitch.abs() >= 1.0
+    }
+
+    /// The same place and yaw on a floor of a height, level and at rest.
+    pub(super) fn on_floor(&self, floor_m: f64) -> Self {
+        let [y, x] = self.yaw();
+        Self::at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
+            .facing(libm::atan2(y, x))
+    }
+
+    /// Attitude as a matrix.
+    #[inline]
+    pub fn matrix(&self) -> Matrix3<f64> {
+        self.world_from_body.to_rotation_matrix().into_inner()
+    }
+
+    /// A point `(y, x)` in the direction of the yaw.
+    fn yaw(&self) -> [f64; 2] {
+        let q = &self.world_from_body;
+        [2.0 * (q.w * q.k + q.i * q.j), 1.0 - 2.0 * (q.j * q.j + q.k * q.k)]
+    }
+
+    /// The twelve states of the design model: yaw and roll within ±π, pitch within ±π/2.
+    pub fn state(&self) -> State {
+        let q = &self.world_from_body;
+        let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
+        let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
+        let (p, v, w) = (&self.position_m, self.velocity_body_m_s(), &self.rate_rad_s);
+        let yaw_rad = libm::atan2(self.yaw()[0], self.yaw()[1]);
+        let (pitch_rad, roll_rad) = (libm::asin(sin_pitch), libm::atan2(roll[0], roll[1]));
+        let angles = [yaw_rad, pitch_rad, roll_rad];
+        State::from([p.x, p.y, p.z, angles[0], angles[1], angles[2], v.x, v.y, v.z, w.x, w.y, w.z])
+    }
+
+    /// Velocity in the body frame.
+    #[must_use]
+    pub fn velocity_body_m_s(&self) -> Vector3<f64> {
+        self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
+    }
+
+    #[inline(always)]
+    pub(super) fn row(&self) -> Row {
+        let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
+        let q = &self.world_from_body;
+        Row::from([p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z])
+    }
+
+    /// The body of a row, whose quaternion is a unit one.
+    #[inline(always)]
+    pub(super) fn from_row(s: &Row) -> Self {
+        Self {
+            position_m: Vector3::new(s[0], s[1], s[2]),
+            velocity_m_s: Vector3::new(s[3], s[4], s[5]),
+            world_from_body: UnitQuaternion::new_unchecked(Quaternion::new(s[6], s[7], s[8], s[9])),
+            rate_rad_s: Vector3::new(s[10], s[11], s[12]),
+        }
+    }
+}
+
+/// Mass, inertia and drag of the rigid body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Inertia {
+    weight_n: f64,
+    /// Force per speed through the air along body x, y, z.
+    drag_n_s_m: [f64; 3],
+    /// Moment per speed through the air, against the motion.
+    airspeed_moment_n_s: f64,
+    /// Inverses, because a division costs as much as ten products.
+    per_mass: f64,
+    per_moment: [f64; 3],
+    /// `(J_y − J_z) / J_x` and its cyclic permutations.
+    coupling: [f64; 3],
+}
+
+impl Inertia {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        let [x, y, z] = options.inertia_kg_m2;
+        Self {
+            weight_n: options.mass_kg * GRAVITY_M_S2,
+            drag_n_s_m: options.body_drag_n_s_m,
+            airspeed_moment_n_s: options.airspeed_moment_n_s,
+            per_mass: 1.0 / options.mass_kg,
+            per_moment: options.inertia_kg_m2.map(|j| 1.0 / j),
+            coupling: [(y - z) / x, (z - x) / y, (x - y) / z],
+        }
+    }
+
+    pub(super) fn weight_n(&self) -> f64 {
+        self.weight_n
+    }
+
+    /// Reading of an accelerometer in the air, body frame: thrust and drag per mass.
+    #[inline(always)]
+    pub(super) fn specific_force_m_s2(
+        &self,
+        body: &RigidBody,
+        load: &Load,
+        wind_m_s: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let airspeed_m_s = body.velocity_m_s - wind_m_s;
+        let mut force_n =
+            self.drag_n(&body.world_from_body.inverse_transform_vector(&airspeed_m_s), load);
+        force_n.z += load.thrust_n;
+        force_n * self.per_mass
+    }
+
+    /// Drag along the body axes at an airspeed in the body frame.
+    #[inline(always)]
+    fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
+        let [x, y, z] = self.drag_n_s_m;
+        let across = load.drag_n_s_m;
+        -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
+    }
+
+    /// One step of the classical Runge–Kutta method; `loads` at its start, middle and end.
+    #[inline(always)]
+    pub(super) fn step(
+        &self,
+        s: &Row,
+        loads: &[Load; 3],
+        wind_m_s: &Vector3<f64>,
+        dt_s: f64,
+    ) -> Row {
+        let k1 = self.slope(s, &loads[0], wind_m_s);
+        let k2 = self.slope(&(s + k1 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k3 = self.slope(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k4 = self.slope(&(s + k3 * dt_s), &loads[2], wind_m_s);
+        let mut end = s + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
+        let [w, x, y, z] = [end[6], end[7], end[8], end[9]];
+        let size = ((x * x + z * z) + (y * y + w * w)).sqrt();
+        (6..10).for_each(|i| end[i] /= size);
+        end
+    }
+
+    #[inline(always)]
+    fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
+        let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
+        let world_from_body = Matrix3::new(
+            (y * y + z * z) * -2.0 + 1.0,
+            (x * y - w * z) * 2.0,
+            (x * z + w * y) * 2.0,
+            (x * y + w * z) * 2.0,
+            (x * x + z * z) * -2.0 + 1.0,
+            (y * z - w * x) * 2.0,
+            (x * z - w * y) * 2.0,
+            (y * z + w * x) * 2.0,
+            (x * x + y * y) * -2.0 + 1.0,
+        );
+        let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
+        let mut force = self.drag_n(&air, load);
+        force.z += load.thrust_n;
+        let acceleration = world_from_body * force * self.per_mass;
+        let (p, q, o) = (s[10], s[11], s[12]);
+        let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
+        let m_u = self.airspeed_moment_n_s;
+        let (roll, pitch) = (torque.x + m_u * air.y, torque.y - m_u * air.x);
+        Row::from([
+            s[3],
+            s[4],
+            s[5],
+            acceleration.x,
+            acceleration.y,
+            acceleration.z - GRAVITY_M_S2,
+            (x * p + y * q + z * o) * -0.5,
+            (w * p + y * o - z * q) * 0.5,
+            (w * q + z * p - x * o) * 0.5,
+            (w * o + x * q - y * p) * 0.5,
+            // The rotors' own spin turns with the body: the gyroscopic torque.
+            c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
+            c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
+            c[2] * p * q + torque.z * per_j[2],
+        ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::model::{Vehicle, Wrench};
+    use crate::vehicle::{attitude, rate};
+
+    /// The reference team's drone, which has no drag.
+    fn plain() -> VehicleOptions {
+        VehicleOptions::default()
+    }
+
+    fn inertia(options: &VehicleOptions) -> Inertia {
+        Inertia::new(options)
+    }
+
+    fn fly(
+        options: &VehicleOptions,
+        body: RigidBody,
+        load: Load,
+        dt_s: f64,
+        n: usize,
+    ) -> RigidBody {
+        let (inertia, mut row) = (inertia(options), body.row());
+        for _ in 0..n {
+            row = inertia.step(&row, &[load; 3], &Vector3::zeros(), dt_s);
+        }
+        RigidBody::from_row(&row)
+    }
+
+    fn tumbling() -> RigidBody {
+        RigidBody {
+            velocity_m_s: Vector3::new(1.0, -2.0, 0.5),
+            world_from_body: UnitQuaternion::new(Vector3::new(0.2, -0.3, 0.4)),
+            rate_rad_s: Vector3::new(1.5, -1.0, 2.0),
+            ..RigidBody::at(Vector3::new(0.1, -0.2, 50.0))
+        }
+    }
+
+    #[test]
+    fn free_fall_is_exact() {
+        let end = fly(&plain(), tumbling(), Load::default(), 0.002, 500);
+        let start = tumbling();
+        let want = start.position_m + start.velocity_m_s - Vector3::z() * (0.5 * 9.81);
+        assert!((end.position_m - want).norm() < 1e-9, "falls by g t²/2");
+        let want = start.velocity_m_s - Vector3::z() * 9.81;
+        assert!((end.velocity_m_s - want).norm() < 1e-9, "gains g t");
+    }
+
+    #[test]
+    fn torque_free_rotation_keeps_energy_and_momentum() {
+        let options = plain();
+        let j = Vector3::from(options.inertia_kg_m2);
+        let energy = |b: &RigidBody| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
+        let momentum = |b: &RigidBody| b.world_from_body * j.component_mul(&b.rate_rad_s);
+        let start = tumbling();
+        let end = fly(&options, start, Load::default(), 0.001, 1000);
+        assert!((end.rate_rad_s - start.rate_rad_s).norm() > 0.1, "it does tumble");
+        assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-9, "energy");
+        let drift = (momentum(&end) - momentum(&start)).norm() / momentum(&start).norm();
+        assert!(drift < 1e-9, "momentum drifts by {drift:e}");
+    }
+
+    #[test]
+    fn a_free_spinning_top_precesses_as_the_closed_form_says() {
+        // Two equal moments: w_z stays, (w_x, w_y) turn by (J_z − J_x) w_z / J_x.
+        let options =
+            VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
+        let end = fly(&options, tumbling(), Load::default(), 0.001, 1000);
+        let angle = (3.3 - 1.2) / 1.2 * 2.0;
+        let (sin, cos) = libm::sincos(angle);
+        let (x, y) = (1.5, -1.0);
+        let want = Vector3::new(cos * x - sin * y, sin * x + cos * y, 2.0);
+        assert!((end.rate_rad_s - want).norm() < 1e-9, "{} against {want}", end.rate_rad_s);
+    }
+
+    #[test]
+    fn quaternions_and_the_teams_euler_angles_agree() {
+        let load =
+            Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
+        let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
+        let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
+        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let mut state = body.state();
+        for _ in 0..n {
+            state = vehicle.step(&state, &wrench, dt_s);
+        }
+        let end = fly(&plain(), body, load, dt_s, n);
+        let found = end.state();
+        assert!((rate(&found) - rate(&body.state())).norm() > 0.1, "a second with turns");
+        let apart = attitude(&found).world_from_body() - attitude(&state).world_from_body();
+        assert!(apart.norm() < 1e-9, "attitudes {:e} apart", apart.norm());
+        for row in (0..3).chain(6..12) {
+            let apart = found[row] - state[row];
+            assert!(apart.abs() < 1e-9, "row {row}: {apart:e} apart");
+        }
+    }
+
+    #[test]
+    fn the_integrator_is_of_order_four() {
+        let options =
+            VehicleOptions { body_drag_n_s_m: [0.015, 0.015, 0.013], ..Default::default() };
+        let load = Load {
+            thrust_n: 0.4,
+            torque_n_m: Vector3::new(1e-5, -2e-5, 1e-5),
+            drag_n_s_m: 0.002,
+            spin_n_m_s: 1e-5,
+        };
+        let end = |n: usize| fly(&options, tumbling(), load, 0.4 / n as f64, n);
+        let exact = end(12_800);
+        let error = |n: usize| (end(n).row() - exact.row()).norm();
+        let order = libm::log2(error(100) / error(200));
+        assert!((order - 4.0).abs() < 0.1, "order {order}");
+    }
+
+    #[test]
+    fn a_falling_body_reaches_its_terminal_velocity() {
+        let options = VehicleOptions { body_drag_n_s_m: [0.0, 0.0, 0.1], ..Default::default() };
+        let end = fly(&options, RigidBody::at(Vector3::zeros()), Load::default(), 0.01, 2000);
+        let want = -options.mass_kg * 9.81 / 0.1;
+        assert!((end.velocity_m_s.z / want - 1.0).abs() < 1e-9, "{}", end.velocity_m_s.z);
+    }
+
+    #[test]
+    fn wind_carries_a_weightless_body_with_it() {
+        let options = VehicleOptions { body_drag_n_s_m: [0.05; 3], ..Default::default() };
+        let inertia = inertia(&options);
+        let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
+        let wind = Vector3::new(0.3, -0.2, 0.0);
+        let mut row = RigidBody::at(Vector3::zeros()).row();
+        for _ in 0..20_000 {
+            row = inertia.step(&row, &[hover; 3], &wind, 0.002);
+        }
+        let velocity_m_s = RigidBody::from_row(&row).velocity_m_s;
+        assert!((velocity_m_s - wind).norm() < 1e-9, "{velocity_m_s}");
+    }
+
+    #[test]
+    fn a_moving_drone_rears_up_against_its_motion() {
+        let options = VehicleOptions { airspeed_moment_n_s: 4.7e-4, ..Default::default() };
+        let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
+        let body = RigidBody { velocity_m_s, ..RigidBody::at(Vector3::zeros()) };
+        let wind_m_s = velocity_m_s * 0.5;
+        let slope = inertia(&options).slope(&body.row(), &Load::default(), &wind_m_s);
+        // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
+        let torque = Vector3::from_fn(|i, _| slope[10 + i] * options.inertia_kg_m2[i]);
+        let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
+        assert!((torque - want).norm() < 1e-18, "{torque}");
+    }
+
+    #[test]
+    fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
+        let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
+        let body = RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::at(Vector3::zeros()) };
+        let slope = inertia(&plain()).slope(&body.row(), &load, &Vector3::zeros());
+        assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
+    }
+
+    #[test]
+    fn on_the_floor_it_keeps_its_place_and_yaw() {
+        let mut body = tumbling();
+        body.world_from_body = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.7);
+        let rest = body.on_floor(0.0).state();
+        assert!((rest[3] - 0.7).abs() < 1e-12, "yaw {}", rest[3]);
+        assert_eq!((rest[0], rest[1], rest[2]), (0.1, -0.2, 0.0));
+        assert!(rest.fixed_rows::<8>(4).norm() < 1e-15, "level and at rest");
+    }
+}

@@ -1,0 +1,136 @@
+//! Settings of the floor below the flight: the section `floor` of a scene.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::settings::{Described, Shape, settings};
+
+settings! {
+    /// The floor: level at z = 0, but for steps. The ranger sees them, and the drone can stand on
+    /// them. Their sides stop nothing, and no light falls on them.
+    pub struct FloorOptions {
+        /// Steps, such as tables: `[{ x_m = [1, 2], y_m = [-1, 1], height_m = 0.5 }]`.
+        steps: Vec<FloorStep> = Vec::new();
+    }
+}
+
+/// A step of the floor: a box that stands on it, such as a table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FloorStep {
+    /// Extent along world x, least and most.
+    pub x_m: [f64; 2],
+    /// Extent along world y, least and most.
+    pub y_m: [f64; 2],
+    /// Height of its top above the floor.
+    pub height_m: f64,
+}
+
+impl FloorStep {
+    fn is_below(&self, x_m: f64, y_m: f64) -> bool {
+        let within = |[least, most]: [f64; 2], value: f64| (least..=most).contains(&value);
+        within(self.x_m, x_m) && within(self.y_m, y_m)
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        let meet = |a: [f64; 2], b: [f64; 2]| a[0] < b[1] && b[0] < a[1];
+        meet(self.x_m, other.x_m) && meet(self.y_m, other.y_m)
+    }
+}
+
+impl Described for FloorStep {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
+        self.height_m.check(&format!("{place}.height_m"), Some([0.001, 100.0]))?;
+        for (key, extent_m) in [("x_m", self.x_m), ("y_m", self.y_m)] {
+            let place = format!("{place}.{key}");
+            extent_m.check(&place, Some([-1e4, 1e4]))?;
+            let [least, most] = extent_m;
+            if least >= most {
+                let found = format!("{least} to {most} m");
+                let hint = "write the smaller end first";
+                return Err(Error::input(place, found, "an end beyond its beginning", hint));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FloorOptions {
+    /// Height of the floor at a place.
+    #[inline(always)]
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        let below = self.steps.iter().filter(|step| step.is_below(x_m, y_m));
+        below.fold(0.0, |highest, step| step.height_m.max(highest))
+    }
+
+    /// Distance from a place to the floor along a direction that looks down, a unit vector.
+    pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
+        let to_height = |height_m: f64| (from_m.z - height_m) / -down.z;
+        let onto_step = |step: &FloorStep| {
+            let distance_m = to_height(step.height_m);
+            let foot_m = from_m + down * distance_m;
+            (distance_m >= 0.0 && step.is_below(foot_m.x, foot_m.y)).then_some(distance_m)
+        };
+        self.steps.iter().filter_map(onto_step).fold(to_height(0.0), f64::min)
+    }
+
+    /// Checks that no two steps are in one place.
+    pub(crate) fn check_steps(&self) -> Result<()> {
+        for (i, step) in self.steps.iter().enumerate() {
+            if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {
+                let FloorStep { x_m: [left, right], y_m: [near, far], .. } = step;
+                let found = format!("x {left} to {right} m, y {near} to {far} m");
+                let wanted = format!("a place that floor.steps[{j}] leaves free");
+                let hint = "divide the steps so that each place has one height";
+                return Err(Error::input(format!("floor.steps[{i}]"), found, wanted, hint));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> FloorOptions {
+        let step = FloorStep { x_m: [1.0, 2.0], y_m: [-1.0, 1.0], height_m: 0.5 };
+        FloorOptions { steps: vec![step] }
+    }
+
+    #[test]
+    fn a_ranger_sees_the_table_where_its_beam_falls() {
+        let straight = -Vector3::z();
+        let seen =
+            |x_m: f64, down: &Vector3<f64>| table().distance_m(&Vector3::new(x_m, 0.0, 1.5), down);
+        assert_eq!((seen(0.9, &straight), seen(1.5, &straight)), (1.5, 1.0));
+        // Leaning forward, the beam falls onto the table before the drone is above it.
+        let forward = Vector3::new(0.6, 0.0, -0.8);
+        assert_eq!(seen(0.5, &forward), 1.0 / 0.8);
+        assert_eq!(seen(0.0, &forward), 1.5 / 0.8);
+        assert_eq!([0.9, 1.5].map(|x| table().height_m(x, 0.0)), [0.0, 0.5]);
+    }
+
+    #[test]
+    fn steps_in_one_place_or_inside_out_are_refused() {
+        let refused = |change: fn(&mut FloorStep)| {
+            let mut floor = table();
+            let mut second = floor.steps[0].clone();
+            change(&mut second);
+            floor.steps.push(second);
+            let checked =
+                Described::check(&floor, "floor", None).and_then(|()| floor.check_steps());
+            checked.err().map(|error| error.to_string())
+        };
+        let overlapping = refused(|step| step.x_m = [1.9, 3.0]).unwrap();
+        assert!(overlapping.starts_with("floor.steps[1]: found x 1.9 to 3 m"), "{overlapping}");
+        assert_eq!(refused(|step| step.x_m = [2.0, 3.0]), None, "side by side");
+        let inverted = refused(|step| step.y_m = [1.0, -1.0]).unwrap();
+        assert!(inverted.starts_with("floor.steps[1].y_m: found 1 to -1 m"), "{inverted}");
+        let low = refused(|step| step.height_m = -0.5).unwrap();
+        assert!(low.starts_with("floor.steps[1].height_m: found -0.5"), "{low}");
+    }
+}

@@ -1,0 +1,114 @@
+//! Motor mixing: from a wrench to four commands and back.
+
+use nalgebra::{Matrix4, Vector4};
+
+use super::VehicleOptions;
+use super::model::Wrench;
+use crate::crazyflie::MOTOR_SIGNS;
+
+/// Linear motors between 0 and a largest command.
+#[derive(Clone, Debug)]
+pub struct Mixer {
+    wrench_from_motors: Matrix4<f64>,
+    motors_from_wrench: Matrix4<f64>,
+    motor_max: f64,
+}
+
+impl Mixer {
+    pub fn new(options: &VehicleOptions) -> Self {
+        let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
+        let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
+        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
+        Self {
+            wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
+            motors_from_wrench: MOTOR_SIGNS.transpose()
+                * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
+            motor_max: options.motor_max,
+        }
+    }
+
+    /// Commands m1…m4 for a wrench, as a matrix.
+    pub fn motors_from_wrench(&self) -> Matrix4<f64> {
+        self.motors_from_wrench
+    }
+
+    /// Commands m1…m4 for a wrench, each clamped to the motors' range, and whether any was clamped.
+    pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
+        let wanted = self.unbounded_motors(wrench);
+        let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
+        (motors, motors != wanted)
+    }
+
+    /// Commands m1…m4 for a wrench as if motors had no limits.
+    pub(crate) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
+        self.motors_from_wrench * wrench
+    }
+
+    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each clamped
+    /// to the motors' range, and whether any was clamped.
+    ///
+    /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust
+    /// gives way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy`
+    /// and `powerDistributionCap`).
+    pub(crate) fn motors_from_commands(&self, commands: &Vector4<f64>) -> (Vector4<f64>, bool) {
+        let wanted = MOTOR_SIGNS.transpose() * commands;
+        let excess = (wanted.max() - self.motor_max).max(0.0);
+        let motors = wanted.map(|m| (m - excess).max(0.0));
+        (motors, motors != wanted)
+    }
+
+    /// Wrench of four commands, with immediate motors and the center of mass in the middle.
+    pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
+        self.wrench_from_motors * motors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mixing_there_and_back_changes_nothing() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let wrench = Wrench::new(1e-4, -2e-4, 3e-5, 0.34);
+        let (motors, cut) = mixer.motors(&wrench);
+        assert!(!cut, "within range");
+        let error = (mixer.wrench(&motors) - wrench).component_div(&wrench);
+        assert!(error.norm() < 1e-12, "relative error {error}");
+    }
+
+    #[test]
+    fn mean_commands_of_the_real_flight_pay_for_its_disturbance() {
+        let mean = Vector4::new(43490.0, 42753.0, 46860.0, 41332.0);
+        let wrench = Mixer::new(&VehicleOptions::default()).wrench(&mean);
+        assert!((wrench[0] - 1.3e-4).abs() < 5e-6, "τ_x {}", wrench[0]);
+        assert!((wrench[1] - 3.3e-4).abs() < 5e-6, "τ_y {}", wrench[1]);
+        assert!((wrench[3] - 0.340).abs() < 5e-4, "f_z {}", wrench[3]);
+    }
+
+    #[test]
+    fn the_front_right_motor_rolls_left_pitches_up_and_yaws_clockwise() {
+        let wrench = Mixer::new(&VehicleOptions::default()).wrench(&Vector4::x());
+        assert!(wrench[0] < 0.0 && wrench[1] < 0.0 && wrench[2] < 0.0, "{wrench}");
+        assert_eq!(wrench[3], 1.95e-6);
+    }
+
+    #[test]
+    fn thrust_gives_way_to_attitude() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
+        let want = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
+        assert_eq!(mixer.motors_from_commands(&commands), (want, true));
+        let (weak, cut) = mixer.motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
+        assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
+    }
+
+    #[test]
+    fn commands_are_cut_at_both_ends_and_reported() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let (motors, cut) = mixer.motors(&Wrench::new(0.0, 0.0, 0.0, 1.0));
+        assert_eq!((motors, cut), (Vector4::repeat(65_535.0), true));
+        let (motors, cut) = mixer.motors(&Wrench::new(0.0, 0.0, 0.0, -1.0));
+        assert_eq!((motors, cut), (Vector4::zeros(), true));
+    }
+}

@@ -1,0 +1,179 @@
+//! The design model: the reference team's nonlinear motion, 12 states and 4 inputs, which gains are
+//! made from. Immediate motors, no drag, no floor.
+
+use nalgebra::{SVector, Vector3, Vector4};
+
+use super::VehicleOptions;
+use crate::crazyflie::GRAVITY_M_S2;
+use crate::geometry::Attitude;
+
+/// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
+/// and angular velocity in the body frame.
+pub(crate) type State = SVector<f64, 12>;
+/// First nine rows of [`State`]: the motion for a given body rate.
+pub type Motion = SVector<f64, 9>;
+/// `[τ_x τ_y τ_z f_z]` on the body.
+pub(crate) type Wrench = Vector4<f64>;
+
+/// A rigid body in free air.
+#[derive(Clone, Debug)]
+pub(crate) struct Vehicle {
+    mass_kg: f64,
+    inertia_kg_m2: Vector3<f64>,
+    #[cfg(test)]
+    center_of_mass_m: [f64; 2],
+}
+
+impl Vehicle {
+    pub fn new(options: &VehicleOptions) -> Self {
+        Self {
+            mass_kg: options.mass_kg,
+            inertia_kg_m2: options.inertia_kg_m2.into(),
+            #[cfg(test)]
+            center_of_mass_m: options.center_of_mass_m,
+        }
+    }
+
+    /// Thrust that carries the drone, with no torque.
+    pub fn hover(&self) -> Wrench {
+        Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
+    }
+
+    #[cfg(test)]
+    /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
+    pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
+        let ([x, y], f) = (self.center_of_mass_m, motors[3]);
+        motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
+    }
+
+    /// `ṡ` in the air.
+    pub fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+        let motion = state.fixed_rows::<9>(0).into_owned();
+        let rate = rate(state);
+        let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
+        let mut slope = State::zeros();
+        slope.fixed_rows_mut::<9>(0).copy_from(&motion_derivative(
+            &motion,
+            &rate,
+            wrench[3] / self.mass_kg,
+        ));
+        slope.fixed_rows_mut::<3>(9).copy_from(&(spin + wrench.xyz()).component_div(j));
+        slope
+    }
+
+    /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method.
+    #[cfg(test)]
+    pub fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
+        let k1 = self.derivative(state, wrench);
+        let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
+        let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);
+        let k4 = self.derivative(&(state + k3 * dt_s), wrench);
+        state + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0)
+    }
+}
+
+/// First nine rows of `ṡ`, given the body rate and the specific force along body z (thrust per
+/// mass, which is also the accelerometer's reading).
+pub(crate) fn motion_derivative(
+    motion: &Motion,
+    rate: &Vector3<f64>,
+    specific_force_z: f64,
+) -> Motion {
+    let (sin_yaw, cos_yaw) = libm::sincos(motion[3]);
+    let (sin_pitch, cos_pitch) = libm::sincos(motion[4]);
+    let (sin_roll, cos_roll) = libm::sincos(motion[5]);
+    let v = Vector3::new(motion[6], motion[7], motion[8]);
+    // Velocity turned by roll, then pitch, then yaw: cheaper than the matrix, and the same.
+    let across = cos_roll * v.y - sin_roll * v.z;
+    let down = sin_roll * v.y + cos_roll * v.z;
+    let ahead = cos_pitch * v.x + sin_pitch * down;
+    let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
+    let carried = v.cross(rate);
+    Motion::from([
+        cos_yaw * ahead - sin_yaw * across,
+        sin_yaw * ahead + cos_yaw * across,
+        cos_pitch * down - sin_pitch * v.x,
+        yaw_rate,
+        rate.y * cos_roll - rate.z * sin_roll,
+        rate.x + yaw_rate * sin_pitch,
+        GRAVITY_M_S2 * sin_pitch + carried.x,
+        -GRAVITY_M_S2 * sin_roll * cos_pitch + carried.y,
+        specific_force_z - GRAVITY_M_S2 * cos_roll * cos_pitch + carried.z,
+    ])
+}
+
+/// A level drone at rest.
+pub fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
+    let mut state = State::zeros();
+    state.fixed_rows_mut::<3>(0).copy_from(&position_m);
+    state[3] = yaw_rad;
+    state
+}
+
+pub fn position(state: &State) -> Vector3<f64> {
+    state.fixed_rows::<3>(0).into_owned()
+}
+
+pub fn attitude(state: &State) -> Attitude {
+    Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
+}
+
+pub fn velocity(state: &State) -> Vector3<f64> {
+    state.fixed_rows::<3>(6).into_owned()
+}
+
+pub fn rate(state: &State) -> Vector3<f64> {
+    state.fixed_rows::<3>(9).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tumbling() -> State {
+        let mut state = at(Vector3::new(0.1, -0.2, 50.0), 0.4);
+        for (i, value) in [0.2, -0.3, 1.0, -2.0, 0.5, 1.5, -1.0, 2.0].into_iter().enumerate() {
+            state[4 + i] = value;
+        }
+        state
+    }
+
+    #[test]
+    fn velocity_turns_with_the_attitude() {
+        let state = tumbling();
+        let slope = Vehicle::new(&VehicleOptions::default()).derivative(&state, &Wrench::zeros());
+        let world = attitude(&state).world_from_body() * velocity(&state);
+        assert!((position(&slope) - world).norm() < 1e-15, "ȯ = R v");
+    }
+
+    #[test]
+    fn attitude_turns_with_the_body_rate() {
+        // Ṙ = R [w]×, by a difference of world_from_body along the Euler angles' derivative.
+        let state = tumbling();
+        let slope = Vehicle::new(&VehicleOptions::default()).derivative(&state, &Wrench::zeros());
+        let ahead = attitude(&(state + slope * 1e-6)).world_from_body();
+        let behind = attitude(&(state - slope * 1e-6)).world_from_body();
+        let want = attitude(&state).world_from_body() * rate(&state).cross_matrix();
+        assert!(((ahead - behind) / 2e-6 - want).norm() < 1e-9, "Ṙ = R [w]×");
+    }
+
+    #[test]
+    fn gravity_and_thrust_alone_change_the_velocity_in_the_world() {
+        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let (state, wrench) = (tumbling(), Wrench::new(0.0, 0.0, 0.0, 0.5));
+        let slope = vehicle.derivative(&state, &wrench);
+        let world = |s: &State| attitude(s).world_from_body() * velocity(s);
+        let found = (world(&(state + slope * 1e-6)) - world(&(state - slope * 1e-6))) / 2e-6;
+        let thrust = attitude(&state).world_from_body() * Vector3::z() * (0.5 / 0.0351);
+        let want = thrust - Vector3::z() * 9.81;
+        assert!((found - want).norm() < 1e-7, "{found} against {want}");
+    }
+
+    #[test]
+    fn thrust_beside_the_center_of_mass_turns_the_drone() {
+        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let wrench = vehicle.about_center_of_mass(&vehicle.hover());
+        assert!((wrench[0] + 1.3e-4).abs() < 1e-6, "τ_x {}", wrench[0]);
+        assert!((wrench[1] + 3.3e-4).abs() < 1e-6, "τ_y {}", wrench[1]);
+    }
+}

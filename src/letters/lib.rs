@@ -1,0 +1,41 @@
+//! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
+//!
+//! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves of
+//! the pen, lit or dark. The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
+//!
+//! Letters know no drone, and of speed only the pace in which handwriting was written.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+extern crate self as letters;
+use noctograph_core::{digest, error, files, geometry, settings, statistics, srgb};
+
+mod arcs;
+mod center_line;
+mod curves;
+mod drawing;
+mod font;
+mod glyph;
+mod layout;
+mod options;
+mod outline;
+mod shape;
+mod shaping;
+mod smooth;
+mod stroke_font;
+mod typeface;
+mod vector;
+
+pub use typeface::has_outline;
+
+
+pub use drawing::LIMIT as DRAWING_LIMIT;
+#[cfg(test)]
+pub use drawing::red_to_blue;
+pub use drawing::{DRAWING, Ink, draw};
+pub use font::Font;
+pub use layout::write;
+pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, Picture, StrokeOrder, Strokes};
+pub use options::{Align, Fitting, LetterOptions, Pace, Trace};
+

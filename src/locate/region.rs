@@ -1,0 +1,226 @@
+//! The local region of the authors' observer, and what its measurements see of a flight.
+//!
+//! Two questions before a flight: which share of a start error does the observer leave, and how well
+//! do the ranges fix the places at the start, if the motion is known exactly? Noise is left out of
+//! the first and motion noise out of the second.
+
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+
+use super::shared_anchor::SharedAnchorObserver;
+use crate::random::split_mix;
+use crate::statistics::median;
+
+/// Steps per second of the observer, as on board.
+const RATE_HZ: f64 = 100.0;
+/// An estimate this far beyond its start error has fled.
+const FLED: f64 = 3.0;
+/// Eigenvalue of the information, relative to the largest, below which a direction is unseen.
+const UNSEEN: f64 = 1e-9;
+
+/// What an observer leaves of start errors of one size.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ShareLeft {
+    /// Length of the error over both drones at the start.
+    pub error_m: f64,
+    /// Share of it that is left at the end: median over the starts.
+    pub median: f64,
+    /// The same, the best of the starts and the worst.
+    pub range: [f64; 2],
+    /// Share of the starts that ended more than three times as far.
+    pub fled_frac: f64,
+}
+
+/// How well measurements fix the six coordinates at the start of a flight.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Observability {
+    /// Directions of the six that are seen.
+    pub rank: usize,
+    /// Standard deviations along the principal directions, smallest first; infinite where unseen.
+    pub sigmas_m: [f64; 6],
+    /// The direction that is seen worst: of the first drone, then of the second.
+    pub worst: [f64; 6],
+}
+
+/// What is measured at each instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// All five ranges.
+    Ranges,
+    /// The three outputs of the observer.
+    Three,
+}
+
+/// Runs the observer from `n` starts with an error of one length, along a path and without noise.
+#[must_use]
+pub fn share_left(
+    observer: &SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2],
+    duration_s: f64,
+    error_m: f64,
+    n: u32,
+) -> ShareLeft {
+    let mut state = 0x5eed;
+    let mut shares = Vec::new();
+    for _ in 0..n {
+        let mut number = || {
+            state = split_mix(state);
+            let number = (state >> 11) as f64 / 9_007_199_254_740_992.0;
+            2.0 * number - 1.0
+        };
+        // A direction from inside the unit ball of six coordinates, which has none preferred.
+        let direction = loop {
+            let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| number());
+            if (1e-3..=1.0).contains(&drawn.norm()) {
+                break drawn.normalize();
+            }
+        };
+        let off = [0, 3].map(|k| direction.fixed_rows::<3>(k) * error_m);
+        shares.push(run(observer, &path, duration_s, off) / error_m);
+    }
+    shares.sort_by(f64::total_cmp);
+    let fled = shares.iter().filter(|share| **share > FLED || share.is_nan()).count();
+    let fled_frac = fled as f64 / f64::from(n.max(1));
+    ShareLeft {
+        error_m,
+        median: median(shares.iter().copied()).unwrap_or(0.0),
+        range: [shares.first(), shares.last()].map(|share| share.copied().unwrap_or(0.0)),
+        fled_frac,
+    }
+}
+
+/// Error at the end of a path, m.
+fn run(
+    observer: &SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2],
+    duration_s: f64,
+    off: [Vector3<f64>; 2],
+) -> f64 {
+    let mut truth = path(0.0);
+    let mut believed = [0, 1].map(|i| truth[i] + off[i]);
+    #[expect(clippy::cast_possible_truncation, reason = "minutes")]
+    let ticks = (duration_s * RATE_HZ) as u32;
+    for tick in 1..=ticks {
+        let outputs = observer.outputs(&observer.ranges(&truth));
+        let rates = observer.corrections(&believed, &outputs);
+        let next = path(f64::from(tick) / RATE_HZ);
+        for i in 0..2 {
+            believed[i] += next[i] - truth[i] + rates[i] / RATE_HZ;
+        }
+        truth = next;
+    }
+    (0..2).map(|i| (believed[i] - truth[i]).norm_squared()).sum::<f64>().sqrt()
+}
+
+/// What measurements up to a time tell of the places at the start, with `rate_hz` ranges a second
+/// of noise `sigma_m`, taken in turn.
+#[must_use]
+pub fn observability(
+    observer: &SharedAnchorObserver,
+    outputs: Outputs,
+    path: impl Fn(f64) -> [Vector3<f64>; 2],
+    span_s: f64,
+    rate_hz: f64,
+    sigma_m: f64,
+) -> Observability {
+    let mut information = Matrix6::zeros();
+    let rounds_hz = rate_hz / 5.0;
+    #[expect(clippy::cast_possible_truncation, reason = "minutes")]
+    let rounds = (span_s * rounds_hz) as u32;
+    for round in 0..=rounds {
+        information += seen(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);
+    }
+    let eigen = information.symmetric_eigen();
+    let largest = eigen.eigenvalues.max();
+    let mut order = [0, 1, 2, 3, 4, 5];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let is_seen = |k: usize| eigen.eigenvalues[k] > UNSEEN * largest;
+    Observability {
+        rank: order.iter().filter(|k| is_seen(**k)).count(),
+        sigmas_m: order.map(|k| match is_seen(k) {
+            true => 1.0 / eigen.eigenvalues[k].sqrt(),
+            false => f64::INFINITY,
+        }),
+        worst: std::array::from_fn(|i| eigen.eigenvectors[(i, order[5])]),
+    }
+}
+
+/// Information of one round of ranges.
+fn seen(
+    observer: &SharedAnchorObserver,
+    outputs: Outputs,
+    places_m: &[Vector3<f64>; 2],
+    sigma_m: f64,
+) -> Matrix6<f64> {
+    let ends = [observer.own_m[0], observer.shared_m, observer.own_m[1], observer.shared_m];
+    let mut slopes = SMatrix::<f64, 5, 6>::zeros();
+    for (k, end) in ends.iter().enumerate() {
+        let unit = (places_m[k / 2] - end).normalize();
+        slopes.fixed_view_mut::<1, 3>(k, 3 * (k / 2)).copy_from(&unit.transpose());
+    }
+    let unit = (places_m[0] - places_m[1]).normalize();
+    slopes.fixed_view_mut::<1, 3>(4, 0).copy_from(&unit.transpose());
+    slopes.fixed_view_mut::<1, 3>(4, 3).copy_from(&-unit.transpose());
+    if outputs == Outputs::Ranges {
+        return slopes.transpose() * slopes / (sigma_m * sigma_m);
+    }
+    let ranges = observer.ranges(places_m);
+    let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
+    let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);
+    let q = 2.0 * ranges.between_m;
+    let squares = SMatrix::<f64, 3, 5>::from_row_slice(&[
+        d11, -d13, 0.0, 0.0, 0.0, 0.0, 0.0, d22, -d23, 0.0, 0.0, d13, 0.0, d23, -q,
+    ]);
+    let covariance: Matrix3<f64> = squares * squares.transpose() * (sigma_m * sigma_m);
+    let slopes = squares * slopes;
+    let weight = covariance.try_inverse().unwrap_or_default();
+    slopes.transpose() * weight * slopes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::locate::tests::{GEOMETRIES, path};
+
+    fn observer(gain: f64) -> SharedAnchorObserver {
+        let [one, two, shared_m] = GEOMETRIES[0].1.map(Vector3::from);
+        SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] }
+    }
+
+    fn writing() -> impl Fn(f64) -> [Vector3<f64>; 2] {
+        let place = path();
+        move |time_s| [place(0, time_s), place(1, time_s)]
+    }
+
+    #[test]
+    fn five_ranges_see_five_directions_and_the_three_outputs_three() {
+        let rank = |outputs, span_s| {
+            observability(&observer(0.1), outputs, writing(), span_s, 200.0, 0.06).rank
+        };
+        assert_eq!((rank(Outputs::Ranges, 0.0), rank(Outputs::Three, 0.0)), (5, 3));
+        assert_eq!((rank(Outputs::Ranges, 20.0), rank(Outputs::Three, 20.0)), (6, 6));
+        let worst = |outputs| {
+            observability(&observer(0.1), outputs, writing(), 20.0, 200.0, 0.06).sigmas_m[5]
+        };
+        let (ranges_m, three_m) = (worst(Outputs::Ranges), worst(Outputs::Three));
+        println!("worst direction after 20 s: {ranges_m} m, {three_m} m");
+        assert!(three_m > 2.0 * ranges_m, "{three_m} m against {ranges_m} m");
+    }
+
+    #[test]
+    fn excitation_about_the_shared_anchor_decides() {
+        let written = share_left(&observer(0.01), writing(), 21.0, 1.0, 30);
+        // The shared anchor in the middle, and figures of 4 m around it.
+        let around =
+            SharedAnchorObserver { shared_m: Vector3::new(0.0, 0.0, 1.2), ..observer(0.1) };
+        let orbit = |time_s: f64| {
+            [0.0, 2.1].map(|phase| {
+                let wave = |rate: f64, more: f64| libm::sin(rate * time_s + phase + more);
+                Vector3::new(2.0 * wave(0.9, 0.0), 2.0 * wave(0.7, 1.0), 1.2 + wave(1.1, 2.0))
+            })
+        };
+        let orbited = share_left(&around, orbit, 60.0, 1.0, 30);
+        println!("{written:?}\n{orbited:?}");
+        assert!(written.median > 0.4, "{written:?}");
+        assert!(orbited.median < 0.1, "{orbited:?}");
+    }
+}

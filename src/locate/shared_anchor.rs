@@ -1,0 +1,257 @@
+//! The observer of two drones that share an anchor, as its authors left it.
+//!
+//! Drone i hears an anchor `a_i` of its own and the shared anchor `a_3`, and both the range q between
+//! them. From squared ranges, with `C_i` = `a_3` − `a_i`:
+//!
+//! ```text
+//! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
+//! y_2  = d_13² + d_23² − q² − 2 |a_3|²   = 2 p_1ᵀ p_2 − 2 a_3ᵀ (p_1 + p_2)
+//! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i) + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
+//! ```
+//!
+//! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
+//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
+//! uses three of the five ranges: at an instant they fix three of six coordinates. [`locate_shared`]
+//! runs it over a log, from a start near the truth and without a covariance.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::pass::together;
+use super::smoother::{checked, heard_s};
+use super::track::moved_m;
+use super::{Link, Located, RangeSample, Track};
+use crate::error::{Error, Result};
+
+/// Gain of the authors' observer, 1/(m² s).
+const GAIN: f64 = 0.03;
+
+/// The observer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SharedAnchorObserver {
+    /// The anchor that each drone alone hears.
+    pub own_m: [Vector3<f64>; 2],
+    /// The anchor that both hear.
+    pub shared_m: Vector3<f64>,
+    /// Gains `γ_i`, 1/(m² s).
+    pub gains: [f64; 2],
+}
+
+/// The five ranges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiveRanges {
+    /// Of each drone to its own anchor.
+    pub own_m: [f64; 2],
+    /// Of each drone to the shared anchor.
+    pub shared_m: [f64; 2],
+    /// Between the drones.
+    pub between_m: f64,
+}
+
+/// The anchor of the first drone alone, that of the second, and the one that both hear, where two
+/// drones hear two anchors each.
+#[must_use]
+pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
+    let [one, two] = heard else { return None };
+    if one.len() != 2 || two.len() != 2 {
+        return None;
+    }
+    let shared = *one.iter().find(|anchor| two.contains(anchor))?;
+    let own = |list: &[usize]| list.iter().copied().find(|anchor| *anchor != shared);
+    Some([own(one)?, own(two)?, shared]).filter(|[a, b, _]| a != b)
+}
+
+impl SharedAnchorObserver {
+    /// The true ranges of drones at two places.
+    #[must_use]
+    pub fn ranges(&self, places_m: &[Vector3<f64>; 2]) -> FiveRanges {
+        FiveRanges {
+            own_m: [0, 1].map(|i| (places_m[i] - self.own_m[i]).norm()),
+            shared_m: places_m.map(|p| (p - self.shared_m).norm()),
+            between_m: (places_m[0] - places_m[1]).norm(),
+        }
+    }
+
+    /// The outputs `y_11`, `y_12` and `y_2`.
+    #[must_use]
+    pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
+        let square = |x: f64| x * x;
+        let shared_sq = self.shared_m.norm_squared();
+        let [one, two] = [0, 1].map(|i| {
+            square(ranges.own_m[i]) - square(ranges.shared_m[i]) + shared_sq
+                - self.own_m[i].norm_squared()
+        });
+        let [d13, d23] = ranges.shared_m;
+        [one, two, square(d13) + square(d23) - square(ranges.between_m) - 2.0 * shared_sq]
+    }
+
+    /// Rates of the estimates, less the velocities of the drones.
+    #[must_use]
+    pub fn corrections(
+        &self,
+        estimates_m: &[Vector3<f64>; 2],
+        outputs: &[f64; 3],
+    ) -> [Vector3<f64>; 2] {
+        let [p1, p2] = estimates_m;
+        let shared = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
+        [0, 1].map(|i| {
+            let c = self.shared_m - self.own_m[i];
+            let own = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
+            (c * own + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
+        })
+    }
+
+    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form, and the extra terms.
+    #[must_use]
+    pub fn lyapunov_rate(
+        &self,
+        places_m: &[Vector3<f64>; 2],
+        estimates_m: &[Vector3<f64>; 2],
+        weight: f64,
+    ) -> [f64; 2] {
+        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
+        let true_r = places_m.map(|p| p - self.shared_m);
+        let believed_r = estimates_m.map(|p| p - self.shared_m);
+        let (mut quadratic, mut extra) = (0.0, 0.0);
+        for i in 0..2 {
+            let j = 1 - i;
+            let gain = 2.0 * self.gains[i] * if i == 0 { 1.0 } else { weight };
+            let own = (self.shared_m - self.own_m[i]).dot(&error[i]);
+            let other = true_r[j].dot(&error[i]);
+            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
+            quadratic -= gain * (own * own + other * other + mixed);
+            extra += gain * error[0].dot(&error[1]) * other;
+        }
+        [quadratic, extra]
+    }
+}
+
+/// Positions of two drones by the observer of the shared anchor, from starts near the truth. Ranges
+/// are held until the next one of their link.
+///
+/// # Errors
+///
+/// As [`super::locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone, one
+/// of them the same, and the range between the drones.
+pub fn locate_shared(
+    anchors_m: &[Vector3<f64>],
+    tracks: &[Track; 2],
+    starts_m: [Vector3<f64>; 2],
+    samples: &[RangeSample],
+) -> Result<Located> {
+    let samples = checked(anchors_m, 2, samples)?;
+    let mut heard = [BTreeSet::new(), BTreeSet::new()];
+    let mut between = false;
+    for sample in &samples {
+        match sample.link {
+            Link::Anchor { drone, anchor } => _ = heard[drone].insert(anchor),
+            Link::Drones(..) => between = true,
+        }
+    }
+    let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
+    let Some([own1, own2, shared]) = shared_anchor(&heard).filter(|_| between) else {
+        let wanted = "two anchors a drone, one of them the same, and the range between the drones";
+        let found = format!("anchors {:?} and {:?}", heard[0], heard[1]);
+        return Err(Error::input("ranges", found, wanted, "take --observer smooth or enlarged"));
+    };
+    let own_m = [anchors_m[own1], anchors_m[own2]];
+    let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
+    let mut held = [None; 5];
+    let mut at_m = starts_m;
+    let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
+    let mut located = Located::empty(2);
+    for step in together(&samples) {
+        let time_s = step[0].time_s;
+        let moved_m = moved_m(tracks, before_s, time_s);
+        for sample in step {
+            let slot = match sample.link {
+                Link::Drones(..) => 4,
+                Link::Anchor { drone, anchor } if anchor == shared => 2 + drone,
+                Link::Anchor { drone, .. } => drone,
+            };
+            held[slot] = Some(sample.distance_m);
+        }
+        let corrections = match held {
+            [Some(a), Some(b), Some(c), Some(d), Some(between_m)] => {
+                let ranges = FiveRanges { own_m: [a, b], shared_m: [c, d], between_m };
+                observer.corrections(&at_m, &observer.outputs(&ranges))
+            }
+            _ => [Vector3::zeros(); 2],
+        };
+        for drone in 0..2 {
+            at_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
+        }
+        before_s = time_s;
+        located.push(time_s, |drone| (at_m[drone], Matrix3::zeros()));
+    }
+    located.covariance_m2.clear();
+    located.heard_s = heard_s(2, &samples);
+    // It knows no noise: each link's own scatter is the scale.
+    located.note_residuals(anchors_m, &samples, &BTreeMap::new(), 0.0);
+    Ok(located)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::locate::tests::{Random, flight, off_m, path};
+
+    #[test]
+    fn outputs_are_linear_and_bilinear_in_the_places_to_rounding() {
+        let mut random = Random(1);
+        for _ in 0..100 {
+            let mut place = || random.vector();
+            let (own_m, shared_m) = ([place(), place()], place());
+            let observer = SharedAnchorObserver { own_m, shared_m, gains: [0.3, 0.7] };
+            let p = [place(), place()];
+            let found = observer.outputs(&observer.ranges(&p));
+            let want = [
+                2.0 * (shared_m - own_m[0]).dot(&p[0]),
+                2.0 * (shared_m - own_m[1]).dot(&p[1]),
+                2.0 * p[0].dot(&p[1]) - 2.0 * shared_m.dot(&(p[0] + p[1])),
+            ];
+            for (found, want) in found.iter().zip(want) {
+                assert!((found - want).abs() < 1e-12 * (1.0 + want.abs()), "{found} {want}");
+            }
+            let rates = observer.corrections(&p, &found);
+            assert!(rates[0].norm() + rates[1].norm() < 1e-11, "the truth is at rest");
+        }
+    }
+
+    #[test]
+    fn the_lyapunov_rate_is_the_difference_quotient() {
+        let mut random = Random(2);
+        for _ in 0..100 {
+            let mut place = || random.vector();
+            let (own_m, shared_m) = ([place(), place()], place());
+            let observer = SharedAnchorObserver { own_m, shared_m, gains: [0.3, 0.7] };
+            let (p, e, weight) = ([place(), place()], [place(), place()], 1.3);
+            let rates = observer.corrections(&e, &observer.outputs(&observer.ranges(&p)));
+            let function = |h: f64| {
+                let square = |i: usize| (p[i] - e[i] - rates[i] * h).norm_squared();
+                0.5 * square(0) + 0.5 * weight * square(1)
+            };
+            let want = (function(1e-5) - function(-1e-5)) / 2e-5;
+            let [quadratic, extra] = observer.lyapunov_rate(&p, &e, weight);
+            let found = quadratic + extra;
+            assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
+        }
+    }
+
+    #[test]
+    fn the_shared_anchor_observer_keeps_a_true_start_and_wants_its_five_links() {
+        let (anchors_m, tracks, samples) = flight(0.0);
+        let place = path();
+        let starts_m = [place(0, 0.0), place(1, 0.0)];
+        let found = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
+        // Ranges are held for up to 25 ms.
+        let off_m = off_m(&found, place);
+        assert!(off_m < 0.06, "{off_m} m");
+        assert!(found.covariance_m2.is_empty());
+        let no_range: Vec<_> =
+            samples.into_iter().filter(|s| s.link != Link::Drones(0, 1)).collect();
+        let error = locate_shared(&anchors_m, &tracks, starts_m, &no_range).unwrap_err();
+        assert!(error.to_string().contains("the range between the drones"), "{error}");
+    }
+}

@@ -1,0 +1,321 @@
+//! Whole flights from range logs: a filter forward, a smoother backward, relinearized until it
+//! converges.
+//!
+//! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a smoother
+//! backward, repeated with slopes at the smoothed places, are the Gauss–Newton method on the whole
+//! flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It starts from
+//! the position that best fits the ranges of each drone's first second.
+//!
+//! A link that the gate refuses five times in a row is believed again, as in flight. Where the
+//! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::biases::repair;
+use super::mirror::{Ambiguity, ambiguities};
+use super::pairs::{counted_once, since_both_are_logged};
+use super::pass::{Model, STEP_S};
+use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
+use super::solve::{Solved, solve};
+use super::start::start;
+use super::{Bias, Link, RangeSample, Room};
+use crate::error::{Error, Result};
+
+/// Least standard deviation of a range for the place at the start.
+const START_SIGMA_M: f64 = 0.05;
+
+/// How a log is turned into positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocateOptions {
+    /// Standard deviation of a range.
+    pub range_sigma_m: f64,
+    /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother and lags in curves.
+    pub acceleration_m_s2_sqrt_hz: f64,
+    /// Standard deviations of its innovation beyond which a range is rejected.
+    pub gate_sigmas: f64,
+    /// Whether later ranges improve earlier positions; otherwise as in flight.
+    pub smooth: bool,
+    /// Where the drones are, if that is known: it decides between mirror images.
+    pub room: Option<Room>,
+}
+
+impl Default for LocateOptions {
+    fn default() -> Self {
+        Self {
+            range_sigma_m: 0.1,
+            acceleration_m_s2_sqrt_hz: 1.0,
+            gate_sigmas: 4.0,
+            smooth: true,
+            room: None,
+        }
+    }
+}
+
+/// Positions of all drones over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Located {
+    /// Times, rising.
+    pub time_s: Vec<f64>,
+    /// Positions: for each drone one at each time.
+    pub position_m: Vec<Vec<Vector3<f64>>>,
+    /// Their covariances; empty for an observer without.
+    pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
+    /// First and last range of each drone: before and after, its positions are held, not measured.
+    pub heard_s: Vec<[f64; 2]>,
+    /// Mean normalized innovation squared of the filter: 1 where noise and motion are right; `None`
+    /// for an observer without a covariance.
+    pub nis: Option<f64>,
+    /// Ranges, each once.
+    pub ranges: usize,
+    /// Share of them that the gate refused.
+    pub refused_frac: f64,
+    /// Residuals of every link.
+    pub links: Vec<LinkResidual>,
+    /// Biases that were found and taken off.
+    pub biases: Vec<Bias>,
+    /// Links of which no range was used, by their names.
+    pub left_out: Vec<String>,
+    /// When the place of a drone cannot be told from another.
+    pub ambiguities: Vec<Ambiguity>,
+    /// What the ranges contradict.
+    pub warnings: Vec<String>,
+}
+
+/// Turns the ranges of `n_drones` into positions.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a range that is no distance, and for a link without its end;
+/// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open.
+pub fn locate(
+    anchors_m: &[Vector3<f64>],
+    n_drones: usize,
+    samples: &[RangeSample],
+    options: &LocateOptions,
+) -> Result<Located> {
+    let samples = since_both_are_logged(&checked(anchors_m, n_drones, samples)?);
+    let heard_s = heard_s(n_drones, &samples);
+    let model = Model::new(anchors_m, &heard_s, options);
+    let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
+    let start = start(anchors_m, &heard_s, &samples, sigma_m, options.room.as_ref())?;
+    let mut solved = solve(&model, &samples, &start, options.smooth)?;
+    let (mut biases, mut left_out) = (Vec::new(), Vec::new());
+    if is_inconsistent(&model, &samples, &solved)
+        && let Some(repaired) = repair(&model, &heard_s, &samples, options)?
+    {
+        (solved, biases) = (repaired.solved, repaired.biases);
+        left_out.extend(repaired.left_out.iter().map(Link::to_string));
+    }
+    let position_m = solved.positions_m(n_drones);
+    let mut located = Located {
+        covariance_m2: solved.covariances_m2(n_drones),
+        position_m,
+        nis: solved.innovations.nis(),
+        biases,
+        left_out,
+        heard_s,
+        time_s: solved.time_s,
+        ..Located::default()
+    };
+    located.ambiguities = ambiguities(anchors_m, &samples, &located, options);
+    let (refused, sigma_m) = (&solved.innovations.refused, options.range_sigma_m);
+    located.note_residuals(anchors_m, &samples, refused, sigma_m);
+    located.warnings = located.contradictions(sigma_m);
+    Ok(located)
+}
+
+/// Whether the ranges contradict their noise, or a link the others.
+fn is_inconsistent(model: &Model<'_>, samples: &[RangeSample], solved: &Solved) -> bool {
+    let (sigma_m, found) = (model.options.range_sigma_m, &solved.innovations);
+    let left_m = residuals_m(model.anchors_m, samples, &solved.positions_m(model.n_drones()), &[]);
+    let mut links = link_residuals(samples, &left_m, &found.refused, sigma_m).into_iter();
+    found.nis().is_some_and(|nis| nis > nis_interval(found.taken)[1])
+        || links.any(|link| link.suspect)
+}
+
+/// The first and the last range of each drone; without one, nothing.
+pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
+    let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
+    for sample in samples {
+        let (first, second) = sample.link.drones();
+        for drone in [Some(first), second].into_iter().flatten() {
+            let [from_s, to_s] = heard_s[drone];
+            heard_s[drone] = [from_s.min(sample.time_s), to_s.max(sample.time_s)];
+        }
+    }
+    heard_s
+}
+
+impl Located {
+    /// No position yet.
+    pub(super) fn empty(n_drones: usize) -> Self {
+        Self {
+            position_m: vec![Vec::new(); n_drones],
+            covariance_m2: vec![Vec::new(); n_drones],
+            ..Self::default()
+        }
+    }
+
+    /// Appends the position of each drone with its covariance.
+    pub(super) fn push(&mut self, time_s: f64, at: impl Fn(usize) -> (Vector3<f64>, Matrix3<f64>)) {
+        self.time_s.push(time_s);
+        for drone in 0..self.position_m.len() {
+            let (position_m, covariance_m2) = at(drone);
+            self.position_m[drone].push(position_m);
+            self.covariance_m2[drone].push(covariance_m2);
+        }
+    }
+
+    /// The indices at which a drone was heard.
+    #[must_use]
+    pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
+        let [from_s, to_s] = self.heard_s[drone];
+        // The last ranges of a step come after its time.
+        self.time_s.partition_point(|t| *t + STEP_S <= from_s)
+            ..self.time_s.partition_point(|t| *t <= to_s)
+    }
+}
+
+/// The samples in the order of time, ranges that two logs hold once.
+pub(super) fn checked(
+    anchors_m: &[Vector3<f64>],
+    n_drones: usize,
+    samples: &[RangeSample],
+) -> Result<Vec<RangeSample>> {
+    let measured = |sample: &RangeSample| {
+        sample.distance_m > 0.0 && sample.distance_m < 1e4 && sample.time_s.is_finite()
+    };
+    let n_broken = samples.iter().filter(|sample| !measured(sample)).count();
+    for sample in samples {
+        let RangeSample { time_s, link, distance_m } = sample;
+        let place = format!("range at {time_s:.3} s, {link}");
+        if !measured(sample) {
+            let wanted = "a distance from 0 m to 10 km";
+            let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
+            return Err(Error::input(place, distance_m, wanted, hint));
+        }
+        let known = match *link {
+            Link::Anchor { drone, anchor } => drone < n_drones && anchor < anchors_m.len(),
+            Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
+        };
+        if !known {
+            let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
+            let hint = "list every anchor, and give a log of every drone";
+            return Err(Error::input(place, link, wanted, hint));
+        }
+    }
+    let mut samples = counted_once(samples);
+    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(samples)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::locate::tests::Random;
+
+    fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
+        let all = [
+            [-2.5, -2.5, 2.4],
+            [2.5, -2.5, 0.2],
+            [0.5, 2.5, 2.4],
+            [-2.5, 2.5, 0.2],
+            [2.5, 2.5, 2.4],
+            [0.0, -2.5, 0.2],
+        ];
+        all[..n].iter().map(|a| Vector3::from(*a)).collect()
+    }
+
+    fn place(drone: usize, time_s: f64) -> Vector3<f64> {
+        let phase = [0.0, 1.9][drone];
+        let wave = |rate: f64| libm::sin(rate * time_s + phase);
+        Vector3::new(0.8 * wave(0.7), 0.4 * wave(1.1), 1.0 + 0.4 * wave(0.9))
+    }
+
+    /// Ranges of `end_s` at 100 a second over the links in turn.
+    fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
+        let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
+        let sample = |k: u32| {
+            let (time_s, link) = (f64::from(k) * 0.01, links[k as usize % links.len()]);
+            let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
+            RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
+        };
+        (0..end_s * 100).map(sample).collect()
+    }
+
+    fn to_anchors(drone: usize, anchors: impl IntoIterator<Item = usize>) -> Vec<Link> {
+        anchors.into_iter().map(|anchor| Link::Anchor { drone, anchor }).collect()
+    }
+
+    fn rmse_m(found: &Located) -> f64 {
+        let (mut square, mut n) = (0.0, 0.0);
+        for (drone, places) in found.position_m.iter().enumerate() {
+            for (time_s, found_m) in found.time_s.iter().zip(places).filter(|(t, _)| **t > 1.0) {
+                square += (found_m - place(drone, *time_s)).norm_squared();
+                n += 1.0;
+            }
+        }
+        f64::sqrt(square / n)
+    }
+
+    #[test]
+    fn smoothing_halves_the_error_of_filtering_and_both_know_their_own() {
+        let samples = log(&to_anchors(0, 0..6), 6, 0.06, 40);
+        let run = |smooth| {
+            let options = LocateOptions { range_sigma_m: 0.06, smooth, ..Default::default() };
+            locate(&anchors_m(6), 1, &samples, &options).unwrap()
+        };
+        let (filtered, smoothed) = (run(false), run(true));
+        let (filtered_m, smoothed_m) = (rmse_m(&filtered), rmse_m(&smoothed));
+        assert!(smoothed_m < 0.7 * filtered_m && filtered_m < 0.08, "{smoothed_m} {filtered_m}");
+        assert!(
+            filtered.nis.is_some_and(|nis| (0.7..1.2).contains(&nis)),
+            "NIS {:?}",
+            filtered.nis
+        );
+        let sigma_m = smoothed.covariance_m2[0][2000].trace().sqrt();
+        assert!((0.5..2.0).contains(&(smoothed_m / sigma_m)), "{smoothed_m} m, σ {sigma_m} m");
+    }
+
+    #[test]
+    fn two_drones_with_three_anchors_each_and_their_range_are_located_together() {
+        let mut links = to_anchors(0, 0..3);
+        links.extend(to_anchors(1, 0..3));
+        links.push(Link::Drones(0, 1));
+        let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
+        let found = locate(&anchors_m(3), 2, &log(&links, 3, 0.06, 40), &options).unwrap();
+        assert!(rmse_m(&found) < 0.12, "{} m", rmse_m(&found));
+    }
+
+    #[test]
+    fn strays_are_refused_and_a_moved_link_is_believed_again() {
+        let mut samples = log(&to_anchors(0, 0..6), 6, 0.03, 30);
+        samples.iter_mut().step_by(37).for_each(|s| s.distance_m += 2.0);
+        let options = LocateOptions { range_sigma_m: 0.03, ..Default::default() };
+        let found = locate(&anchors_m(6), 1, &samples, &options).unwrap();
+        assert!(rmse_m(&found) < 0.06, "{} m", rmse_m(&found));
+        assert!((0.02..0.05).contains(&found.refused_frac), "{}", found.refused_frac);
+    }
+
+    #[test]
+    fn logs_that_leave_places_open_are_refused_with_the_reason() {
+        let options = LocateOptions::default();
+        let refused = |anchors: &[Vector3<f64>], n, samples: &[RangeSample]| {
+            locate(anchors, n, samples, &options).unwrap_err().to_string()
+        };
+        let two = log(&to_anchors(0, 0..2), 6, 0.0, 2);
+        assert!(refused(&anchors_m(6), 1, &two).contains("2 links"), "too few");
+        let mut line = anchors_m(3);
+        (line[0], line[1], line[2]) = (Vector3::x(), Vector3::x() * 2.0, Vector3::x() * 3.0);
+        let three = log(&to_anchors(0, 0..3), 6, 0.0, 2);
+        assert!(refused(&line, 1, &three).contains("direction open"), "a line");
+        for distance_m in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+            let mut broken = three.clone();
+            broken[7].distance_m = distance_m;
+            assert!(refused(&anchors_m(6), 1, &broken).contains("range at 0.070 s"));
+        }
+        let stranger = log(&to_anchors(0, 0..6), 6, 0.0, 2);
+        assert!(refused(&anchors_m(4), 1, &stranger).contains("drone 1 to anchor 5 (distance4)"));
+        assert!(refused(&anchors_m(4), 1, &[]).contains("0 links"));
+    }
+}

@@ -1,0 +1,328 @@
+//! Identify: figures of a drone and weights of its observer, from the log of a flight.
+//!
+//! In: a [`Flight`] and what is [`Assumed`] of the drone. Out: [`Identified`]. Method, as the
+//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
+//! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
+//! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
+//! commands show the torque that compensates a displaced center of mass. Inertia comes from a
+//! pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is
+//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]). The
+//! rotors' lag comes from how roll and pitch answer ([`RotorLag`]), uneven air from the torque that
+//! answers it ([`UnevenAir`]).
+//!
+//! Not done: inertia from flight, where slow logs do not show it.
+
+mod air;
+mod lag;
+pub mod yaw;
+
+use nalgebra::{SVector, Vector3, Vector4};
+
+pub use self::air::UnevenAir;
+pub use self::lag::RotorLag;
+use self::yaw::ReactionTorque;
+pub use self::yaw::T_95;
+use crate::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
+use crate::error::{Error, Result, within};
+use crate::flight::{Flight, FlightSample, Quantity, airborne};
+use crate::vehicle::VehicleOptions;
+
+/// Names of the nine states of the model's errors.
+pub const MODEL_STATES: [&str; 9] =
+    ["o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z"];
+
+/// The logged Lighthouse position and vertical acceleration of the AE483 firmware.
+const LIGHTHOUSE: [&str; 3] = ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"];
+const ACCELERATION: &str = "ae483log.a_z";
+
+/// Fewest samples for a standard deviation: ten seconds at 10 Hz.
+const FEWEST_SAMPLES: usize = 100;
+
+/// What a flight does not tell of its drone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assumed {
+    /// Mass, which thrust is proportional to.
+    pub mass_kg: f64,
+    /// Distance of a motor from the body's x and y axis, which torque is proportional to.
+    pub arm_m: f64,
+    /// Moment of inertia about body z.
+    pub inertia_z_kg_m2: f64,
+    /// Time in which a motor follows its command: 63 % of a step.
+    pub motor_lag_s: f64,
+}
+
+impl Assumed {
+    /// As a scene says of its drone.
+    #[must_use]
+    pub fn of(vehicle: &VehicleOptions) -> Self {
+        Self {
+            mass_kg: vehicle.mass_kg,
+            arm_m: vehicle.arm_m,
+            inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
+            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
+        }
+    }
+}
+
+/// Properties of a drone, estimated from a flight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Airborne samples that were used.
+    pub n_samples: usize,
+    /// Mean motor commands m1…m4.
+    pub mean_motors: [f64; 4],
+    /// Thrust of one motor per unit of its command, N: fitted to the accelerometer, or to hovering
+    /// where none is logged.
+    pub k_f_n: f64,
+    /// Mean torque that the motors gave about body x and y, N m. The body met its opposite.
+    pub motor_torque_n_m: [f64; 2],
+    /// The center of mass that explains that torque, in body x and y.
+    pub center_of_mass_m: [f64; 2],
+    /// The rotors' lag; `None` where no body rate is logged.
+    pub lag: Option<RotorLag>,
+    /// Uneven air; `None` for a flight too short.
+    pub air: Option<UnevenAir>,
+    /// The rotors' reaction torque from the yaw; `None` where no body rate is logged.
+    pub reaction: Option<ReactionTorque>,
+    /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
+    /// logged.
+    pub measurement_sigma_m: Option<[f64; 3]>,
+    /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
+    /// attitude, velocity or body rates are not logged.
+    pub model_sigma: Option<[f64; 9]>,
+}
+
+impl Identified {
+    /// The observer's Q: `1/σ²` of the three measurements, 1/m².
+    #[must_use]
+    pub fn observer_q(&self) -> Option<[f64; 3]> {
+        self.measurement_sigma_m.map(|sigma| sigma.map(weight))
+    }
+
+    /// The observer's R: `1/σ²` of the eight model errors without ψ, which nothing observes.
+    #[must_use]
+    pub fn observer_r(&self) -> Option<[f64; 8]> {
+        let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
+        Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
+    }
+}
+
+/// Weight of an error of spread σ: `1/σ²`.
+#[must_use]
+pub fn weight(sigma: f64) -> f64 {
+    1.0 / (sigma * sigma)
+}
+
+/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body
+/// that swings with period T about a pivot at distance r from its center of mass.
+///
+/// # Errors
+///
+/// [`Error::Input`] where a figure is out of range, or the period is shorter than that of a point.
+pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
+    within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
+    within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
+    within("pendulum_period_s", period_s, 1e-3, 100.0)?;
+    let per_turn_s = period_s / std::f64::consts::TAU;
+    let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
+    if inertia > 0.0 {
+        return Ok(inertia);
+    }
+    let shortest_s = std::f64::consts::TAU * (pivot_m / GRAVITY_M_S2).sqrt();
+    let wanted = format!("more than {shortest_s:.4} s, the period of a point {pivot_m} m away");
+    let hint = "time ten swings and divide by ten; measure the pivot from the center of mass";
+    Err(Error::input("pendulum_period_s", period_s, wanted, hint))
+}
+
+/// Identifies a drone from a flight.
+///
+/// # Errors
+///
+/// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
+pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
+    if !logged(Quantity::Motors) {
+        return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
+    }
+    let air = airborne(flight).unwrap_or_default();
+    let n_samples = air.len();
+    if n_samples < FEWEST_SAMPLES {
+        let wanted = format!("at least {FEWEST_SAMPLES}");
+        let found = format!("{n_samples} samples in the air");
+        return Err(Error::input("flight", found, wanted, hint));
+    }
+    let samples = &flight.samples[air.clone()];
+    let column = |name: &str| flight.extra.get(name).map(|column| &column[air.clone()]);
+    let accelerations = column(ACCELERATION);
+
+    let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
+    let k_f_n = thrust_per_command_n(samples, accelerations, assumed.mass_kg);
+    let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
+    let thrust_n = k_f_n * mean_motors.sum();
+    let lighthouse = LIGHTHOUSE.map(column);
+    let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
+    Ok(Identified {
+        n_samples,
+        mean_motors: mean_motors.into(),
+        k_f_n,
+        motor_torque_n_m: [torque.x, torque.y],
+        // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
+        center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
+        lag: logged(Quantity::Rate).then(|| lag::lag(flight, samples)).flatten(),
+        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m),
+        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, assumed)).flatten(),
+        measurement_sigma_m: match lighthouse {
+            [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
+            _ => None,
+        },
+        model_sigma: moves.then(|| model_sigma(flight, samples, accelerations)),
+    })
+}
+
+/// Least squares of `m a = k ΣM`; without an accelerometer the drone is taken to hover.
+fn thrust_per_command_n(
+    samples: &[FlightSample],
+    accelerations: Option<&[f64]>,
+    mass_kg: f64,
+) -> f64 {
+    let (mut product, mut square) = (0.0, 0.0);
+    for (index, sample) in samples.iter().enumerate() {
+        let commands: f64 = sample.motors.iter().sum();
+        product += mass_kg * accelerations.map_or(GRAVITY_M_S2, |column| column[index]) * commands;
+        square += commands * commands;
+    }
+    product / square
+}
+
+fn measurement_sigma_m(samples: &[FlightSample], measured_m: [&[f64]; 3]) -> [f64; 3] {
+    let [x, y, z] = measured_m;
+    let places = samples.iter().zip(x).zip(y).zip(z);
+    let errors = places.map(|(((sample, x), y), z)| Vector3::new(*x, *y, *z) - sample.position_m);
+    spread(errors.collect::<Vec<_>>().as_slice()).into()
+}
+
+/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors that no
+/// hole of the log parts.
+fn model_sigma(
+    flight: &Flight,
+    samples: &[FlightSample],
+    accelerations: Option<&[f64]>,
+) -> [f64; 9] {
+    let mut errors = Vec::new();
+    for (index, pair) in samples.windows(2).enumerate() {
+        let dt_s = pair[1].time_s - pair[0].time_s;
+        if dt_s <= 0.0 || ends_at_hole(flight, pair[0].time_s) {
+            continue;
+        }
+        let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
+        errors.push((state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration));
+    }
+    spread(&errors).into()
+}
+
+/// Whether nothing is known of the time after a sample.
+fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
+    flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
+}
+
+fn state(sample: &FlightSample) -> SVector<f64, 9> {
+    let (o, a, v) = (sample.position_m, sample.attitude, sample.velocity_body_m_s);
+    SVector::from([o.x, o.y, o.z, a.yaw_rad, a.pitch_rad, a.roll_rad, v.x, v.y, v.z])
+}
+
+/// `A x + B u` of the observer's model at hover.
+fn model(sample: &FlightSample, acceleration_z_m_s2: f64) -> SVector<f64, 9> {
+    let (a, v, w) = (sample.attitude, sample.velocity_body_m_s, sample.rate_body_rad_s);
+    let g = GRAVITY_M_S2;
+    let lift = acceleration_z_m_s2 - g;
+    SVector::from([v.x, v.y, v.z, w.z, w.y, w.x, g * a.pitch_rad, -g * a.roll_rad, lift])
+}
+
+fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVector<f64, N> {
+    let (mut sum, mut n) = (SVector::zeros(), 0.0);
+    for value in values {
+        sum += value;
+        n += 1.0;
+    }
+    sum / n
+}
+
+/// Standard deviation of each component.
+fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
+    let middle = mean(values.iter().copied());
+    let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
+    mean(squares).map(f64::sqrt)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+    use crate::sim::{Drone, SimOptions, fly};
+
+    pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
+        Assumed::of(&options.vehicle)
+    }
+
+    #[test]
+    fn spreads_of_the_team_give_the_weights_of_the_team() {
+        let identified = Identified {
+            n_samples: 1,
+            mean_motors: [0.0; 4],
+            k_f_n: 0.0,
+            motor_torque_n_m: [0.0; 2],
+            center_of_mass_m: [0.0; 2],
+            lag: None,
+            air: None,
+            reaction: None,
+            measurement_sigma_m: Some([0.003, 0.004, 0.002]),
+            model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
+        };
+        // As printed in the paper's observer, Q rounded to whole numbers and R to one digit.
+        let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
+        assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
+        let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];
+        for (found, printed) in r.iter().zip(printed) {
+            assert!((found - printed).abs() < 0.06, "{found} for {printed}");
+        }
+    }
+
+    #[test]
+    fn a_pendulum_test_gives_the_inertia() {
+        // A rod of 1 kg and 1 m about its end: J = m l²/12 about its middle, T = 2π √(2 l / 3 g).
+        let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
+        let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
+        assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");
+        let error = pendulum_inertia_kg_m2(1.0, 0.5, 1.0).unwrap_err().to_string();
+        assert!(error.contains("more than 1.41"), "{error}");
+    }
+
+    #[test]
+    fn a_simulated_drone_is_identified() {
+        let strokes = write("NO", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+        let options = SimOptions::default();
+        let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
+        let found = identify(&flight, &assumed_of(&options)).unwrap();
+        let off = |found: f64, true_: f64| (found / true_ - 1.0).abs();
+        assert!(off(found.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", found.k_f_n);
+        for axis in 0..2 {
+            let (found, true_) = (found.center_of_mass_m, options.vehicle.center_of_mass_m);
+            assert!(off(found[axis], true_[axis]) < 0.05, "axis {axis}: {found:?}");
+        }
+        assert_eq!(found.measurement_sigma_m, None, "a simulated flight logs no raw position");
+        assert!(found.model_sigma.unwrap()[0] < 0.05, "{:?}", found.model_sigma);
+    }
+
+    #[test]
+    fn a_flight_without_motors_or_air_is_refused() {
+        let assumed = assumed_of(&SimOptions::default());
+        let grounded = identify(&Flight::default(), &assumed).unwrap_err().to_string();
+        assert!(grounded.contains("0 samples in the air"), "{grounded}");
+        let unlogged = [Quantity::Motors].into();
+        let silent = identify(&Flight { unlogged, ..Flight::default() }, &assumed).unwrap_err();
+        assert!(silent.to_string().contains("no motor commands"), "{silent}");
+    }
+}

@@ -1,0 +1,310 @@
+//! Logs: readers of real flights.
+//!
+//! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
+//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV, or a flight
+//! file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
+//! file's name.
+//!
+//! Method: the reader of the format makes a recording (blocks of named columns, each with its own
+//! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
+//! variables become quantities in SI units, our frames and our signs (`sources` holds all
+//! conversions); everything is resampled to one time axis.
+//!
+//! - **Truth** of position and attitude: motion capture, then the custom observer, then the
+//!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
+//!   that is frozen while others change is skipped. `estimate_m` is the custom observer, else the firmware's.
+//! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
+//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
+//!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
+//!   setpoints, motor commands and unknown columns are always held.
+//! - **In-flight part**: nothing is cut away; [`crate::flight::airborne`] finds it.
+//! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
+//! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
+//!   have columns `light.<channel>`.
+//! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
+//!   [`PositionSource::Estimate`] alone applies.
+//!
+//! Not done: conversion between the motion capture's frame and the drone's (a warning states their
+//! distance), positions from ranges, more than one drone in a file.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+extern crate self as logs;
+use noctograph_core::{control, crazyflie, digest, error, files, flight, geometry, random, settings, statistics};
+use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+#[cfg(test)]
+use noctograph_letters as letters;
+
+pub mod identify;
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::files::{Budget, Limit, files_in};
+use crate::flight::{Flight, Quantity};
+use crate::settings::{Described, settings};
+
+mod ae483_json;
+mod cfclient_csv;
+mod clock;
+mod gathered;
+mod json_tree;
+mod mapper;
+mod mocap;
+mod plain_csv;
+mod recording;
+mod sheet;
+mod sources;
+#[cfg(test)]
+mod tests;
+mod usd;
+
+pub use gathered::{GatheredLog, is_one_log, logs_in};
+use recording::Recording;
+
+/// Largest log that is read: ten minutes of 200 columns at 100 Hz.
+const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
+
+/// Advice for a log that is too large.
+const HINT: &str = "cut the log to one flight, or log fewer variables";
+
+/// Most variables of a log; the firmware logs 128 at a time.
+const MAX_VARIABLES: usize = 1024;
+
+/// First columns of our own flight files.
+const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
+
+settings! {
+    /// Options of an import.
+    pub struct ImportOptions {
+        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
+        /// oscillations of strokes.
+        sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
+        /// Longest gap over which the position is interpolated (or two and a half periods of a slower
+        /// log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a lamp's
+        /// width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves many gaps
+        /// in a radio log (a third of that flight at 0.1 s).
+        max_gap_s: f64 = 0.25, in 0.001..=3600.0;
+        /// Source of the true position, and of the attitude where that source has one.
+        position: PositionSource = PositionSource::Best;
+        /// Seconds of the drone's clock per true second: 1, or 84/85 for µSD logs of firmware before
+        /// August 2026 (a warning states when a log looks like one).
+        clock_ratio: f64 = 1.0, in 0.5..=2.0;
+        /// Treatment of a µSD log whose CRC does not match.
+        damaged: Damaged = Damaged::Refuse;
+    }
+
+    /// Source of the true position.
+    pub enum PositionSource {
+        /// The first of the following that is logged and changes while others do.
+        "best" => Best,
+        /// Motion capture.
+        ///
+        /// Its own block, its echo in the drone's log, or `locSrv`.
+        "mocap" => Mocap,
+        /// The observer of the AE483 course.
+        ///
+        /// `ae483log.o_x` or `ae483log.p_x`.
+        "custom" => Custom,
+        /// The estimator of the firmware.
+        ///
+        /// `stateEstimate`, `stateEstimateZ` or `kalman`.
+        "firmware" => Firmware,
+        /// Raw fixes of the Lighthouse.
+        ///
+        /// `lighthouse` or `ae483log.lh_x`.
+        "lighthouse" => Lighthouse,
+        /// The estimate in flight: custom, else firmware, or that of a flight file.
+        "estimate" => Estimate,
+    }
+
+    /// Treatment of a log that is damaged, not merely cut off.
+    pub enum Damaged {
+        /// It is an error.
+        "refuse" => Refuse,
+        /// The part before the damage is read, with a warning.
+        "recover" => Recover,
+    }
+}
+
+/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
+/// for unknown formats and columns, and for options out of range.
+pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    Ok(import_on_clock(path, options)?.flight)
+}
+
+/// A flight, and the clock that its log was stamped with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnClock {
+    /// The flight; its times begin at zero, or are those of a flight file.
+    pub flight: Flight,
+    /// Stamp of its time zero, s, on a clock that other logs may share: a date, a time of day, or
+    /// the numbers of a plain CSV file. `None` where the log has a clock of its own: the firmware's
+    /// counter since the drone was switched on, or an imported log, whose zero is lost.
+    pub zero_stamp_s: Option<f64>,
+}
+
+/// Imports a log as [`import`] does, and keeps the zero of its clock.
+///
+/// # Errors
+///
+/// As [`import`].
+pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> {
+    options.check("import", None)?;
+    let name = path.display().to_string();
+    if path.is_dir() {
+        let budget = Budget::of(&name, HINT);
+        let (flight, _) = flight(folder(path, &name, &budget)?, options, &budget)?;
+        return Ok(OnClock { flight, zero_stamp_s: None });
+    }
+    on_clock(&read(path)?, &name, options)
+}
+
+/// Reads a log's file.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    LIMIT.read(path)
+}
+
+/// Imports a log from its bytes; `file` is its name in messages.
+pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
+    options.check("import", None)?;
+    Ok(on_clock(bytes, file, options)?.flight)
+}
+
+fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
+    let header = sheet::header(bytes).unwrap_or_default();
+    let mut found = if header.starts_with(&OWN.map(str::to_owned)) {
+        let mut flight = Flight::parse_csv(bytes, file)?;
+        if options.position == PositionSource::Estimate {
+            use_estimate(&mut flight);
+        }
+        OnClock { flight, zero_stamp_s: Some(0.0) }
+    } else {
+        parse(bytes, file, options)?
+    };
+    // A flight file with ranges is an imported log.
+    let is_ours = header.first().is_some_and(|name| name == OWN[0]);
+    if is_ours && header.iter().any(|name| name.starts_with("ranging.")) {
+        found.zero_stamp_s = None;
+    }
+    Ok(found)
+}
+
+/// Replaces the position of a flight by its estimate.
+fn use_estimate(flight: &mut Flight) {
+    for sample in &mut flight.samples {
+        sample.position_m = sample.estimate_m;
+    }
+    if flight.unlogged.contains(&Quantity::Estimate) {
+        flight.unlogged.insert(Quantity::Position);
+    } else {
+        flight.unlogged.remove(&Quantity::Position);
+    }
+}
+
+/// Imports a log from its bytes; `file` is its name in messages.
+fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let budget = Budget::of(file, HINT);
+    budget.bytes(bytes.len())?;
+    let format = Format::detect(bytes, file)?;
+    let recording = match format {
+        Format::Usd => usd::read(bytes, file, options.damaged, &budget),
+        Format::Json => ae483_json::read(bytes, file, &budget),
+        Format::Cfclient => cfclient_csv::read(bytes, file, file, &budget),
+        Format::Plain => plain_csv::read(bytes, file, &budget),
+    };
+    let (flight, zero_s) = flight(recording?, options, &budget)?;
+    Ok(OnClock { flight, zero_stamp_s: (format == Format::Plain).then_some(zero_s) })
+}
+
+fn flight(
+    mut recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
+    recording.check(budget)?;
+    recording.name_apart();
+    clock::settle(&mut recording, options.clock_ratio);
+    mocap::align(&mut recording);
+    recording.warn_of_empty_cells();
+    mapper::flight(recording, options, budget)
+}
+
+/// A format of logs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Usd,
+    Json,
+    Cfclient,
+    Plain,
+}
+
+impl Format {
+    /// Recognizes a format from its content.
+    fn detect(bytes: &[u8], file: &str) -> Result<Self> {
+        if bytes.first() == Some(&usd::MAGIC) {
+            return Ok(Self::Usd);
+        }
+        let text = bytes.trim_ascii_start();
+        match text.first() {
+            None => return Err(unknown(file, "an empty file")),
+            Some(b'{' | b'[') => return Ok(Self::Json),
+            Some(_) => {}
+        }
+        let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
+        let first = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+        if first.contains(&0) || !separated(first) || std::str::from_utf8(first).is_err() {
+            let start: String = String::from_utf8_lossy(&text[..text.len().min(24)]).into();
+            return Err(unknown(file, format!("a file that begins with {start:?}")));
+        }
+        Ok(match sheet::header(text) {
+            Some(header) if cfclient_csv::is_header(&header) => Self::Cfclient,
+            _ => Self::Plain,
+        })
+    }
+}
+
+fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
+    Error::input(
+        file,
+        found,
+        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
+         range CSV",
+        "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
+    )
+}
+
+/// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
+fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
+    let mut paths = files_in(path)?;
+    paths.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")));
+    let mut all: Option<Recording> = None;
+    for path in paths {
+        let bytes = read(&path)?;
+        budget.steps(bytes.len())?;
+        budget.bytes(bytes.len())?;
+        if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
+            let file = path.display().to_string();
+            let mut block = cfclient_csv::read(&bytes, &file, name, budget)?;
+            for warning in &mut block.warnings {
+                *warning = format!("{file}: {warning}");
+            }
+            match &mut all {
+                Some(all) => all.extend(block),
+                None => all = Some(block),
+            }
+            // Each file by itself may be small: what counts is their number.
+            all.as_ref().map_or(Ok(()), |all| all.check_variables())?;
+        }
+        budget.free(bytes.len() as u64);
+    }
+    all.ok_or_else(|| {
+        unknown(name, "a folder without a CSV file of cfclient (Timestamp,group.name …)")
+    })
+}

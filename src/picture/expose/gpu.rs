@@ -1,0 +1,242 @@
+//! The splat on a graphics device, without a window: Vulkan, Metal or DirectX 12 through wgpu.
+//!
+//! Each color has a sheet of lit tiles, to which the shader adds the parts of records, without
+//! atomic sums (on lavapipe these would cost more than all the rest).
+
+use std::sync::{Arc, Mutex};
+
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+use super::Latent;
+use super::parts::{Chunk, Part, TILE_PX, chunks, lit_tiles};
+use super::record::SPOTS;
+use super::sheet;
+use crate::error::{Error, Result};
+
+/// The shader.
+pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
+
+/// Bytes of the counts of a tile.
+const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
+
+/// Most tiles of a sheet: no device takes fewer workgroups.
+const TILES: u64 = 65_535;
+
+/// Bytes of one readback.
+const READ_BYTES: u64 = 256 * TILE_BYTES;
+
+/// An open graphics device.
+#[derive(Debug)]
+pub(super) struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    pipeline: wgpu::ComputePipeline,
+    /// Name and driver.
+    pub(super) adapter: String,
+    /// Largest sheet.
+    pub(super) max_sheet_bytes: u64,
+    /// First error that the device reported.
+    complaint: Arc<Mutex<Option<String>>>,
+}
+
+impl Gpu {
+    /// Opens the default device of the system; [`Error::Gpu`] where there is none.
+    pub(super) fn open() -> Result<Self> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Instance::enabled_backend_features(),
+            flags: wgpu::InstanceFlags::empty(),
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let options = wgpu::RequestAdapterOptions::default();
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| {
+            gpu_error(
+                format!("none found ({e})"),
+                "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the processor",
+            )
+        })?;
+        let about = adapter.get_info();
+        let name = [about.name, about.driver_info].join(", ");
+        let limits = adapter.limits();
+        let max_sheet_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("expose"),
+            required_limits: limits,
+            ..Default::default()
+        }))
+        .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
+
+        let complaint = Arc::new(Mutex::new(None));
+        let first = Arc::clone(&complaint);
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
+            if let Ok(mut first) = first.lock() {
+                first.get_or_insert(e.to_string());
+            }
+        }));
+        let pipeline = pipeline(&device, SHADER);
+        Ok(Self { device, queue, pipeline, adapter: name, max_sheet_bytes, complaint })
+    }
+
+    /// Opens a device and runs the shader once: a driver compiles it at the first use, which takes
+    /// longer than most films.
+    pub(super) fn ready() -> Result<Self> {
+        let gpu = Self::open()?;
+        let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
+        let sheet = gpu.sheet(1);
+        gpu.dispatch(&mut Chunk { parts: vec![(0, part)], curves: vec![[0; SPOTS]] }, &sheet);
+        gpu.read(&sheet, 1, |_| ())?;
+        Ok(gpu)
+    }
+
+    /// Replaces the shader.
+    #[cfg(test)]
+    pub(super) fn load(&mut self, shader: &str) {
+        self.pipeline = pipeline(&self.device, shader);
+    }
+
+    /// Adds up the light: three planes of counts.
+    pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
+        let [width, height] = latent.size_px.map(|px| px as usize);
+        let most = (self.max_sheet_bytes / TILE_BYTES).min(TILES) as usize;
+        if most == 0 {
+            return Err(self.fail("a tile is too large for it".to_owned()));
+        }
+        let mut counts = vec![0; 3 * width * height];
+        let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
+        for tint in &latent.tints {
+            let (across, lit) = lit_tiles(tint, latent.size_px);
+            for lit in lit.chunks(most) {
+                let sheet = self.sheet(lit.len());
+                chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &sheet));
+                let mut lit = lit.iter();
+                self.read(&sheet, lit.len(), |light| {
+                    let size = TILE_PX as usize;
+                    for (light, tile) in light.chunks_exact(size * size).zip(&mut lit) {
+                        let [x, y] = [tile % across * size, tile / across * size];
+                        let inside = [size.min(width - x), size.min(height - y)];
+                        let to = [width, y * width + x];
+                        sheet::count(light, [size, 0], tint.shares, &mut planes, to, inside);
+                    }
+                })?;
+            }
+        }
+        Ok(counts)
+    }
+
+    /// A dark sheet on the device.
+    fn sheet(&self, tiles: usize) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("sheet"),
+            size: TILE_BYTES * tiles as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Lets the device add a chunk to a sheet.
+    fn dispatch(&self, chunk: &mut Chunk, sheet: &wgpu::Buffer) {
+        let filled = |label, contents: &[u8]| {
+            self.device.create_buffer_init(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: wgpu::BufferUsages::STORAGE,
+            })
+        };
+        let (rounds, parts) = chunk.by_tile();
+        let parts = filled("records", bytemuck::cast_slice(&parts));
+        let curves = filled("curves", bytemuck::cast_slice(&chunk.curves));
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        for lists in &rounds {
+            let on_device = filled("lists", bytemuck::cast_slice(lists));
+            let entries = [&on_device, &parts, &curves, sheet];
+            let entries = std::array::from_fn::<_, 4, _>(|i| wgpu::BindGroupEntry {
+                binding: [0, 1, 2, 3][i],
+                resource: entries[i].as_entire_binding(),
+            });
+            let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("splat"),
+                layout: &self.pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            });
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &bindings, &[]);
+            pass.dispatch_workgroups(u32::try_from(lists.len()).unwrap_or(u32::MAX), 1, 1);
+        }
+        self.queue.submit([encoder.finish()]);
+    }
+
+    /// Waits for the device, and passes on so many tiles of a sheet, in order.
+    fn read(&self, sheet: &wgpu::Buffer, tiles: usize, mut take: impl FnMut(&[u32])) -> Result<()> {
+        let bytes = TILE_BYTES * tiles as u64;
+        let out = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("sheet out"),
+            size: READ_BYTES.min(bytes),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut start = 0;
+        while start < bytes {
+            let part = READ_BYTES.min(bytes - start);
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(sheet, start, &out, 0, part);
+            self.queue.submit([encoder.finish()]);
+            self.map(&out, part, &mut take)?;
+            start += part;
+        }
+        Ok(())
+    }
+
+    /// Waits for the device, and passes on the content of a buffer.
+    fn map(&self, out: &wgpu::Buffer, bytes: u64, mut take: impl FnMut(&[u32])) -> Result<()> {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        out.map_async(wgpu::MapMode::Read, ..bytes, move |mapped| {
+            // Without a receiver an error has been reported already.
+            let _ = sender.send(mapped);
+        });
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        if let Some(complaint) = self.complaint.lock().ok().and_then(|mut c| c.take()) {
+            return Err(self.fail(complaint));
+        }
+        waited.map_err(|e| self.fail(e.to_string()))?;
+        receiver
+            .recv()
+            .map_err(|e| self.fail(e.to_string()))?
+            .map_err(|e| self.fail(e.to_string()))?;
+        let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e.to_string()))?;
+        take(bytemuck::cast_slice(&mapped));
+        drop(mapped);
+        out.unmap();
+        Ok(())
+    }
+
+    fn fail(&self, what: String) -> Error {
+        gpu_error(format!("{}: {what}", self.adapter), "choose the processor as the backend")
+    }
+}
+
+fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("splat"),
+        source: wgpu::ShaderSource::Wgsl(shader.into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("splat"),
+        layout: None,
+        module: &module,
+        entry_point: Some("splat"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    })
+}
+
+/// Error of a driver that panicked.
+pub(super) fn driver_panicked() -> Error {
+    gpu_error("its driver panicked".to_owned(), "choose the processor as the backend")
+}
+
+fn gpu_error(what: String, hint: &str) -> Error {
+    Error::Gpu { what, hint: hint.into() }
+}

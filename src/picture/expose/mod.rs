@@ -1,0 +1,364 @@
+//! Expose: lamps and a camera become a [`Film`].
+//!
+//! Product in: [`LightTrace`] and [`Camera`]. Product out: [`Film`], in lx s.
+//!
+//! 1. The path of each lamp between two samples is projected, in f64: position, light and width of
+//!    its spot (lens blur ⊕ diffraction ⊕ disc of the lamp ⊕ pixel, as one Gaussian). Intervals that
+//!    run straight and evenly are merged into segments.
+//! 2. Each segment becomes records: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a Gaussian spot
+//!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
+//!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add them
+//!    up in integers, on the CPU or on a graphics device, with the same bits.
+//! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
+//!    film. The glow of the floor is added last.
+//!
+//! Vectors are nalgebra's and f64 up to the segments; records are scalars in f32, and all that
+//! follows is integers. The width changes in `record`.
+//!
+//! Accuracy: the light of a spot to 1e-6; pixels to 2e-5 of the brightest unmerged, and to 1e-3
+//! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the counts.
+//!
+//! A lamp of I cd that moves at v m/s, d m away, leaves `I τ π f / (4 N² d v)` lx s m across its
+//! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source of
+//! the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
+//!
+//! Not modeled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
+//! light, glare and noise belong to `photo`.
+
+mod cpu;
+mod curves;
+mod film;
+mod floor;
+mod gpu;
+mod merge;
+pub mod meter;
+mod parts;
+mod project;
+mod record;
+mod room;
+mod scale;
+mod sheet;
+mod sources;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twins;
+
+use std::num::NonZero;
+use std::thread::JoinHandle;
+
+use crate::camera::{Camera, check_size};
+use crate::error::{Error, Result, within};
+use crate::light::LightTrace;
+use crate::settings::{Described, settings};
+use floor::Glow;
+use gpu::Gpu;
+use record::Record;
+use sheet::ALL;
+
+pub use film::Film;
+pub use room::Room;
+
+/// Most samples of a trace, and most segments of a picture.
+pub const MAX_SAMPLES: usize = 50_000_000;
+
+/// A film and its origin.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exposure {
+    /// The film.
+    pub film: Film,
+    /// The backend that exposed it.
+    pub backend: Backend,
+    /// Name and driver of the graphics device; `CPU` without one.
+    pub adapter: String,
+}
+
+/// A latent image: the segments in the picture before they are added up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Latent {
+    size_px: [u32; 2],
+    scale_log2: i32,
+    tints: Vec<Tint>,
+    glow: Option<Glow>,
+}
+
+/// All light of one color.
+#[derive(Clone, Debug, PartialEq)]
+struct Tint {
+    /// Red, green and blue relative to the brightest of them, which is [`ALL`].
+    shares: [u32; 3],
+    records: Vec<Record>,
+}
+
+settings! {
+    /// Where a film is exposed. Both backends leave the same bits.
+    pub enum Backend {
+        /// A graphics device.
+        "wgpu" => Wgpu,
+        /// The processor.
+        "cpu" => Cpu,
+    }
+
+    /// Choice of the backend.
+    pub enum BackendChoice {
+        /// A graphics device where one works, else the processor.
+        "auto" => Auto,
+        /// A graphics device, or an error.
+        "wgpu" => Wgpu,
+        /// The processor.
+        "cpu" => Cpu,
+    }
+
+    /// Resolution of the exposure, and the floor and the walls that the lamps light.
+    pub struct ExposeOptions {
+        /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs
+        /// least; 0.005 errs by up to 1e-3 of the peak; more is faster and coarser.
+        merge_tolerance_px: f64 = 0.005, in 0.0..=1.0;
+        /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet
+        /// 0.1, gray concrete 0.3, a black floor 0.
+        floor_albedo: f64 = 0.2, in 0.0..=1.0;
+        /// Height of the floor below the position of a standing drone.
+        ///
+        /// That of a Crazyflie is the position of its board, 2 cm above the floor (an assumption:
+        /// feet below the motor mounts).
+        floor_z_m: f64 = -0.02, in -1e3..=1e3, for "expose.floor_albedo";
+        /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3 for
+        /// linoleum, 0.6 for worn boards (assumptions); matte if left out.
+        floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
+        /// Width, depth and height of a room with its middle at x = y = 0, whose walls take light;
+        /// none if left out.
+        room_m: Option<[f64; 3]> = None, in 0.1..=1e3;
+        /// Share of light that the walls and the ceiling reflect, evenly to all sides: white paint
+        /// 0.8, gray 0.4, black cloth 0.05.
+        wall_albedo: f64 = 0.4, in 0.0..=1.0, for "expose.room_m";
+    }
+}
+
+/// Opens the shutter of a camera on lamps.
+///
+/// Lamps behind the camera and lamps nearer than 0.1 m along the optical axis leave no light while
+/// they are there. Spots wider than 256 px (one σ) are drawn 256 px wide, with all their light.
+///
+/// # Errors
+///
+/// [`Error::Input`] for numbers of a lamp that are not finite or out of range and for time that
+/// falls (with lamp and time), for numbers of the camera or the options out of range, and above the
+/// largest picture or [`MAX_SAMPLES`]. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device
+/// or the device fails.
+pub fn expose(
+    trace: &LightTrace,
+    camera: &Camera,
+    options: &ExposeOptions,
+    backend: BackendChoice,
+) -> Result<Exposure> {
+    let developer = Developer::start(backend);
+    developer.develop(&project(trace, camera, options)?)
+}
+
+/// The first half of [`expose`]: all that is computed in floating point.
+///
+/// # Errors
+///
+/// As [`expose`], but for the device.
+pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
+    check(trace, camera, options)?;
+    let size_px = [camera.width_px, camera.height_px];
+    let tints = tints(trace, camera, options.merge_tolerance_px)?;
+
+    let glow = Glow::new(trace, camera, options);
+    let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
+    let scale_log2 = scale::finest_scale_log2(&tints, glow_lx_s, size_px);
+    Ok(Latent { size_px, scale_log2, tints, glow })
+}
+
+impl Latent {
+    /// The same with counts of `2^scale_log2` lx s, for films that are to be added up.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where counts so fine would overflow.
+    pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
+        if scale_log2 < self.scale_log2 {
+            return Err(Error::Infeasible {
+                what: format!("counts of 2^{scale_log2} lx s would overflow on this light"),
+                hint: format!("choose a scale of 2^{} lx s or more", self.scale_log2),
+            });
+        }
+        Ok(Self { scale_log2, ..self })
+    }
+
+    /// Adds up the light on the processor, in at most so many bands of rows at a time.
+    #[must_use]
+    pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
+        self.film(cpu::splat(cores.get() as u64, self))
+    }
+
+    /// The same on as many cores as there are.
+    #[must_use]
+    pub fn develop_on_all(&self) -> Film {
+        self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
+    }
+
+    /// One count of the film is `2^scale_log2` lx s.
+    #[must_use]
+    pub fn scale_log2(&self) -> i32 {
+        self.scale_log2
+    }
+
+    /// Number of segments in the picture.
+    #[must_use]
+    pub fn n_segments(&self) -> usize {
+        self.tints.iter().map(|tint| tint.records.len()).sum()
+    }
+
+    fn on_cpu(&self) -> Exposure {
+        let film = self.develop_on_all();
+        Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
+    }
+
+    fn on_gpu(&self, gpu: Gpu) -> Result<Exposure> {
+        let film = self.film(gpu.splat(self)?);
+        Ok(Exposure { film, backend: Backend::Wgpu, adapter: gpu.adapter })
+    }
+
+    fn counts_per_lx_s(&self) -> f64 {
+        libm::ldexp(1.0, -self.scale_log2)
+    }
+
+    fn film(&self, counts: Vec<u32>) -> Film {
+        let [width_px, height_px] = self.size_px;
+        let mut film = Film { width_px, height_px, counts, scale_log2: self.scale_log2 };
+        if let Some(glow) = &self.glow {
+            glow.add_to(&mut film);
+        }
+        film
+    }
+}
+
+/// A backend that starts while other work goes on: to open a graphics device and to compile its
+/// shader takes longer than to expose a film.
+#[derive(Debug)]
+pub struct Developer {
+    choice: BackendChoice,
+    /// The device that is being opened; `None` where the processor was chosen, and where no thread
+    /// could be started.
+    device: Option<JoinHandle<Result<Gpu>>>,
+}
+
+impl Developer {
+    /// Starts the backend.
+    #[must_use]
+    pub fn start(choice: BackendChoice) -> Self {
+        let start = || std::thread::Builder::new().spawn(Gpu::ready).ok();
+        Self { choice, device: (choice != BackendChoice::Cpu).then(start).flatten() }
+    }
+
+    /// Adds up light once the backend is ready. With [`BackendChoice::Auto`] the processor takes
+    /// the place of a device that fails.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
+    pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
+        let gpu = match self.device.take() {
+            None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
+            // No thread could be started.
+            None => Gpu::ready(),
+            Some(device) => device.join().unwrap_or_else(|_| Err(gpu::driver_panicked())),
+        };
+        match gpu.and_then(|gpu| latent.on_gpu(gpu)) {
+            Err(_) if self.choice == BackendChoice::Auto => Ok(latent.on_cpu()),
+            exposure => exposure,
+        }
+    }
+}
+
+/// Opens the graphics device, and runs the shader once. Returns its name and driver.
+///
+/// # Errors
+///
+/// [`Error::Gpu`] where there is none, or it fails.
+pub fn try_device() -> Result<String> {
+    Gpu::ready().map(|gpu| gpu.adapter)
+}
+
+impl Drop for Developer {
+    /// Waits for the device: a driver that is still compiling when the program ends may crash it.
+    fn drop(&mut self) {
+        if let Some(device) = self.device.take() {
+            drop(device.join());
+        }
+    }
+}
+
+fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
+    check_size(camera.width_px, camera.height_px)?;
+    let ranges = [
+        ("camera: focal_length_m", camera.focal_length_m, [1e-4, 10.0]),
+        ("camera: sensor_width_m", camera.sensor_width_m, [1e-4, 10.0]),
+        ("camera: f_number", camera.f_number, [0.1, 1e3]),
+        ("camera: transmission", camera.transmission, [0.0, 1.0]),
+        ("camera: blur_m", camera.blur_m, [0.0, 1.0]),
+        ("camera: shutter_open_s", camera.shutter_open_s, [-1e9, 1e9]),
+        ("camera: shutter_close_s", camera.shutter_close_s, [camera.shutter_open_s, 1e9]),
+        ("camera: vignetting", camera.vignetting, [0.0, 1.0]),
+        ("camera: focus_m", camera.focus_m.unwrap_or(1.0), [1e-3, 1e9]),
+    ];
+    let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
+    let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
+    let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
+    for (key, value, [min, max]) in ranges.into_iter().chain(distortion).chain(pose) {
+        within(key, value, min, max)?;
+    }
+    options.check("expose", None)?;
+
+    let samples: usize = trace.lamps.iter().map(|lamp| lamp.samples.len()).sum();
+    if samples > MAX_SAMPLES {
+        return Err(too_many("light", "samples", samples));
+    }
+    trace.lamps.iter().try_for_each(project::check)
+}
+
+/// The light of the lamps by color.
+fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
+    let mut tints: Vec<Tint> = Vec::new();
+    let (mut segments, mut n) = (Vec::new(), 0);
+    for lamp in &trace.lamps {
+        let rgb = lamp.emitter.rgb;
+        let most = rgb[0].max(rgb[1]).max(rgb[2]);
+        if most == 0.0 {
+            continue;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
+        let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
+        let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
+            tints.push(Tint { shares, records: Vec::new() });
+            tints.len() - 1
+        });
+        let records = &mut tints[known].records;
+        let before = records.len();
+        segments.clear();
+        let intervals = project::intervals(lamp, camera);
+        merge::merge(intervals, most, merge_tolerance_px, &mut segments);
+        for segment in &segments {
+            record::records(segment, [camera.width_px, camera.height_px], |r| records.push(r));
+            if n + records.len() - before > MAX_SAMPLES {
+                return Err(too_many("picture", "segments", n + records.len() - before));
+            }
+        }
+        n += records.len() - before;
+    }
+    Ok(tints)
+}
+
+fn too_many(place: &str, what: &str, found: usize) -> Error {
+    let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
+    Error::input(place, format!("{found} {what}"), format!("at most {MAX_SAMPLES}"), hint)
+}
+
+/// A number of an image, whose positions and light need no more than f32.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "6e-8 of the value")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}

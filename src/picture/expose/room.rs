@@ -1,0 +1,188 @@
+//! Room: the floor and the walls as planes, what a ray of the camera meets, and how they reflect.
+//!
+//! Walls are matte. The floor is matte or has a sheen on top: facets whose slopes are spread as GGX
+//! (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect as glass
+//! and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
+//!
+//! Not modeled: furniture, doors, and what a surface hides from another.
+
+use nalgebra::Vector3;
+
+use super::ExposeOptions;
+use super::project::NEAREST_M;
+
+/// Share of light that a polished surface of refractive index 1.5 reflects straight on.
+const STRAIGHT_ON: f64 = 0.04;
+
+/// A plane of the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Surface {
+    /// Into the room.
+    pub(super) normal: Vector3<f64>,
+    /// `normal · p` of its points.
+    at_m: f64,
+    /// Share of light that it reflects evenly to all sides.
+    pub(super) albedo: f64,
+    /// Slope of the facets of its sheen.
+    pub(super) roughness: Option<f64>,
+}
+
+/// The surfaces that a camera sees from inside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Room {
+    camera_m: Vector3<f64>,
+    /// The floor first, where the camera is above it.
+    pub(super) surfaces: Vec<Surface>,
+    /// Width, depth and height, where there are walls.
+    size_m: Option<[f64; 3]>,
+}
+
+impl Room {
+    /// The room around a camera, which looks through a wall that it stands behind.
+    pub fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
+        let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
+        let wall = |normal, at_m| Surface::matte(normal, at_m, wall_albedo);
+        let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
+        let mut surfaces = vec![Surface { roughness: floor_roughness, ..floor }];
+        if let Some([width_m, depth_m, height_m]) = options.room_m {
+            surfaces.extend([
+                wall(-Vector3::y(), -0.5 * depth_m),
+                wall(Vector3::y(), -0.5 * depth_m),
+                wall(Vector3::x(), -0.5 * width_m),
+                wall(-Vector3::x(), -0.5 * width_m),
+                wall(-Vector3::z(), -(floor_z_m + height_m)),
+            ]);
+        }
+        surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
+        Self { camera_m, surfaces, size_m: options.room_m }
+    }
+
+    /// The surface that a ray from the camera meets, its number, and the point.
+    pub(crate) fn met(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
+        let far_m = |surface: &Surface| {
+            let toward = surface.normal.dot(&ray);
+            (toward <= -1e-9).then(|| surface.height_m(self.camera_m) / -toward)
+        };
+        let met = self.surfaces.iter().enumerate();
+        let met = met.filter_map(|(i, surface)| Some((i, far_m(surface)?)));
+        let (i, far_m) = met.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((i, self.camera_m + ray * far_m))
+    }
+
+    /// Luminance of a point of a surface in the light of the room relative to that of a wall far
+    /// from the floor; 1 without walls.
+    ///
+    /// The light is as even as walls and ceiling throw it to and fro. A floor that is darker than
+    /// they are takes its share from what stands on it: that of a plane h wide which begins at right
+    /// angles d away, `(1 - d / √(d² + h²)) / 2`.
+    pub fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
+        let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
+        let surface = &self.surfaces[on];
+        let albedos = self.surfaces.iter().map(|surface| surface.albedo);
+        let brightest = albedos.fold(1e-9, f64::max);
+        let others = self.surfaces.iter().filter(|other| other.normal.dot(&surface.normal) == 0.0);
+        let hidden = others.map(|other| {
+            let d = other.height_m(point_m).max(0.0);
+            let size_m = Vector3::new(width_m, depth_m, height_m);
+            let h = size_m.dot(&surface.normal.abs());
+            0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
+        });
+        (1.0 - hidden.sum::<f64>()) * surface.albedo / brightest
+    }
+}
+
+impl Surface {
+    /// A matte one.
+    pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
+        Self { normal, at_m, albedo, roughness: None }
+    }
+
+    /// Distance of a point from it, into the room.
+    fn height_m(&self, point_m: Vector3<f64>) -> f64 {
+        self.normal.dot(&point_m) - self.at_m
+    }
+
+    /// Light that it reflects in all relative to what it reflects evenly, from one direction to
+    /// another, both away from it.
+    pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
+        let half = (from + to).normalize();
+        let [cos_from, cos_to, cos] = [from, to, half].map(|v| self.normal.dot(&v).max(1e-6));
+        let a_sq = roughness * roughness;
+        let spread = cos * cos * (a_sq - 1.0) + 1.0;
+        let facets = a_sq / (std::f64::consts::PI * spread * spread);
+        let away = 1.0 - from.dot(&half).clamp(0.0, 1.0);
+        let reflected = STRAIGHT_ON + (1.0 - STRAIGHT_ON) * away * away * away * away * away;
+        // Smith's shadowing, with the cosines of the microfacet model divided out.
+        let shadow = |cos: f64| 1.0 / (cos + (a_sq + (1.0 - a_sq) * cos * cos).sqrt());
+        let lobe = facets * reflected * shadow(cos_from) * shadow(cos_to);
+        1.0 + std::f64::consts::PI * lobe / self.albedo
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: ExposeOptions = ExposeOptions {
+        merge_tolerance_px: 0.005,
+        floor_albedo: 0.2,
+        floor_z_m: 0.0,
+        floor_roughness: Some(0.3),
+        room_m: Some([4.0, 6.0, 2.5]),
+        wall_albedo: 0.5,
+    };
+
+    #[test]
+    fn a_ray_meets_the_nearest_surface_and_passes_a_wall_from_behind() {
+        let camera_m = Vector3::new(0.5, -4.0, 1.0);
+        let room = Room::new(&ROOM, camera_m);
+        for (ray, wanted) in [
+            ([0.0, 1.0, 0.0], [0.5, 3.0, 1.0]),
+            ([0.0, 1.0, -0.5], [0.5, -2.0, 0.0]),
+            ([0.5, 1.0, 0.0], [2.0, -1.0, 1.0]),
+            ([0.0, 1.0, 0.5], [0.5, -1.0, 2.5]),
+        ] {
+            let (_, point_m) = room.met(Vector3::from(ray)).unwrap();
+            assert!((point_m - Vector3::from(wanted)).norm() < 1e-12, "{point_m}");
+        }
+        let bare = Room::new(&ExposeOptions { room_m: None, ..ROOM }, camera_m);
+        assert_eq!(bare.met(Vector3::y()), None);
+        assert_eq!(bare.ambient(0, Vector3::zeros()), 1.0);
+    }
+
+    #[test]
+    fn walls_darken_toward_a_dark_floor_which_is_as_dark_as_it_is() {
+        let room = Room::new(&ROOM, Vector3::new(0.0, -2.0, 1.0));
+        let wall = |z: f64| room.ambient(1, Vector3::new(0.0, 3.0, z));
+        assert!(wall(0.01) < 0.95 * wall(1.2) && wall(0.01) > 0.7, "{} {}", wall(0.01), wall(1.2));
+        let floor = room.ambient(0, Vector3::new(0.0, 0.0, 0.0));
+        assert!((floor - 0.2 / 0.5).abs() < 1e-12, "{floor}");
+    }
+
+    #[test]
+    fn a_sheen_reflects_no_more_light_than_it_receives() {
+        // Sum over the hemisphere, less the matte part of albedo 0.2.
+        let floor = Room::new(&ROOM, Vector3::z()).surfaces[0];
+        for (roughness, degrees) in [(0.1, 10.0_f64), (0.3, 45.0), (0.3, 75.0), (1.0, 60.0)] {
+            let angle = degrees.to_radians();
+            let from = Vector3::new(libm::sin(angle), 0.0, libm::cos(angle));
+            let (n, mut sum) = (400, 0.0);
+            for i in 0..n {
+                let cos = (f64::from(i) + 0.5) / f64::from(n);
+                let sin = (1.0 - cos * cos).sqrt();
+                for j in 0..n {
+                    let turn = (f64::from(j) + 0.5) / f64::from(n) * std::f64::consts::TAU;
+                    let to = Vector3::new(sin * libm::cos(turn), sin * libm::sin(turn), cos);
+                    sum += (floor.sheen(roughness, from, to) - 1.0) * 0.2 * 2.0 * cos;
+                }
+            }
+            let share = sum / f64::from(n * n);
+            let straight = 1.0 - libm::cos(angle);
+            let wanted = 0.04 + 0.96 * libm::pow(straight, 5.0);
+            assert!(share < 1.0 && share > 0.2 * wanted, "{share} at {degrees}, {roughness}");
+            if roughness < 0.2 {
+                assert!((share / wanted - 1.0).abs() < 0.1, "{share}, Fresnel {wanted}");
+            }
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Gaps of a real flight's log: bridged where the motion allows it, dark elsewhere.
+//!
+//! Between the ends of a gap of T seconds the position follows the cubic through both ends with
+//! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that path
+//! by at most about `a T² / 8`; `a` is what the flight itself reaches in 95 % of its time.
+
+use nalgebra::Vector3;
+
+use crate::flight::{Flight, FlightSample, airborne};
+use crate::geometry::Attitude;
+use crate::statistics::weighted_quantile;
+
+/// Largest uncertainty of a bridge: about the width of an overexposed trail. More draws strokes that
+/// were not flown, less leaves dashes.
+const BRIDGE_M: f64 = 0.02;
+
+/// Acceleration that a flight is at least taken to have, m/s²: that of the reference flight.
+const LEAST_M_S2: f64 = 0.4;
+
+/// Time over which velocities are measured: ten samples of the firmware's position loop.
+const VELOCITY_S: f64 = 0.1;
+
+/// Time between the samples of a bridge.
+const STEP_S: f64 = 0.01;
+
+/// Farthest place of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between motors.
+const LAMP_M: f64 = 0.05;
+
+/// A gap of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Times of the samples before and after it.
+    pub span_s: [f64; 2],
+    /// Uncertainty of a position in its middle.
+    pub uncertainty_m: f64,
+}
+
+impl Gap {
+    /// Whether lamps shine across it.
+    pub fn is_bridged(&self) -> bool {
+        self.uncertainty_m <= BRIDGE_M
+    }
+}
+
+/// The gaps of a flight.
+pub fn gaps(flight: &Flight) -> Vec<Gap> {
+    if flight.gaps.is_empty() {
+        return Vec::new();
+    }
+    let acceleration = acceleration_m_s2(flight).max(LEAST_M_S2);
+    let gap = |span_s: &[f64; 2]| {
+        let lasts_s = span_s[1] - span_s[0];
+        Gap { span_s: *span_s, uncertainty_m: acceleration * lasts_s * lasts_s / 8.0 }
+    };
+    flight.gaps.iter().map(gap).collect()
+}
+
+/// The gaps that no lamp shines across, each with the longest way that a lamp can have taken.
+pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
+    let open: Vec<Gap> = gaps(flight).into_iter().filter(|gap| !gap.is_bridged()).collect();
+    if open.is_empty() {
+        return Vec::new();
+    }
+    let speed_m_s = speed_m_s(flight);
+    let way_m = |gap: &Gap| 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]);
+    open.into_iter().map(|gap| (gap, way_m(&gap))).collect()
+}
+
+/// The samples of a flight in stretches: over bridges, and from one open gap to the next.
+pub(super) fn stretches(flight: &Flight) -> Vec<Vec<FlightSample>> {
+    let mut stretches = vec![Vec::new()];
+    let mut rest = &flight.samples[..];
+    for gap in gaps(flight) {
+        let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
+        rest = after;
+        let stretch = stretches.last_mut().expect("there is a first one");
+        stretch.extend_from_slice(before);
+        if gap.is_bridged() {
+            let bridge = bridge(stretch, after);
+            stretch.extend(bridge);
+        } else {
+            stretches.push(Vec::new());
+        }
+    }
+    stretches.last_mut().expect("there is a first one").extend_from_slice(rest);
+    stretches
+}
+
+/// Samples between the end of one stretch and the start of the next.
+fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> {
+    let (Some(a), Some(b)) = (before.last(), after.first()) else { return Vec::new() };
+    let span_s = b.time_s - a.time_s;
+    let chord_m_s = (b.position_m - a.position_m) / span_s;
+    let start = before.partition_point(|s| s.time_s < a.time_s - VELOCITY_S);
+    let end = after.partition_point(|s| s.time_s <= b.time_s + VELOCITY_S);
+    let v_a = velocity_m_s(&before[start..]).unwrap_or(chord_m_s);
+    let v_b = velocity_m_s(&after[..end]).unwrap_or(chord_m_s);
+    #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
+    let steps = ((span_s / STEP_S).ceil() as u32).max(1);
+    let sample = |step: u32| {
+        let u = f64::from(step) / f64::from(steps);
+        let (turn, back) = (u * u * (3.0 - 2.0 * u), (1.0 - u) * (1.0 - u));
+        let position_m = a.position_m.lerp(&b.position_m, turn)
+            + (v_a * u * back - v_b * u * u * (1.0 - u)) * span_s;
+        let half_turn = |from: f64, to: f64| {
+            let turns = ((to - from) / std::f64::consts::TAU).round();
+            from + (to - from - turns * std::f64::consts::TAU) * u
+        };
+        let attitude = Attitude {
+            yaw_rad: half_turn(a.attitude.yaw_rad, b.attitude.yaw_rad),
+            pitch_rad: half_turn(a.attitude.pitch_rad, b.attitude.pitch_rad),
+            roll_rad: half_turn(a.attitude.roll_rad, b.attitude.roll_rad),
+        };
+        FlightSample { time_s: a.time_s + span_s * u, position_m, attitude, ..*a }
+    };
+    (1..steps).map(sample).collect()
+}
+
+/// Mean velocity over some samples.
+fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
+    let (first, last) = (samples.first()?, samples.last()?);
+    let lasts_s = last.time_s - first.time_s;
+    (lasts_s > 0.0).then(|| (last.position_m - first.position_m) / lasts_s)
+}
+
+/// Acceleration that a flight stays below in 95 % of its time, outside of its gaps.
+fn acceleration_m_s2(flight: &Flight) -> f64 {
+    let mut found = Vec::new();
+    let mut gaps = flight.gaps.iter().peekable();
+    let mut places: Vec<&FlightSample> = Vec::new();
+    for sample in &flight.samples {
+        if gaps.next_if(|gap| gap[1] <= sample.time_s).is_some() {
+            places.clear();
+        }
+        if places.last().is_none_or(|last| sample.time_s - last.time_s >= VELOCITY_S) {
+            places.push(sample);
+        }
+        if let [a, b, c] = places[..] {
+            let velocity = |a: &FlightSample, b: &FlightSample| {
+                (b.position_m - a.position_m) / (b.time_s - a.time_s)
+            };
+            let lasts_s = 0.5 * (c.time_s - a.time_s);
+            found.push(((velocity(b, c) - velocity(a, b)).norm() / lasts_s, lasts_s));
+            places.remove(0);
+        }
+    }
+    weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
+}
+
+/// Speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
+fn speed_m_s(flight: &Flight) -> f64 {
+    let air = airborne(flight).unwrap_or(0..flight.samples.len());
+    let samples = &flight.samples[air];
+    let mut gaps = flight.gaps.iter().peekable();
+    let mut found = Vec::new();
+    let mut from: Option<&FlightSample> = None;
+    for sample in samples {
+        if gaps.next_if(|gap| gap[1] <= sample.time_s).is_some() {
+            from = None;
+        }
+        let since = *from.get_or_insert(sample);
+        let lasts_s = sample.time_s - since.time_s;
+        if lasts_s >= VELOCITY_S {
+            found.push(((sample.position_m - since.position_m).norm() / lasts_s, lasts_s));
+            from = Some(sample);
+        }
+    }
+    weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A circle of 0.5 m/s and 0.5 m/s² at 100 Hz, without the samples in the gaps.
+    fn circle(gaps: &[[f64; 2]]) -> Flight {
+        let sample = |i: i32| {
+            let time_s = f64::from(i) * 0.01;
+            let (sin, cos) = libm::sincos(time_s);
+            let position_m = Vector3::new(0.5 * cos, 0.0, 1.0 + 0.5 * sin);
+            FlightSample { time_s, position_m, ..FlightSample::default() }
+        };
+        let open = |s: &FlightSample| {
+            gaps.iter().all(|[from, to]| s.time_s < from + 1e-9 || s.time_s > to - 1e-9)
+        };
+        let samples = (0..=600).map(sample).filter(open).collect();
+        Flight { samples, gaps: gaps.to_vec(), ..Flight::default() }
+    }
+
+    #[test]
+    fn a_bridge_keeps_to_the_path_within_its_uncertainty() {
+        let flight = circle(&[[1.0, 1.5], [3.0, 4.5]]);
+        let [short, long] = gaps(&flight)[..] else { panic!() };
+        assert!(short.is_bridged() && !long.is_bridged(), "{short:?}, {long:?}");
+        assert!((short.uncertainty_m - 0.5 * 0.25 / 8.0).abs() < 1e-3, "{short:?}");
+        let stretches = stretches(&flight);
+        assert_eq!(stretches.len(), 2, "the long gap stays open");
+        let bridged = stretches[0].iter().filter(|s| s.time_s > 1.0 && s.time_s < 1.5);
+        let errors = bridged.map(|s| {
+            let (sin, cos) = libm::sincos(s.time_s);
+            (s.position_m - Vector3::new(0.5 * cos, 0.0, 1.0 + 0.5 * sin)).norm()
+        });
+        let errors: Vec<f64> = errors.collect();
+        assert!(errors.len() >= 45, "{} samples", errors.len());
+        let worst_m = errors.into_iter().fold(0.0, f64::max);
+        assert!(worst_m < 0.2 * short.uncertainty_m, "{worst_m} m off the circle");
+        let [(gap, way_m)] = dark(&flight)[..] else { panic!("the long gap stays dark") };
+        assert_eq!(gap, long);
+        assert!((way_m - (2.0 * LAMP_M + 0.5 * 1.5)).abs() < 1e-3, "at 0.5 m/s: {way_m} m");
+        assert!(stretches[0].windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
+    }
+}

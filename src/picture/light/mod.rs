@@ -1,0 +1,321 @@
+//! Light: the lamps on the drone, from command to light.
+//!
+//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. There are no
+//! pixels and no camera here.
+//!
+//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, power, a
+//!    sequence of the firmware, or the effect of the LED ring. Commands take the delay of the radio
+//!    and wait for the timer of the firmware, 50 ms.
+//! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
+//! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep them
+//!    within 10 µm of their path. Lamps shine across the short gaps of a real log and are dark in
+//!    long ones, where nothing says where they were.
+//!
+//! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
+//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
+//! modeled: light reflected by the body, rare stalls of the radio (up to 0.7 s in the team's log),
+//! the clock of the firmware that ran 1.2 % slow until 2026, effects of the ring that depend on
+//! sensors, a falling battery voltage.
+
+use std::cell::LazyCell;
+
+use nalgebra::Vector3;
+
+use crate::error::{Error, Result};
+use crate::flight::{DroneIndex, Flight, Quantity};
+use crate::srgb::{LUMINANCE, xyz};
+use programs::Programs;
+use radio::Change;
+
+pub use noctograph_core::lamps::*;
+pub use programs::{color_led_wrgb, ring_rgb};
+
+mod chance;
+mod color;
+pub mod csv;
+pub mod gaps;
+mod programs;
+mod radio;
+mod ring;
+#[cfg(test)]
+mod tests;
+mod way;
+
+/// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LightTrace {
+    /// One for each color of each row that is ever lit.
+    pub lamps: Vec<Lamp>,
+}
+
+impl LightTrace {
+    /// Time of the last sample; 0 of an empty trace.
+    #[must_use]
+    pub fn end_s(&self) -> f64 {
+        let ends = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
+        ends.map(|last| last.time_s).fold(0.0, f64::max)
+    }
+
+    /// Adds the lamps of another drone, flown at the same time.
+    pub fn append(&mut self, mut other: Self) {
+        self.lamps.append(&mut other.lamps);
+    }
+}
+
+/// One emitter and its path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lamp {
+    /// Its drone; `None` where there is but one.
+    pub drone: Option<DroneIndex>,
+    /// Its constant properties.
+    pub emitter: Emitter,
+    /// Its path, in order of time. Position, axis and level are linear between samples; two samples
+    /// at one time make a step.
+    pub samples: Vec<LightSample>,
+}
+
+impl Lamp {
+    /// Its name, after the number of its drone, from 1, where several fly.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let Self { drone, emitter: Emitter { name, .. }, .. } = self;
+        drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
+    }
+}
+
+/// One instant of a lamp.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Time since the first setpoint.
+    pub time_s: f64,
+    /// Position of the lamp, in the world.
+    pub position_m: Vector3<f64>,
+    /// Axis of its beam, a unit vector in the world.
+    pub axis: Vector3<f64>,
+    /// Share of the emitter's intensity, 0 to 1.
+    pub level: f64,
+}
+
+impl LightSample {
+    /// The sample at a time on the straight path to the next one.
+    #[must_use]
+    pub fn toward(&self, next: &Self, time_s: f64) -> Self {
+        let share = (time_s - self.time_s) / (next.time_s - self.time_s);
+        Self {
+            time_s,
+            position_m: self.position_m + (next.position_m - self.position_m) * share,
+            axis: self.axis + (next.axis - self.axis) * share,
+            level: self.level + (next.level - self.level) * share,
+        }
+    }
+}
+
+/// A source of light of one color.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Emitter {
+    /// Name of its row in the table. A row that changes its color is several lamps of one name.
+    pub name: String,
+    /// Luminous intensity along the axis at level 1.
+    pub intensity_cd: f64,
+    /// Color as linear sRGB with luminance 1 (`0.2126 r + 0.7152 g + 0.0722 b = 1`).
+    pub rgb: [f64; 3],
+    /// Exponent m of the beam's shape cosᵐ.
+    pub beam_exponent: f64,
+    /// Share of the intensity on the axis that is emitted in all directions, 0 to 1.
+    pub spill: f64,
+    /// Cosine of the angle off axis beyond which the body hides the lamp.
+    pub visible_cos: f64,
+    /// Diameter of the luminous disc.
+    pub diameter_m: f64,
+}
+
+impl Emitter {
+    /// Luminous intensity at level 1 at an angle off the axis, given its cosine.
+    #[must_use]
+    pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
+        self.intensity_cd * self.share(cos_off_axis)
+    }
+
+    /// Intensity at an angle off the axis relative to that on the axis, given the cosine.
+    #[must_use]
+    pub fn share(&self, cos_off_axis: f64) -> f64 {
+        if cos_off_axis < self.visible_cos {
+            return 0.0;
+        }
+        let beam = match cos_off_axis {
+            behind if behind <= 0.0 => 0.0,
+            cos if self.beam_exponent == 1.0 => cos.min(1.0),
+            cos => libm::pow(cos.min(1.0), self.beam_exponent),
+        };
+        self.spill + (1.0 - self.spill) * beam
+    }
+}
+
+/// Lights the lamps of a flight.
+///
+/// `seed` and `drone` (its index from 0) determine all random numbers: the jitter of the radio and
+/// the flicker of the link LEDs.
+///
+/// # Errors
+///
+/// [`Error::Input`] for an option out of range, for a flight without positions or without any of the
+/// light columns that the lamps follow, and for too many pulses.
+pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
+    options.check()?;
+    if flight.unlogged.contains(&Quantity::Position) {
+        let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
+        return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
+    }
+    let fixtures = options.fixtures();
+    check_channels(flight, &fixtures)?;
+    let programs = Programs::new(flight, options, seed, drone);
+    let samples = gaps::stretches(flight);
+    let fine = LazyCell::new(|| way::stretches(&samples, way::FINE_M));
+    let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
+    let mut trace = LightTrace::default();
+    for fixture in &fixtures {
+        let sources = sources(fixture, &programs.changes(fixture)?, options.pwm);
+        let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
+        for (emitter, changes) in sources {
+            let samples = way::shine(stretches, fixture, &changes, options);
+            if !samples.is_empty() {
+                trace.lamps.push(Lamp { drone: None, emitter, samples });
+            }
+        }
+    }
+    Ok(trace)
+}
+
+/// Refuses a flight without any of the channels that the lamps follow.
+fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
+    let command = |fixture: &Fixture| match &fixture.drive {
+        Drive::Command(channel) => Some(channel.clone()),
+        _ => None,
+    };
+    let Some(first) = fixtures.iter().find_map(command) else { return Ok(()) };
+    let heard = |channel: &String| {
+        fixtures.iter().any(|fixture| command(fixture).as_ref() == Some(channel))
+            || ring::CHANNELS.contains(&channel.as_str())
+            || channel == programs::COLOR_LED_CHANNEL
+    };
+    if flight.lights.keys().any(heard) {
+        return Ok(());
+    }
+    let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
+    Err(Error::input(
+        "lights of the flight",
+        format!("columns [{}]", names.join(", ")),
+        format!("a column light.{first} with levels from 0 to 1"),
+        "add the column (0 where the lights are off), or change light.fixtures in the scene",
+    ))
+}
+
+/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary color.
+const MAX_COLORS: usize = 8;
+
+/// The sources of light of a row with their levels: one for each color that it ever shows, or one for
+/// each primary color.
+fn sources(fixture: &Fixture, dies: &[Vec<Change>], pwm: Pwm) -> Vec<(Emitter, Vec<Change>)> {
+    let moments = moments(dies);
+    let mut colors: Vec<Vec<f64>> = Vec::new();
+    for (_, levels) in &moments {
+        let color = color_of(levels);
+        if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
+            colors.push(color);
+            if colors.len() > MAX_COLORS {
+                return match pwm {
+                    Pwm::Off => by_primary(fixture, &moments),
+                    Pwm::On => by_die(fixture, dies),
+                };
+            }
+        }
+    }
+    let shine = |color: &Vec<f64>| {
+        let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
+        let changes =
+            moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
+        (emitter(fixture, color), changes.collect())
+    };
+    colors.iter().map(shine).collect()
+}
+
+/// One source for each primary color of sRGB, with the share of it that every color has: dies lie
+/// outside sRGB, so that each clipped by itself would be paler than the mixture.
+fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
+    let parts = moments.iter().map(|(time_s, levels)| {
+        let Emitter { intensity_cd, rgb, .. } = emitter(fixture, levels);
+        (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))
+    });
+    let parts: Vec<(f64, [f64; 3])> = parts.collect();
+    let primary = |k: usize| {
+        let most_cd = parts.iter().map(|(_, part_cd)| part_cd[k]).fold(0.0, f64::max);
+        let mut rgb = [0.0; 3];
+        rgb[k] = 1.0 / LUMINANCE[k];
+        let level = |part_cd: f64| if most_cd > 0.0 { part_cd / most_cd } else { 0.0 };
+        let changes = parts
+            .iter()
+            .map(|(time_s, part_cd)| Change { time_s: *time_s, level: level(part_cd[k]) });
+        (Emitter { intensity_cd: most_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
+    };
+    [0, 1, 2].map(primary).into()
+}
+
+/// One source for each die.
+fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
+    let alone = |die: usize| {
+        let color: Vec<f64> = (0..dies.len()).map(|i| if i == die { 1.0 } else { 0.0 }).collect();
+        (emitter(fixture, &color), dies[die].clone())
+    };
+    (0..dies.len()).map(alone).collect()
+}
+
+/// The levels of all dies at every change of one.
+fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
+    let mut next = vec![0; dies.len()];
+    let mut levels = vec![0.0; dies.len()];
+    let mut moments = Vec::new();
+    loop {
+        let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
+        let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
+            return moments;
+        };
+        for (die, changes) in dies.iter().enumerate() {
+            while let Some(change) = changes.get(next[die]).filter(|c| c.time_s <= time_s) {
+                levels[die] = change.level;
+                next[die] += 1;
+            }
+        }
+        moments.push((time_s, levels.clone()));
+    }
+}
+
+/// Levels relative to the highest.
+fn color_of(levels: &[f64]) -> Vec<f64> {
+    let most = most(levels);
+    levels.iter().map(|level| if most > 0.0 { level / most } else { 0.0 }).collect()
+}
+
+fn most(levels: &[f64]) -> f64 {
+    levels.iter().copied().fold(0.0, f64::max)
+}
+
+/// The source of light that the dies of a lamp make together at these levels.
+fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
+    let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
+    for (die, level) in fixture.dies.iter().zip(levels) {
+        let part_cd = level * die.intensity_cd;
+        intensity_cd += part_cd;
+        for (sum, part) in mixture.iter_mut().zip(xyz(die.chromaticity)) {
+            *sum += part_cd * part;
+        }
+    }
+    Emitter {
+        name: fixture.name.clone(),
+        intensity_cd,
+        rgb: if intensity_cd > 0.0 { color::rgb(mixture) } else { [1.0; 3] },
+        beam_exponent: fixture.beam_exponent,
+        spill: fixture.spill,
+        visible_cos: fixture.visible_cos,
+        diameter_m: fixture.diameter_m,
+    }
+}

@@ -1,0 +1,282 @@
+//! Programs: levels of each die of a lamp during a flight.
+
+use std::cell::OnceCell;
+
+use super::chance::Chance;
+use super::color::mixture;
+use super::radio::{Change, Timer, arrivals, arrivals_of};
+use super::ring::{Frame, byte, frames};
+use super::tables::{color_led, led_ring};
+use super::{COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, Pwm, packed};
+use crate::crazyflie::COLOR_LED_TICK_S;
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+
+/// Programs of the lamps of one drone during one flight.
+#[derive(Debug)]
+pub(super) struct Programs<'a> {
+    pub(super) flight: &'a Flight,
+    pub(super) options: &'a LightOptions,
+    pub(super) seed: u64,
+    pub(super) drone: u64,
+    begin_s: f64,
+    end_s: f64,
+    /// Frames of the ring, computed once.
+    ring: OnceCell<Vec<(f64, Frame)>>,
+}
+
+/// Time over which flicker is averaged.
+const FLICKER_S: f64 = 0.1;
+
+/// Channel of the plan that switches the color LED deck; without it the deck is on.
+pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
+/// Luminous flux in lm of the dies of the color LED deck, white, red, green, blue
+/// (`color_led_deck.h`).
+const COLOR_LED_LM: [u32; 4] = [250, 139, 210, 50];
+
+/// Most pulses of a lamp: some 100 MB.
+const MAX_PULSES: f64 = 1e6;
+
+impl<'a> Programs<'a> {
+    pub(super) fn new(
+        flight: &'a Flight,
+        options: &'a LightOptions,
+        seed: u64,
+        drone: u64,
+    ) -> Self {
+        let begin_s = flight.samples.first().map_or(0.0, |first| first.time_s);
+        let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+        Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
+    }
+
+    /// Changes of the level of each die, which is dark before the first.
+    pub(super) fn changes(&self, fixture: &Fixture) -> Result<Vec<Vec<Change>>> {
+        let alike = |changes: Vec<Change>| vec![changes; fixture.dies.len()];
+        let dies = match (&fixture.drive, self.bitmask(fixture)) {
+            (_, Some(level)) => alike(self.steady(level)),
+            (Drive::Always, _) => alike(self.steady(1.0)),
+            (Drive::Command(channel), _) => alike(self.commanded(channel)),
+            (Drive::Blink { on_s, period_s, phase_s }, _) => {
+                alike(self.blink(*on_s, *period_s, *phase_s))
+            }
+            (Drive::Flicker { flashes_hz, flash_s }, _) => {
+                alike(self.flicker(&fixture.name, *flashes_hz, *flash_s))
+            }
+            (Drive::Ring(led), _) => (0..3).map(|die| self.ring(*led, die)).collect(),
+            (Drive::ColorLed, _) => self.color_led(),
+        };
+        match self.options.pwm {
+            Pwm::On if fixture.pwm_hz > 0.0 => {
+                dies.iter().map(|changes| self.pulses(changes, fixture)).collect()
+            }
+            _ => Ok(dies),
+        }
+    }
+
+    fn steady(&self, level: f64) -> Vec<Change> {
+        vec![Change { time_s: self.begin_s, level }]
+    }
+
+    /// Level of a lamp by `led.bitmask`, where that determines it.
+    fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
+        let mask = self.options.led_bitmask;
+        let bit = fixture.bitmask_bit.filter(|_| mask & 0x80 != 0)?;
+        Some(f64::from(mask >> bit & 1))
+    }
+
+    fn commanded(&self, channel: &str) -> Vec<Change> {
+        let chance = Chance::new(self.seed, self.drone, channel);
+        let arrivals = arrivals(self.flight, channel, 0.0, self.options, &chance);
+        let LightOptions { tick_s, tick_phase_s, .. } = self.options;
+        Timer { period_s: *tick_s, phase_s: *tick_phase_s }.hold(&arrivals)
+    }
+
+    fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
+        let timer = Timer { period_s, phase_s };
+        let mut changes = Vec::new();
+        let mut number = timer.next(self.begin_s - on_s);
+        while timer.tick_s(number) < self.end_s {
+            let time_s = timer.tick_s(number);
+            let from_s = time_s.max(self.begin_s);
+            changes.push(Change { time_s: from_s, level: 1.0 });
+            changes.push(Change { time_s: (time_s + on_s).max(from_s), level: 0.0 });
+            number += 1.0;
+        }
+        changes
+    }
+
+    fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
+        let chance = Chance::new(self.seed, self.drone, name);
+        let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
+        (0..)
+            .map(|index: u32| (u64::from(index), timer.tick_s(f64::from(index))))
+            .take_while(|(_, time_s)| *time_s < self.end_s)
+            .map(|(index, time_s)| {
+                let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
+                Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
+            })
+            .collect()
+    }
+
+    fn ring(&self, led: usize, die: usize) -> Vec<Change> {
+        let frames = self.ring.get_or_init(|| {
+            let chance = Chance::new(self.seed, self.drone, "ring");
+            frames(self.flight, self.options, &chance)
+        });
+        let mut changes: Vec<Change> = Vec::new();
+        for (time_s, frame) in frames {
+            let level = f64::from(frame[led][die]) / 255.0;
+            if changes.last().map_or(0.0, |last| last.level) != level {
+                changes.push(Change { time_s: *time_s, level });
+            }
+        }
+        changes
+    }
+
+    fn color_led(&self) -> Vec<Vec<Change>> {
+        let sent = self.color_led_sent();
+        let at_first = sent.first().copied().unwrap_or(0.0);
+        let chance = Chance::new(self.seed, self.drone, COLOR_LED_CHANNEL);
+        let samples = &self.flight.samples;
+        let arrivals = arrivals_of(samples, &sent, at_first, self.options, &chance);
+        let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
+        let mut changes = self.steady(at_first);
+        changes.extend(timer.hold(&arrivals));
+        let levels = |change: &Change| {
+            #[expect(clippy::cast_possible_truncation, reason = "packed")]
+            let wrgb = (change.level as u32).to_be_bytes();
+            color_led_levels(wrgb, self.options.color_led_levels)
+        };
+        let die =
+            |die: usize| changes.iter().map(|c| Change { level: levels(c)[die], ..*c }).collect();
+        (0..4).map(die).collect()
+    }
+
+    /// What is sent to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
+    fn color_led_sent(&self) -> Vec<f64> {
+        let channel = |name: &str| self.flight.lights.get(name);
+        let level = channel(COLOR_LED_CHANNEL);
+        let colors = COLOR_LED_COLORS.map(channel);
+        let mut letter = None;
+        let samples = self.flight.samples.iter().enumerate();
+        let sent = samples.map(|(row, sample)| {
+            letter = sample.letter.or(letter);
+            let wrgb = match colors {
+                [Some(white), Some(red), Some(green), Some(blue)] => {
+                    [white, red, green, blue].map(|levels| byte(levels[row]))
+                }
+                _ => self.options.wrgb_of(letter),
+            };
+            f64::from(packed(&wrgb, level.map_or(1.0, |levels| levels[row])))
+        });
+        sent.collect()
+    }
+
+    /// Levels between 0 and 1 as pulses of full level.
+    fn pulses(&self, changes: &[Change], fixture: &Fixture) -> Result<Vec<Change>> {
+        let timer = Timer { period_s: 1.0 / fixture.pwm_hz, phase_s: 0.0 };
+        let ends = changes.iter().skip(1).map(|next| next.time_s).chain([self.end_s]);
+        let dimmed = |level: f64| level > 0.0 && level < 1.0;
+        let spans: Vec<(Change, f64)> = changes.iter().copied().zip(ends).collect();
+
+        let lit = spans.iter().filter(|(change, _)| dimmed(change.level));
+        let pulses = lit.map(|(c, end_s)| (end_s - c.time_s) * fixture.pwm_hz).sum::<f64>();
+        if pulses > MAX_PULSES {
+            return Err(Error::input(
+                "light.pwm",
+                format!("on, with {pulses:.0} pulses of `{}`", fixture.name),
+                format!("at most {MAX_PULSES:.0} pulses of a lamp"),
+                "set light.pwm = \"off\", or a lower pwm_hz in light.fixtures",
+            ));
+        }
+
+        let mut out = Vec::new();
+        for (change, end_s) in spans {
+            if !dimmed(change.level) {
+                out.push(change);
+                continue;
+            }
+            let on_s = change.level * timer.period_s;
+            let mut number = timer.next(change.time_s - on_s);
+            while timer.tick_s(number) < end_s {
+                let time_s = timer.tick_s(number);
+                let from_s = time_s.max(change.time_s);
+                out.push(Change { time_s: from_s, level: 1.0 });
+                out.push(Change { time_s: (time_s + on_s).min(end_s).max(from_s), level: 0.0 });
+                number += 1.0;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Luminous intensity of the white that the color LED deck mixes of red, green and blue, and that an
+/// LED of the ring mixes.
+///
+/// Of the deck, twice as much overexposes a word of seven letters at f/22, and half as much has 4 steps
+/// of green; an LED of the ring can do 1 cd. Colors of the screen that differ in brightness alone are
+/// one: their strongest channel is as bright as that of white, so that one exposure suits all.
+const WHITE_CD: [f64; 2] = [3.0, 0.5];
+
+/// Range and steps of that intensity in which the bytes are sought that fit best.
+const FITTED: [f64; 3] = [0.8, 1.2, 16.0];
+
+/// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
+/// (sRGB).
+#[must_use]
+pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
+    let dies = &color_led()[0].dies[1..];
+    let [r, g, b] = shown(dies, srgb, WHITE_CD[0], |die, byte| {
+        dies[die].intensity_cd * color_led_levels([byte; 4], levels)[die + 1]
+    });
+    [0, r, g, b]
+}
+
+/// Red, green and blue, 0 to 255, with which the LED ring shows a color of the screen (sRGB).
+#[must_use]
+pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
+    let ring = led_ring().into_iter().find(|row| matches!(row.drive, Drive::Ring(_)));
+    let dies = ring.map_or(Vec::new(), |row| row.dies);
+    shown(&dies, srgb, WHITE_CD[1], |die, byte| dies[die].intensity_cd * f64::from(byte) / 255.0)
+}
+
+/// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at a
+/// byte.
+fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
+    let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
+    let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
+    let [from, to, steps] = FITTED;
+    let (mut best, mut least, mut k) = ([0; 3], f64::INFINITY, 0.0);
+    while k <= steps {
+        let scale_cd = white_cd * (from + (to - from) * k / steps);
+        let off = |die: usize, byte: u8| (cd(die, byte) / scale_cd - color[die]).abs();
+        let bytes = std::array::from_fn(|die| {
+            let nearest = (0..=255).min_by(|a, b| off(die, *a).total_cmp(&off(die, *b)));
+            nearest.unwrap_or(0)
+        });
+        let error: f64 = (0..3).map(|die| off(die, bytes[die]) / white[die]).sum();
+        if error < least {
+            (best, least) = (bytes, error);
+        }
+        k += 1.0;
+    }
+    best
+}
+
+/// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.
+pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
+    let weakest_lm = COLOR_LED_LM.into_iter().min().unwrap_or(1);
+    std::array::from_fn(|die| {
+        let value = match levels {
+            ColorLedLevels::Plain => f64::from(wrgb[die]),
+            ColorLedLevels::Corrected => {
+                match u32::from(wrgb[die]) * weakest_lm / COLOR_LED_LM[die] {
+                    0 => 0.0,
+                    even => (3.0 + 252.0 * (f64::from(even) / 255.0) * (f64::from(even) / 255.0))
+                        .round(),
+                }
+            }
+        };
+        value / 255.0
+    })
+}

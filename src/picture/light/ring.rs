@@ -1,0 +1,278 @@
+//! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
+//!
+//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255; the
+//! light of a WS2812B is proportional. As in the firmware, single precision and truncation.
+
+use super::chance::Chance;
+use super::radio::{Change, Timer, arrivals};
+use super::{LightOptions, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade};
+use crate::crazyflie::RING_TICK_S;
+use crate::flight::Flight;
+
+/// Red, green, blue of every LED.
+pub(super) type Frame = [[u8; 3]; RING_LEDS];
+
+const DARK: Frame = [[0; 3]; RING_LEDS];
+
+/// Channels of a plan for the ring: on, red, green, blue.
+pub(super) const CHANNELS: [&str; 4] = ["ring", RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
+
+/// Changes of the frame of the ring during a flight.
+///
+/// A ring without the channel `ring` is always on; one that is on at the start of the flight has been
+/// on for long.
+pub(super) fn frames(
+    flight: &Flight,
+    options: &LightOptions,
+    chance: &Chance,
+) -> Vec<(f64, Frame)> {
+    let (Some(first), Some(last)) = (flight.samples.first(), flight.samples.last()) else {
+        return Vec::new();
+    };
+    let period_s = if options.tick_s == 0.0 { RING_TICK_S } else { options.tick_s };
+    let timer = Timer { period_s, phase_s: options.tick_phase_s };
+    let mut ring = Ring::at_start(flight, options);
+    let mut commands = commands(flight, options, chance).into_iter().peekable();
+
+    let mut frames = vec![(first.time_s, ring.tick())];
+    let mut number = timer.next(first.time_s);
+    while timer.tick_s(number) <= last.time_s {
+        let time_s = timer.tick_s(number);
+        while let Some((channel, change)) =
+            commands.next_if(|(_, c)| timer.next(c.time_s) <= number)
+        {
+            ring.obey(channel, change.level);
+        }
+        let frame = ring.tick();
+        if frames.last().is_none_or(|(_, before)| *before != frame) {
+            frames.push((time_s, frame));
+        }
+        number += 1.0;
+    }
+    frames
+}
+
+/// Commands by arrival, each with the index of its channel.
+fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(usize, Change)> {
+    let mut commands = Vec::new();
+    let mut write_s = 0.0;
+    for (index, channel) in CHANNELS.iter().enumerate() {
+        let at_first = flight.lights.get(*channel).and_then(|levels| levels.first());
+        let changes = arrivals(flight, channel, at_first.copied().unwrap_or(0.0), options, chance);
+        commands.extend(
+            changes.into_iter().map(|c| (index, Change { time_s: c.time_s + write_s, ..c })),
+        );
+        // A fade's color is one parameter, a solid color three: they arrive one after another.
+        if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
+            write_s += options.radio_write_s;
+        }
+    }
+    commands.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
+    commands
+}
+
+/// State of the ring in the firmware.
+#[derive(Debug)]
+struct Ring {
+    effect: RingEffect,
+    on: bool,
+    /// Whether it was on at the last tick.
+    was_on: bool,
+    color: [u8; 3],
+    /// Calls since the effect was switched on.
+    calls: usize,
+    /// Brightness of a solid color, 0 to 1.
+    brightness: f32,
+    fade: Fade,
+}
+
+/// A fade from one color to the next.
+#[derive(Debug)]
+struct Fade {
+    from: [f32; 3],
+    to: [u8; 3],
+    duration_s: f32,
+    left_s: f32,
+}
+
+impl Ring {
+    fn at_start(flight: &Flight, options: &LightOptions) -> Self {
+        let first = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
+        let on = first(0).is_none_or(|level| level > 0.0);
+        let (mut color, fade_s) = match &options.ring {
+            RingEffect::Off | RingEffect::DoubleSpin => ([0; 3], 0.0),
+            RingEffect::Solid(RingColor { color }) | RingEffect::Memory(RingColor { color }) => {
+                (*color, 0.0)
+            }
+            RingEffect::Fade(RingFade { color, fade_s }) => (*color, *fade_s),
+        };
+        for (value, channel) in color.iter_mut().zip(1..) {
+            *value = first(channel).map_or(*value, byte);
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "the firmware's precision")]
+        let duration_s = fade_s as f32;
+        let fade = Fade { from: color.map(f32::from), to: color, duration_s, left_s: 0.0 };
+        let effect = options.ring.clone();
+        Self { effect, on, was_on: on, color, calls: 0, brightness: 1.0, fade }
+    }
+
+    fn obey(&mut self, channel: usize, level: f64) {
+        match channel {
+            0 => self.on = level > 0.0,
+            _ => self.color[channel - 1] = byte(level),
+        }
+    }
+
+    /// One call of the timer.
+    fn tick(&mut self) -> Frame {
+        if self.on && !self.was_on {
+            (self.calls, self.brightness) = (0, 0.0);
+        }
+        self.was_on = self.on;
+        if !self.on {
+            return DARK;
+        }
+        self.calls += 1;
+        match &self.effect {
+            RingEffect::Off => DARK,
+            RingEffect::DoubleSpin => double_spin(self.calls),
+            RingEffect::Solid(_) => {
+                // 20 steps: a full second from dark to the color.
+                self.brightness = if self.brightness < 1.0 { self.brightness + 0.05 } else { 1.0 };
+                [self.color.map(|value| cut(f32::from(value) * self.brightness)); RING_LEDS]
+            }
+            RingEffect::Memory(_) => [rgb565(self.color); RING_LEDS],
+            RingEffect::Fade(_) => [self.fade.tick(self.color); RING_LEDS],
+        }
+    }
+}
+
+impl Fade {
+    /// One call: towards `color`, linear in time. The first one after a new color still shows the
+    /// old one.
+    fn tick(&mut self, color: [u8; 3]) -> [u8; 3] {
+        if color != self.to {
+            self.from = self.now();
+            (self.to, self.left_s) = (color, self.duration_s);
+        }
+        if self.left_s <= 0.0 {
+            return self.to;
+        }
+        let now = self.now();
+        self.left_s -= 0.05;
+        now.map(cut)
+    }
+
+    fn now(&self) -> [f32; 3] {
+        let share = if self.left_s > 0.0 { self.left_s / self.duration_s } else { 0.0 };
+        std::array::from_fn(|i| share * self.from[i] + (1.0 - share) * f32::from(self.to[i]))
+    }
+}
+
+/// The two lights of the double spinner: a head and a tail of two. All other LEDs are dark.
+const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
+const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
+
+/// The double spinner at its nth call, from 1: the white light runs towards lower numbers and the
+/// blue one towards higher, one LED a call, each with its tail behind it; LEDs add half of each.
+fn double_spin(call: usize) -> Frame {
+    let mut frame = DARK;
+    for (behind, (white, blue)) in WHITE_LIGHT.iter().zip(BLUE_LIGHT).enumerate() {
+        let turn = call % RING_LEDS;
+        let places =
+            [(RING_LEDS + behind - turn) % RING_LEDS, (RING_LEDS + turn - behind) % RING_LEDS];
+        for (place, light) in places.into_iter().zip([*white, blue]) {
+            for (sum, value) in frame[place].iter_mut().zip(light) {
+                *sum += value / 2;
+            }
+        }
+    }
+    frame
+}
+
+/// A color after the LED memory: packed into 5, 6 and 5 bits by cflib (`led_driver_memory.py`),
+/// expanded by the firmware.
+fn rgb565([red, green, blue]: [u8; 3]) -> [u8; 3] {
+    let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
+    let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);
+    [five(red), six(green), five(blue)]
+}
+
+fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2]) -> u8 {
+    let packed = (value * scale + offset) >> shift;
+    u8::try_from((packed * wide + round) >> 6).unwrap_or(u8::MAX)
+}
+
+/// A level of 0 to 1 as the nearest of 255 steps.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+pub(super) fn byte(level: f64) -> u8 {
+    (255.0 * level).round().clamp(0.0, 255.0) as u8
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
+fn cut(value: f32) -> u8 {
+    value as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ring(ring: RingEffect) -> Ring {
+        let options = LightOptions { ring, ..LightOptions::default() };
+        Ring::at_start(&Flight::default(), &options)
+    }
+
+    #[test]
+    fn a_solid_color_is_faded_in_within_20_calls_when_the_ring_is_switched_on() {
+        let mut ring = ring(RingEffect::Solid(RingColor { color: [200, 20, 0] }));
+        assert_eq!(ring.tick()[0], [200, 20, 0], "long switched on");
+        ring.on = false;
+        assert_eq!(ring.tick(), DARK);
+        ring.on = true;
+        let frames: Vec<[u8; 3]> = (0..20).map(|_| ring.tick()[7]).collect();
+        assert_eq!((frames[0], frames[9], frames[19]), ([10, 1, 0], [100, 10, 0], [200, 20, 0]));
+        assert!(frames.windows(2).all(|pair| pair[0][0] < pair[1][0]), "{frames:?}");
+        ring.color = [100, 0, 0];
+        assert_eq!(ring.tick()[0], [100, 0, 0], "another color comes at once");
+    }
+
+    #[test]
+    fn a_fade_is_linear_over_its_time() {
+        let mut ring = ring(RingEffect::Fade(RingFade { color: [0; 3], fade_s: 0.5 }));
+        ring.tick();
+        ring.color = [200, 100, 0];
+        let reds: Vec<u8> = (0..12).map(|_| ring.tick()[0][0]).collect();
+        for (step, red) in reds.iter().enumerate() {
+            let linear = 20.0 * f64::from(u8::try_from(step).unwrap());
+            assert!((f64::from(*red) - linear.min(200.0)).abs() <= 1.0, "{reds:?}");
+        }
+        ring.fade.duration_s = 0.0;
+        ring.color = [7, 8, 9];
+        assert_eq!(ring.tick()[0], [7, 8, 9], "no time, no fade");
+    }
+
+    #[test]
+    fn the_double_spinner_turns_in_12_calls_with_a_white_and_a_blue_light() {
+        assert_eq!(double_spin(1), double_spin(13));
+        let frame = double_spin(3);
+        assert_eq!((frame[9], frame[10], frame[11]), ([16; 3], [4; 3], [1; 3]), "white");
+        assert_eq!((frame[3], frame[2]), ([32, 32, 127], [16, 16, 32]), "blue");
+        assert_eq!(frame[1], [4, 4, 8]);
+        assert_eq!(double_spin(12)[0], [48, 48, 143], "where they meet they add");
+        let sums = [0, 1, 2].map(|die| frame.iter().map(|led| u32::from(led[die])).sum::<u32>());
+        assert_eq!(sums, [73, 73, 188], "of 3060");
+    }
+
+    #[test]
+    fn led_memory_rounds_to_16_bits() {
+        // Facts: R8 = (R5·527 + 23) >> 6, G8 = (G6·259 + 33) >> 6.
+        assert_eq!(rgb565([255; 3]), [255; 3]);
+        assert_eq!(rgb565([0; 3]), [0; 3]);
+        assert_eq!(rgb565([20, 20, 20]), [16, 20, 16], "20 is 2 of 31 and 5 of 63");
+        for value in 0..=255_u8 {
+            let [red, green, _] = rgb565([value; 3]);
+            assert!(red.abs_diff(value) <= 4 && green.abs_diff(value) <= 2, "{value}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Backdrop: the light of the room on its floor and walls, and a background picture.
+
+use std::path::Path;
+
+use super::options::PhotoOptions;
+use super::{Photo, narrow};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::expose::{ExposeOptions, Room};
+use crate::srgb;
+
+/// The light of room and background, by row, relative to white.
+#[derive(Debug)]
+pub(super) struct Backdrop {
+    /// Light of the room in the middle of the picture.
+    room: [f32; 3],
+    /// Square of the focal length in pixels.
+    focal_sq_px2: f32,
+    center_px: [f32; 2],
+    /// Share of light lost by vignetting per square of the distance from the middle.
+    vignetting_px2: f32,
+    picture: Option<Picture>,
+    /// Floor and walls, where there are walls.
+    surfaces: Option<(Camera, Room)>,
+}
+
+/// Distance of the columns between which the light of a surface is linear.
+const STEP_PX: usize = 8;
+
+/// A background picture.
+#[derive(Debug)]
+struct Picture {
+    photo: Photo,
+    /// Light of each level.
+    light: [f32; 256],
+    /// Pixels of the picture per pixel of the photo.
+    scale: f64,
+    /// Columns to interpolate for each pixel, and the share of the second.
+    columns: Vec<([usize; 2], f32)>,
+}
+
+impl Backdrop {
+    pub(super) fn new(
+        camera: &Camera,
+        room: &ExposeOptions,
+        options: &PhotoOptions,
+        white_lx_s: f64,
+    ) -> Result<Self> {
+        let surfaces = room.room_m.map(|_| (camera.clone(), Room::new(room, camera.position_m)));
+        let luminance = srgb::luminance(options.ambient_rgb);
+        let room = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
+        let focal_px = narrow(camera.focal_length_px());
+        let picture = match &options.background[..] {
+            "" => None,
+            path => Some(Picture::read(Path::new(path), camera, options.background_stops)?),
+        };
+        let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
+        let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
+        Ok(Self {
+            room: options.ambient_rgb.map(|share| narrow(room * share)),
+            focal_sq_px2: focal_px * focal_px,
+            center_px,
+            vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,
+            picture,
+            surfaces,
+        })
+    }
+
+    /// Adds the light to a row.
+    pub(super) fn add(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
+        if self.room != [0.0; 3] {
+            let surfaces = self.surfaces(y, rows[0].len());
+            let mut surfaces = surfaces.iter();
+            let [red, green, blue] = rows;
+            let dy = y as f32 + 0.5 - self.center_px[1];
+            let mut dx = 0.5 - self.center_px[0];
+            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+                let radius_sq = dy * dy + dx * dx;
+                let cos_sq = self.focal_sq_px2 / (self.focal_sq_px2 + radius_sq);
+                let mut share = cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
+                if let Some(surface) = surfaces.next() {
+                    share *= surface;
+                }
+                *r += self.room[0] * share;
+                *g += self.room[1] * share;
+                *b += self.room[2] * share;
+                dx += 1.0;
+            }
+        }
+        if let Some(picture) = &self.picture {
+            picture.add(y, self.center_px[1], rows);
+        }
+    }
+}
+
+impl Backdrop {
+    /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without walls.
+    fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
+        let Some((camera, room)) = &self.surfaces else { return Vec::new() };
+        let seen =
+            |x: f64, y: f64| match camera.world_from_image(x, y).and_then(|ray| room.met(ray)) {
+                Some((on, point_m)) => (Some(on), narrow(room.ambient(on, point_m))),
+                None => (None, 0.0),
+            };
+        // Its upper and its lower edge in turn, so that an edge of the room along the row is seen.
+        let at = |i: usize| seen((i * STEP_PX) as f64, (y + i % 2) as f64);
+        let mut row = Vec::with_capacity(width + STEP_PX);
+        let mut left = at(0);
+        for i in 0..width.div_ceil(STEP_PX) {
+            let right = at(i + 1);
+            for j in 0..STEP_PX {
+                row.push(if left.0 == right.0 {
+                    left.1 + (right.1 - left.1) * ((j as f32 + 0.5) / STEP_PX as f32)
+                } else {
+                    let x = (i * STEP_PX + j) as f64;
+                    let parts = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+                    parts.iter().map(|[dx, dy]| seen(x + dx, y as f64 + dy).1).sum::<f32>() * 0.25
+                });
+            }
+            left = right;
+        }
+        row
+    }
+}
+
+impl Picture {
+    fn read(path: &Path, camera: &Camera, stops: f64) -> Result<Self> {
+        let photo = super::read(path)?;
+        let size = [photo.width_px, photo.height_px].map(f64::from);
+        let wanted = [camera.width_px, camera.height_px].map(f64::from);
+        let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
+        let brighter = narrow(libm::exp2(stops));
+        let light = srgb::linear_from_level().map(|light| light * brighter);
+        let columns = (0..camera.width_px)
+            .map(|x| between(f64::from(x) + 0.5 - wanted[0] / 2.0, scale, photo.width_px))
+            .collect();
+        Ok(Self { photo, light, scale, columns })
+    }
+
+    /// Adds the light of a row, bilinear in linear light.
+    fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
+        let y = y as f64 + 0.5 - f64::from(center_y_px);
+        let ([above, below], down) = between(y, self.scale, self.photo.height_px);
+        let width = self.photo.width_px as usize;
+        for (channel, row) in rows.iter_mut().enumerate() {
+            let light = |x: usize, y: usize| {
+                self.light[usize::from(self.photo.rgb8[3 * (y * width + x) + channel])]
+            };
+            for (value, &([left, right], along)) in row.iter_mut().zip(&self.columns) {
+                let at = |y| light(left, y) + along * (light(right, y) - light(left, y));
+                let (above, below) = (at(above), at(below));
+                *value += above + down * (below - above);
+            }
+        }
+    }
+}
+
+/// The two of `n` pixels around a position relative to the middle, and the share of the second.
+fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
+    let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
+    let place = place.clamp(0.0, f64::from(n - 1));
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    let first = place as usize;
+    ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
+}

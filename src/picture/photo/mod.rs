@@ -1,0 +1,218 @@
+//! Photo: a film becomes a picture.
+//!
+//! Product in: [`Film`]. Product out: [`Photo`], or the [`Readout`] of the sensor in linear light.
+//!
+//! Light passes through a camera: the lens scatters some of it ([`PhotoOptions::glare_frac`]) and
+//! diffracts some into spikes; the light of the room and a background are added; the sensor makes
+//! electrons with their noise, clips and reads them (EMVA 1288, ISO 12232); a tone curve makes
+//! levels. An effect that is off leaves the light unchanged.
+//!
+//! Counts stay integers through the lens. What follows is f32 in `+ - × ÷ √` only, pixel by pixel,
+//! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
+//! with any number of threads.
+//!
+//! Not modeled: ghosts, glare of the background (a photo has its own), the color filter mosaic,
+//! JPEG.
+
+use image::ImageEncoder;
+use rayon::prelude::*;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::expose::{ExposeOptions, Film};
+
+pub use noctograph_core::photo::Photo;
+
+pub use animation::Animation;
+pub use metadata::Metadata;
+pub use open::{read, read_with_notes};
+pub use options::{Noise, PhotoOptions, SensorNoise};
+pub use png::write_png;
+pub use tone::Tone;
+
+use backdrop::Backdrop;
+use glare::Glare;
+use sensor::Sensor;
+use starburst::Change;
+use tone::{Levels8, Levels16};
+
+mod animation;
+mod backdrop;
+pub mod exr;
+pub mod flip;
+mod glare;
+mod metadata;
+mod noise;
+mod open;
+mod options;
+pub mod png;
+pub mod register;
+mod sensor;
+mod spread;
+mod starburst;
+#[cfg(test)]
+mod tests;
+mod tone;
+
+/// Scene-linear light as the sensor read it, before the tone curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readout {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// Red, green, blue by pixel, row by row from the top left: linear sRGB, 1 at saturation. Noise
+    /// and color matrix lead a little below 0.
+    pub rgb: Vec<f32>,
+    /// Luminous exposure at 1.
+    pub white_lx_s: f64,
+}
+
+/// Develops a film that was exposed in a room. The same film, camera, options and seed make the same
+/// bytes.
+///
+/// # Errors
+///
+/// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors of
+/// [`Photo::read`] for the background.
+pub fn develop(
+    film: &Film,
+    camera: &Camera,
+    room: &ExposeOptions,
+    options: &PhotoOptions,
+    seed: u64,
+) -> Result<Photo> {
+    let levels = Levels8::new(options.tone);
+    let (_, rgb8) = process(film, camera, room, options, seed, |rgb| {
+        options.tone.mix(rgb).map(|light| levels.level(light))
+    })?;
+    Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
+}
+
+/// The readout of the sensor: [`develop`] before the tone curve.
+///
+/// # Errors
+///
+/// As [`develop`].
+pub fn read_out(
+    film: &Film,
+    camera: &Camera,
+    room: &ExposeOptions,
+    options: &PhotoOptions,
+    seed: u64,
+) -> Result<Readout> {
+    let (white_lx_s, rgb) = process(film, camera, room, options, seed, |rgb| rgb)?;
+    Ok(Readout { width_px: film.width_px, height_px: film.height_px, rgb, white_lx_s })
+}
+
+impl Readout {
+    /// The picture at 16 bits a channel, as [`develop`] makes it at 8.
+    #[must_use]
+    pub fn rgb16(&self, tone: Tone) -> Vec<u16> {
+        let levels = Levels16::new(tone);
+        let pixels = self.rgb.chunks_exact(3);
+        pixels.flat_map(|p| tone.mix([p[0], p[1], p[2]]).map(|light| levels.level(light))).collect()
+    }
+}
+
+/// The photo as a JPEG file of a quality from 1 to 100, for pages.
+#[must_use]
+pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
+    encoder
+        .write_image(&photo.rgb8, photo.width_px, photo.height_px, image::ExtendedColorType::Rgb8)
+        .expect("a photo fits into a JPEG in memory");
+    bytes
+}
+
+/// Rows that one task processes at least.
+const TASK_ROWS: usize = 16;
+
+/// Processes the picture row by row; `finish` makes the product from the channels of a pixel. Also
+/// returns the luminous exposure at white.
+fn process<T: Copy + Default + Send>(
+    film: &Film,
+    camera: &Camera,
+    room: &ExposeOptions,
+    options: &PhotoOptions,
+    seed: u64,
+    finish: impl Fn([f32; 3]) -> [T; 3] + Sync,
+) -> Result<(f64, Vec<T>)> {
+    options.check()?;
+    if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
+        let found = format!("{}x{}", film.width_px, film.height_px);
+        let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
+        return Err(Error::input("film", found, wanted, "develop with the camera that exposed"));
+    }
+    let sensor = Sensor::new(camera, options, seed);
+    let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
+    let glare = Glare::new(film, camera, options);
+    let spikes = match options.aperture_blades {
+        0 => Vec::new(),
+        blades => {
+            let cells = glare::cells(film, glare::WHOLE);
+            starburst::starburst(film, camera, blades, &cells, glare::WHOLE)
+        }
+    };
+
+    let (width, height) = (film.width_px as usize, film.height_px as usize);
+    let lens = Lens { film, glare, spikes };
+    let per_count = narrow(libm::exp2(f64::from(film.scale_log2)) / sensor.white_lx_s);
+    let scratch = || {
+        let light: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; width]);
+        (light, vec![0; width], glare::Scratch::default(), sensor::Scratch::default())
+    };
+    let mut out = vec![T::default(); 3 * width * height];
+    let rows = out.par_chunks_exact_mut(3 * width).enumerate().with_min_len(TASK_ROWS);
+    rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
+        for (channel, light) in light.iter_mut().enumerate() {
+            lens.row(channel, y, scattered, counts);
+            for (light, &count) in light.iter_mut().zip(&*counts) {
+                *light = count as f32 * per_count;
+            }
+        }
+        backdrop.add(y, light);
+        sensor.read(y, light, reading);
+        let [red, green, blue] = light;
+        for (out, ((&r, &g), &b)) in
+            out.chunks_exact_mut(3).zip(red.iter().zip(&*green).zip(&*blue))
+        {
+            out.copy_from_slice(&finish([r, g, b]));
+        }
+    });
+    Ok((sensor.white_lx_s, out))
+}
+
+/// A film behind its lens.
+struct Lens<'a> {
+    film: &'a Film,
+    glare: Option<Glare>,
+    spikes: Vec<Change>,
+}
+
+impl Lens<'_> {
+    /// Counts of a row after scatter and diffraction.
+    fn row(&self, channel: usize, y: usize, scratch: &mut glare::Scratch, out: &mut [u32]) {
+        let width = out.len();
+        let first = y * width;
+        let film = &self.film.plane(channel)[first..][..width];
+        match &self.glare {
+            Some(glare) => glare.row(channel, y, film, scratch, out),
+            None => out.copy_from_slice(film),
+        }
+        let start = self.spikes.partition_point(|change| change.index < first);
+        let changes = self.spikes[start..].iter();
+        for change in changes.take_while(|change| change.index < first + width) {
+            let count = &mut out[change.index - first];
+            let sum = i64::from(*count) + change.counts[channel];
+            *count = u32::try_from(sum.max(0)).unwrap_or(u32::MAX);
+        }
+    }
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}

@@ -1,0 +1,109 @@
+//! Photos from PNG and JPEG files, turned upright by their EXIF.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+
+use super::Photo;
+use super::png::{LIMIT, Notes, checked_size, from_png, turned};
+use crate::error::{Error, Result};
+
+/// Reads a photo from a PNG or JPEG file.
+///
+/// The header is checked before anything is decoded.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is not a PNG or JPEG
+/// image, or too large.
+pub fn read(path: &Path) -> Result<Photo> {
+    Ok(open(path, false)?.0)
+}
+
+/// The same with the scene and the notes of a photo that Noctograph wrote.
+///
+/// # Errors
+///
+/// As [`read`]; [`Error::Input`] where a text is broken or too large.
+pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
+    open(path, true)
+}
+
+fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
+    let bytes = LIMIT.read(path)?;
+    let broken = |source: &dyn std::fmt::Display| {
+        let wanted = "a PNG image or a JPEG photo";
+        Error::input(path.display(), source, wanted, "choose another file")
+    };
+    match image::guess_format(&bytes) {
+        Ok(ImageFormat::Png) => return from_png(&bytes, path, texts),
+        Ok(ImageFormat::Jpeg) => {}
+        _ => return Err(broken(&"no PNG or JPEG header")),
+    }
+    let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
+    let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
+    let (width_px, height_px) = decoder.dimensions();
+    checked_size(path, width_px, height_px)?;
+    // A broken EXIF block is none.
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let rgb8 = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgb8();
+    let photo = Photo { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
+    Ok((turned(photo, orientation), Notes::default()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A JPEG of 2 × 1 pixels, black and white, with an EXIF block that asks for a quarter turn.
+    fn jpeg(orientation: u8) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let gray: Vec<u8> = (0..16 * 8).map(|i| if i % 16 < 8 { 0 } else { 255 }).collect();
+        let encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
+        image::ImageEncoder::write_image(encoder, &gray, 16, 8, image::ExtendedColorType::L8)
+            .unwrap();
+        let exif = [
+            b"Exif\0\0II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".as_slice(),
+            &[orientation, 0, 0, 0, 0, 0, 0, 0],
+        ]
+        .concat();
+        let length = u16::try_from(exif.len() + 2).unwrap().to_be_bytes();
+        let app1 = [&[0xff, 0xe1][..], &length, &exif].concat();
+        bytes.splice(2..2, app1);
+        bytes
+    }
+
+    #[test]
+    fn a_jpeg_is_read_and_turned_as_its_exif_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.jpg");
+        for (orientation, size, first) in [(1, (16, 8), 0), (3, (16, 8), 255), (6, (8, 16), 0)] {
+            std::fs::write(&path, jpeg(orientation)).unwrap();
+            let photo = read(&path).unwrap();
+            assert_eq!((photo.width_px, photo.height_px), size, "orientation {orientation}");
+            assert!(photo.rgb8[0].abs_diff(first) < 16, "orientation {orientation}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_photo_is_refused_by_its_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut huge = Vec::new();
+        let encoder = png::Encoder::new(&mut huge, 20_000, 20_000);
+        encoder.write_header().unwrap().write_chunk(png::chunk::IDAT, b"none").unwrap();
+        let whole = jpeg(1);
+        for (bytes, says) in [
+            (&b"no image"[..], "JPEG"),
+            (&b""[..], "JPEG"),
+            (&whole[..30], "JPEG"),
+            (&huge, "20000x20000"),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains("photo.png") && error.contains(says), "{error}");
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
+
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use image::DynamicImage;
+use image::metadata::Orientation;
+
+use super::{Metadata, Photo, Readout, Tone};
+use crate::camera::{Camera, MAX_PIXELS, check_size};
+use crate::error::{Error, Result};
+use crate::files::Limit;
+
+/// Keyword of the text chunk of the scene.
+const SCENE_KEYWORD: &str = "noctograph.scene";
+
+/// Keyword of the gaps of flights' logs, as JSON.
+pub const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
+
+/// Keywords of the digests of flights and strokes.
+pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
+pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
+
+/// Largest text that is unpacked: that of the largest scene file.
+const MAX_TEXT_BYTES: usize = 1 << 20;
+
+/// Most memory for everything but the picture.
+const MAX_METADATA_BYTES: usize = 16 << 20;
+
+/// Keyword of the text chunk of XMP (PNG, third edition).
+const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
+
+/// Largest image file: a photo of [`MAX_PIXELS`] without compression.
+pub(super) const LIMIT: Limit =
+    Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
+
+/// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
+///
+/// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
+/// file has EXIF and XMP, and the size of its print.
+///
+/// # Errors
+///
+/// Those of the writer.
+pub fn write_png(
+    photo: &Photo,
+    out: impl Write,
+    metadata: Option<&Metadata>,
+    notes: &[(&str, String)],
+) -> std::io::Result<()> {
+    let size_px = [photo.width_px, photo.height_px];
+    let scene = photo.scene_toml.as_deref();
+    let levels = (png::BitDepth::Eight, &*photo.rgb8);
+    write(out, size_px, levels, metadata, notes, scene)
+}
+
+/// Reads the bytes of a PNG file, and its texts where they are wanted.
+///
+/// Neither color profile nor texts are unpacked with the picture: a few kilobytes of either may
+/// stand for gigabytes.
+pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo, Notes)> {
+    let broken = |source: &dyn std::fmt::Display| {
+        Error::input(path.display(), source, "a PNG image", "choose another file")
+    };
+    let limits = png::Limits { bytes: MAX_METADATA_BYTES };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.set_ignore_text_chunk(!texts);
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let header = decoder.read_header_info().map_err(|e| broken(&e))?;
+    let (width_px, height_px) = (header.width, header.height);
+    checked_size(path, width_px, height_px)?;
+    let mut reader = decoder.read_info().map_err(|e| broken(&e))?;
+    let size = reader.output_buffer_size().ok_or_else(|| broken(&"a picture without end"))?;
+    let mut samples = vec![0; size];
+    let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
+    to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
+    let photo = Photo { width_px, height_px, rgb8: samples, scene_toml: None };
+    let info = reader.info();
+    let orientation = info.exif_metadata.as_deref().and_then(Orientation::from_exif_chunk);
+    let photo = turned(photo, orientation.unwrap_or(Orientation::NoTransforms));
+    let text = |keyword| text(&info.utf8_text, keyword, path);
+    Ok((
+        Photo { scene_toml: text(SCENE_KEYWORD)?, ..photo },
+        Notes {
+            flight_sha256: text(FLIGHT_KEYWORD)?,
+            strokes_sha256: text(STROKES_KEYWORD)?,
+            log_gaps_json: text(LOG_GAPS_KEYWORD)?,
+        },
+    ))
+}
+
+/// The photo turned upright.
+pub(super) fn turned(photo: Photo, orientation: Orientation) -> Photo {
+    if orientation == Orientation::NoTransforms {
+        return photo;
+    }
+    let Photo { width_px, height_px, rgb8, scene_toml } = photo;
+    let picture = image::RgbImage::from_raw(width_px, height_px, rgb8);
+    let mut picture = DynamicImage::from(picture.expect("three bytes a pixel"));
+    picture.apply_orientation(orientation);
+    let (width_px, height_px) = (picture.width(), picture.height());
+    Photo { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }
+}
+
+/// Texts of a photo that Noctograph wrote.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notes {
+    /// SHA-256 of its flights, separated by spaces.
+    pub flight_sha256: Option<String>,
+    /// SHA-256 of its strokes, where they are from a font or drawing of the user's.
+    pub strokes_sha256: Option<String>,
+    /// Gaps of flights' logs that it leaves dark.
+    pub log_gaps_json: Option<String>,
+}
+
+/// The text of a keyword, unpacked up to a limit.
+fn text(
+    texts: &[png::text_metadata::ITXtChunk],
+    keyword: &str,
+    path: &Path,
+) -> Result<Option<String>> {
+    let Some(text) = texts.iter().find(|text| text.keyword == keyword) else { return Ok(None) };
+    let mut text = text.clone();
+    let unpacked = text.decompress_text_with_limit(MAX_TEXT_BYTES);
+    let plain = unpacked.and_then(|()| text.get_text());
+    plain.map(Some).map_err(|error| {
+        let place = format!("{}: {keyword}", path.display());
+        let wanted = format!("a text of at most {} MiB", MAX_TEXT_BYTES >> 20);
+        Error::input(place, error, wanted, "name a scene, which goes before the photo's own")
+    })
+}
+
+/// Turns samples, of 8 or 16 bits and with or without color and transparency, into RGB of 8 bits,
+/// in place.
+fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
+    let wide = depth == png::BitDepth::Sixteen;
+    let bytes = color.samples() * if wide { 2 } else { 1 };
+    let has_color = color.samples() > 2;
+    let n = samples.len() / bytes;
+    let level = |pixel: &[u8], channel: usize| {
+        let channel = if has_color { channel } else { 0 };
+        match wide {
+            false => pixel[channel],
+            // The nearest of 256 levels: 65535 is 255 of 257.
+            true => {
+                let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
+                u8::try_from((u32::from(level) + 128) / 257).unwrap_or(u8::MAX)
+            }
+        }
+    };
+    let rgb = |pixel: &[u8]| [0, 1, 2].map(|channel| level(pixel, channel));
+    // Forward where pixels shrink, backward where they grow, so that none is overwritten unread.
+    if bytes >= 3 {
+        for pixel in 0..n {
+            let levels = rgb(&samples[pixel * bytes..][..bytes]);
+            samples[3 * pixel..][..3].copy_from_slice(&levels);
+        }
+        samples.truncate(3 * n);
+    } else {
+        samples.resize(3 * n, 0);
+        for pixel in (0..n).rev() {
+            let levels = rgb(&samples[pixel * bytes..][..bytes]);
+            samples[3 * pixel..][..3].copy_from_slice(&levels);
+        }
+    }
+}
+
+/// Refuses an image that is too large, before it is decoded.
+pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
+    check_size(width_px, height_px).map_err(|error| match error {
+        Error::Input { found, wanted, .. } => {
+            Error::input(path.display(), found, wanted, "scale the photo down")
+        }
+        other => other,
+    })
+}
+
+impl Readout {
+    /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at
+    /// 8; the rest as [`Photo::write_png`].
+    ///
+    /// # Errors
+    ///
+    /// Those of the writer.
+    pub fn write_png16(
+        &self,
+        out: impl Write,
+        tone: Tone,
+        (camera, dots_per_inch): (&Camera, Option<f64>),
+        notes: &[(&str, String)],
+        scene_toml: Option<&str>,
+    ) -> std::io::Result<()> {
+        // The levels are given back before the encoder takes as much memory again.
+        let bytes: Vec<u8> =
+            self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
+        let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
+        let size_px = [self.width_px, self.height_px];
+        let levels = (png::BitDepth::Sixteen, &*bytes);
+        write(out, size_px, levels, Some(&metadata), notes, scene_toml)
+    }
+}
+
+fn write(
+    out: impl Write,
+    [width_px, height_px]: [u32; 2],
+    (depth, bytes): (png::BitDepth, &[u8]),
+    metadata: Option<&Metadata>,
+    notes: &[(&str, String)],
+    scene_toml: Option<&str>,
+) -> std::io::Result<()> {
+    let mut info = png::Info::with_size(width_px, height_px);
+    (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
+    info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
+    info.pixel_dims = metadata.and_then(Metadata::pixels_per_m).map(|per_m| png::PixelDimensions {
+        xppu: per_m,
+        yppu: per_m,
+        unit: png::Unit::Meter,
+    });
+    let mut encoder = png::Encoder::with_info(out, info)?;
+    encoder.set_compression(png::Compression::Fastest);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    if let Some(metadata) = metadata {
+        encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
+    }
+    for (keyword, text) in notes {
+        encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
+    }
+    if let Some(scene) = scene_toml {
+        encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    Ok(writer.finish()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraOptions;
+
+    fn photo() -> Photo {
+        let rgb8 = (0..5 * 4 * 3).map(|i| u8::try_from(i * 4 % 251).unwrap()).collect();
+        let scene_toml = Some("seed = 7 # ψ\n".to_owned());
+        Photo { width_px: 5, height_px: 4, rgb8, scene_toml }
+    }
+
+    #[test]
+    fn a_photo_reads_back_with_its_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut file = Vec::new();
+        photo().write_png(&mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
+        std::fs::write(&path, &file).unwrap();
+        let (read, notes) = photo::read_with_notes(&path).unwrap();
+        assert_eq!((read, notes), (photo(), Notes::default()));
+        assert_eq!(photo::read(&path).unwrap().scene_toml, None, "read where it is wanted");
+        assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
+    }
+
+    #[test]
+    fn exif_and_xmp_are_in_files_of_8_and_16_bits() {
+        let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
+        let mut eight = Vec::new();
+        let print = Some(150.0);
+        let metadata = Metadata { dots_per_inch: print, ..Metadata::new(&camera, &photo().rgb8) };
+        photo().write_png(&mut eight, Some(&metadata), &[]).unwrap();
+        let rgb = (0..5 * 4 * 3).map(|i| i as f32 / 59.0).collect();
+        let readout = Readout { width_px: 5, height_px: 4, rgb, white_lx_s: 0.78 };
+        let mut sixteen = Vec::new();
+        let linear = Tone::Linear;
+        readout.write_png16(&mut sixteen, linear, (&camera, print), &[], Some("seed = 7")).unwrap();
+        for file in [eight, sixteen] {
+            let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
+            // 150 dots in 25.4 mm.
+            let dims = reader.info().pixel_dims.unwrap();
+            assert_eq!((dims.xppu, dims.yppu, dims.unit), (5906, 5906, png::Unit::Meter));
+            let exif = reader.info().exif_metadata.clone().unwrap();
+            let exif = exif::Reader::new().read_raw(exif.into_owned()).unwrap();
+            let exposure = exif.get_field(exif::Tag::ExposureTime, exif::In::PRIMARY).unwrap();
+            assert_eq!(exposure.display_value().to_string(), "46");
+            let xmp = reader.info().utf8_text.iter().find(|text| text.keyword == XMP_KEYWORD);
+            assert!(xmp.unwrap().get_text().unwrap().contains("algorithmicMedia"));
+            assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
+            if reader.info().bit_depth == png::BitDepth::Sixteen {
+                let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+                reader.next_frame(&mut bytes).unwrap();
+                let levels: Vec<u16> =
+                    bytes.chunks(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+                assert_eq!(levels, readout.rgb16(Tone::Linear));
+                assert_eq!((levels[0], levels[59]), (0, 65535));
+            }
+        }
+    }
+
+    /// A text chunk of 60 kB that stands for 60 MB, in a photo that is otherwise whole.
+    #[test]
+    fn a_text_that_unpacks_without_end_is_refused_only_where_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut file = Vec::new();
+        let mut info = png::Info::with_size(1, 1);
+        (info.color_type, info.bit_depth) = (png::ColorType::Rgb, png::BitDepth::Eight);
+        let text = "# more\n".repeat(60 << 17);
+        let mut chunk = png::text_metadata::ITXtChunk::new(SCENE_KEYWORD, text);
+        chunk.compressed = true;
+        chunk.compress_text().unwrap();
+        info.utf8_text.push(chunk);
+        let encoder = png::Encoder::with_info(&mut file, info).unwrap();
+        encoder.write_header().unwrap().write_image_data(&[1, 2, 3]).unwrap();
+        assert!(file.len() < 1 << 20, "{}", file.len());
+        std::fs::write(&path, &file).unwrap();
+        let error = photo::read_with_notes(&path).unwrap_err().to_string();
+        assert!(error.contains("noctograph.scene") && error.contains("at most 1 MiB"), "{error}");
+        assert_eq!(photo::read(&path).unwrap().rgb8, [1, 2, 3]);
+    }
+
+    /// Every kind of PNG against the decoder of `image`, which is a second implementation above
+    /// the same inflation.
+    #[test]
+    fn every_color_type_and_depth_becomes_rgb_of_8_bits() {
+        use png::{BitDepth, ColorType};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        for (color, depth) in [
+            (ColorType::Grayscale, BitDepth::Two),
+            (ColorType::Grayscale, BitDepth::Eight),
+            (ColorType::Grayscale, BitDepth::Sixteen),
+            (ColorType::GrayscaleAlpha, BitDepth::Eight),
+            (ColorType::GrayscaleAlpha, BitDepth::Sixteen),
+            (ColorType::Indexed, BitDepth::Four),
+            (ColorType::Rgb, BitDepth::Sixteen),
+            (ColorType::Rgba, BitDepth::Eight),
+            (ColorType::Rgba, BitDepth::Sixteen),
+        ] {
+            let mut file = Vec::new();
+            let mut info = png::Info::with_size(7, 5);
+            (info.color_type, info.bit_depth) = (color, depth);
+            let palette: Vec<u8> = (0..48).map(|i| i * 5).collect();
+            info.palette = (color == ColorType::Indexed).then(|| palette.into());
+            let n = info.raw_bytes() - 5;
+            let samples: Vec<u8> = (0..n).map(|i| (i * 89).to_le_bytes()[0]).collect();
+            let encoder = png::Encoder::with_info(&mut file, info).unwrap();
+            encoder.write_header().unwrap().write_image_data(&samples).unwrap();
+            std::fs::write(&path, &file).unwrap();
+            let wanted = image::load_from_memory(&file).unwrap().into_rgb8().into_raw();
+            assert_eq!(photo::read(&path).unwrap().rgb8, wanted, "{color:?} {depth:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut file = Vec::new();
+        photo().write_png(&mut file, None, &[]).unwrap();
+        for broken in [&b"no image"[..], &[], &file[..20], &file[..file.len() / 2]] {
+            std::fs::write(&path, broken).unwrap();
+            let error = photo::read(&path).unwrap_err().to_string();
+            assert!(error.contains("photo.png") && error.contains("a PNG image"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! The Python package `noctograph` (crate `noctograph-python`): stages as functions, products as objects with
+//! numpy arrays. `examples/python` builds and documents it.
+//!
+//! The interpreter is released while a stage runs, and asked for Ctrl-C meanwhile.
+#![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
+
+mod flight;
+mod plan;
+mod scene;
+mod sessions;
+mod shot;
+mod study;
+
+use std::io::Write;
+use std::path::Path;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
+
+use noctograph::error::{Error, Result};
+use noctograph_core::files::Output;
+use noctograph::shoot::Stop;
+
+/// Time between two looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What `__reduce__` returns: a function and its arguments, for pickle.
+type Reduced<T> = (Py<PyAny>, T);
+
+#[pymodule]
+fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<scene::PyScene>()?;
+    module.add_class::<plan::PyPlan>()?;
+    module.add_class::<flight::PyFlight>()?;
+    module.add_class::<shot::PyShot>()?;
+    module.add_class::<sessions::PySessions>()?;
+    module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(flight::fly, module)?)?;
+    module.add_function(wrap_pyfunction!(flight::import_log, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::photograph, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::score, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::read, module)?)?;
+    module.add_function(wrap_pyfunction!(command, module)?)?;
+    module.add_function(wrap_pyfunction!(study::outcomes, module)?)?;
+    module.add_function(wrap_pyfunction!(study::ranking, module)?)?;
+    module.add_function(wrap_pyfunction!(study::tuning, module)?)
+}
+
+/// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
+fn raised(py: Python<'_>, error: &Error) -> PyErr {
+    let (class, arguments) = match error {
+        Error::Input { place, found, wanted, hint } => {
+            ("InputError", vec![place.clone(), found.clone(), wanted.clone(), hint.clone()])
+        }
+        Error::Letter { position, letter, wanted, hint } => {
+            let (place, found) = (format!("word, position {position}"), format!("{letter:?}"));
+            ("InputError", vec![place, found, wanted.clone(), hint.clone()])
+        }
+        Error::Io { path, source, .. } => {
+            let text = format!("{}: {source}", path.display());
+            return match source.raw_os_error() {
+                Some(_) => PyErr::from(std::io::Error::new(source.kind(), text)),
+                None => pyo3::exceptions::PyOSError::new_err(text),
+            };
+        }
+        Error::Infeasible { what, hint } => ("InfeasibleError", vec![what.clone(), hint.clone()]),
+        other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
+    };
+    let made = py.import("noctograph.errors").and_then(|errors| {
+        let arguments = PyTuple::new(py, arguments)?;
+        errors.getattr(class)?.call1(arguments)
+    });
+    made.map_or_else(|broken| broken, PyErr::from_value)
+}
+
+/// Runs a command of the program: its table, and what it prints with `--json`.
+#[pyfunction]
+fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
+    let report = run(py, &Stop::default(), move || noctograph::cli::report_of(&words))?;
+    Ok((report.text, to_python(py, &report.json)?))
+}
+
+/// A CSV text as a table of pandas.
+fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
+    let text = py.import("io")?.call_method1("StringIO", (csv,))?;
+    py.import("pandas")?.call_method1("read_csv", (text,))
+}
+
+/// An object for pickle: the static method that reads it again, and its text.
+fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
+    Ok((object.get_type().getattr(read)?.unbind(), (text,)))
+}
+
+/// Writes a file, which appears when it is whole.
+fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
+    let written = Output::create(path).and_then(|file| file.keep(|out| out.write_all(bytes)));
+    written.map(|_path| ()).map_err(|error| raised(py, &error))
+}
+
+/// Plain data as objects of Python.
+fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let json = serde_json::to_string(value).expect("plain data");
+    py.import("json")?.call_method1("loads", (json,))
+}
+
+/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and left to itself: its result is dropped.
+fn run<T: Send + 'static>(
+    py: Python<'_>,
+    stop: &Stop,
+    stage: impl FnOnce() -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    run_showing(py, stop, |_| Ok(()), stage)
+}
+
+/// As [`run`], with a call of `show` now and then and at the end; what it raises stops the stage.
+fn run_showing<T: Send + 'static>(
+    py: Python<'_>,
+    stop: &Stop,
+    mut show: impl FnMut(Python<'_>) -> PyResult<()> + Send,
+    stage: impl FnOnce() -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let done = py.detach(|| {
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || {
+            // Nobody listens after Ctrl-C.
+            let _ = sender.send(stage());
+        });
+        loop {
+            match receiver.recv_timeout(LOOK) {
+                Ok(done) => return Ok(done),
+                Err(RecvTimeoutError::Timeout) => {
+                    Python::attach(|py| py.check_signals().and_then(|()| show(py)))
+                        .inspect_err(|_| stop.now())?;
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    let text = "the program failed: please report what it printed";
+                    return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
+                }
+            }
+        }
+    });
+    let done = done?.map_err(|error| raised(py, &error))?;
+    show(py)?;
+    Ok(done)
+}
+
+/// Bytes as an array of numpy that cannot be written to; no copy but the one into Python's memory.
+fn array_of<'py>(
+    py: Python<'py>,
+    bytes: &[u8],
+    dtype: &str,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let flat = py.import("numpy")?.call_method1("frombuffer", (PyBytes::new(py, bytes), dtype))?;
+    flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
+}
+
+/// Rows of numbers as an array of `(rows, columns)`, or of `(rows,)` for a single column.
+fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound<'py, PyAny>> {
+    let rows = values.len() / columns;
+    let shape: &[usize] = if columns == 1 { &[rows] } else { &[rows, columns] };
+    array_of(py, bytemuck::cast_slice(values), "f8", shape)
+}
+
+/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes are
+/// refused.
+fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
+    let py = array.py();
+    let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let fits =
+        if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
+    if !fits {
+        let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
+        let error = Error::input(name, format!("shape {shape:?}"), wanted, "reshape the array");
+        return Err(raised(py, &error));
+    }
+    let bytes = array.call_method0("tobytes")?;
+    Ok(bytemuck::pod_collect_to_vec(bytes.cast::<PyBytes>()?.as_bytes()))
+}

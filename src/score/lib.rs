@@ -1,0 +1,207 @@
+//! Score: whether the word in a photo is read at first sight.
+//!
+//! Product in: a [`Photo`], the [`Strokes`] of the word that it should show, and the [`Camera`]
+//! that took it. Product out: a [`Verdict`].
+//!
+//! 1. The photo's linear light is resampled into the plane of the word, the word is located around
+//!    its place, and each line of it is cut out as a strip of fixed height.
+//! 2. A small convolutional net with integer weights gives the shares of all characters along the
+//!    strip. It was trained on drawn and simulated words of random letters (`examples/readings`).
+//! 3. From these shares follow the share of each letter in its place, the likeliest other word, and
+//!    the readability, calibrated with readers at first sight (docs/calibration.md).
+//! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
+//!
+//! [`read`] uses the same net without knowledge of the word. Not modeled: a dictionary, and
+//! characters other than Latin letters and digits. Score knows no plan, no flight and no lamp.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+extern crate self as score;
+use noctograph_core::{camera, control, digest, error, files, geometry, photo, random, settings, srgb, statistics, strokes};
+#[cfg(test)]
+use {noctograph_letters as letters, noctograph_picture::{expose, light}};
+
+use crate::camera::Camera;
+use crate::error::{Error, Result, within};
+use crate::strokes::Strokes;
+use crate::photo::Photo;
+use crate::settings::{Described, settings};
+
+use alphabet::classes_of;
+
+pub use calibration::{CALIBRATION, Calibration};
+pub use causes::{Advice, Cause, CauseKind, Known, LogGap, MissingRun};
+pub use locate::locate;
+pub use overlay::Marks;
+pub use reader::Reader;
+pub use reading::{ReadLetter, Reading, read};
+pub use verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
+pub use view::{Homography, View};
+
+mod align;
+mod alphabet;
+mod bend;
+mod calibration;
+mod causes;
+mod choice;
+mod color;
+mod columns;
+mod explain;
+mod faults;
+mod gaps;
+mod ink;
+mod judge;
+mod lattice;
+mod level;
+mod light;
+mod line;
+mod locate;
+mod mending;
+mod net;
+mod overlay;
+mod page;
+mod plane;
+mod raster;
+mod reader;
+mod reading;
+mod search;
+mod segment;
+mod sketch;
+mod spelling;
+mod strip;
+mod trace;
+mod verdict;
+mod view;
+
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "pixels and codes of test photos")]
+mod tests;
+
+/// Resolution at which strokes and light are compared: pixels to a cap height.
+const PX_PER_H: u8 = 32;
+
+/// Width of the pen with which strokes are drawn for comparison, in cap heights.
+const PEN_H: f64 = 0.07;
+
+/// Blur of photo and drawing where they are compared, in cap heights.
+const BLUR_H: f32 = 0.05;
+
+/// Largest shift of the word that still counts as its place, in cap heights.
+const MAX_SHIFT_H: f64 = 0.6;
+
+/// Smallest and largest scale of the word that count as its own.
+const SCALES: [f64; 2] = [0.85, 1.17];
+
+/// Largest rotation of the word, either way: 8 degrees.
+const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
+
+/// Cap height in the photo, in pixels, below which few pixels are named as the reason.
+const MIN_CAP_HEIGHT_PX: f64 = 20.0;
+
+/// Widths of cells that can be read, by cap height. The team's are 0.6 wide.
+const ASPECTS: [f64; 2] = [0.05, 5.0];
+
+/// Longest word, in cap heights: 256 of the team's letters with as much space again are 400. The
+/// alignment's rasters grow with it.
+const MAX_LENGTH_H: f64 = 1000.0;
+
+settings! {
+    /// When a word counts as read.
+    pub struct ScoreOptions {
+        /// Readability from which a word counts as legible.
+        legible_probability: f64 = 0.7, in 0.0..=1.0;
+    }
+}
+
+/// Reads a photo: prepares a [`Reader`] and uses it once.
+///
+/// # Errors
+///
+/// As [`Reader::new`] and [`Reader::score`].
+///
+/// # Panics
+///
+/// If the photo has not three bytes a pixel.
+pub fn score(
+    photo: &Photo,
+    strokes: &Strokes,
+    camera: &Camera,
+    options: &ScoreOptions,
+) -> Result<Verdict> {
+    Reader::new(strokes, options)?.score(photo, &camera.into())
+}
+
+impl ScoreOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        Described::check(self, "score", None)
+    }
+}
+
+/// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader
+/// knows all of these.
+#[must_use]
+pub fn is_judged(strokes: &Strokes) -> bool {
+    let unknown = |character: char| classes_of(character).is_none();
+    let characters = || strokes.glyphs.iter().map(|glyph| glyph.character);
+    strokes.font.is_some()
+        && !characters().all(unknown)
+        && !characters().any(|character| character.is_alphanumeric() && unknown(character))
+}
+
+/// Refuses what is no word of letters that the reader knows and that leave light.
+fn check(strokes: &Strokes) -> Result<()> {
+    let hint = "write the word with Latin letters and digits, or look at the photo yourself";
+    if strokes.glyphs.is_empty() {
+        return Err(Error::input("word", "an empty word", "at least one letter", hint));
+    }
+    if strokes.font.is_none() {
+        let hint = "look at the photo: only words are read";
+        return Err(Error::input("word", "a drawing", "a word", hint));
+    }
+    let refuse = |index: usize, wanted: &str| {
+        let character = strokes.glyphs[index].character;
+        let place = format!("word, letter {}", index + 1);
+        Err(Error::input(place, format!("{character:?}"), wanted, hint))
+    };
+    for (index, glyph) in strokes.glyphs.iter().enumerate() {
+        if glyph.character.is_alphanumeric() && classes_of(glyph.character).is_none() {
+            return refuse(index, "a letter or digit that the reader knows: A-Z, a-z, 0-9");
+        }
+        if !glyph.moves.iter().any(|step| step.lit) {
+            return refuse(index, "a character that leaves light");
+        }
+        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
+        within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
+    }
+    if strokes.glyphs.iter().all(|glyph| classes_of(glyph.character).is_none()) {
+        return refuse(0, "at least one letter or digit: punctuation is not judged");
+    }
+    let [left, _, right, _] = strokes.bounds_m();
+    let length = (right - left) / cap_height_m(strokes);
+    within("length of the word by its height", length, 0.0, MAX_LENGTH_H)
+}
+
+fn check_size(photo: &Photo, view: &View) -> Result<()> {
+    let [found, wanted] = [[photo.width_px, photo.height_px], view.size_px()];
+    if found != wanted {
+        return Err(Error::input(
+            "photo",
+            format!("{} x {} pixels", found[0], found[1]),
+            format!("{} x {} pixels, as the camera has", wanted[0], wanted[1]),
+            "name the scene that the photo was taken with",
+        ));
+    }
+    let bytes = 3 * photo.width_px as usize * photo.height_px as usize;
+    assert_eq!(photo.rgb8.len(), bytes, "three bytes a pixel");
+    Ok(())
+}
+
+fn cap_height_m(strokes: &Strokes) -> f64 {
+    strokes.glyphs[0].cell.cap_height_m
+}

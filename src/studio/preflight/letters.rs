@@ -1,0 +1,114 @@
+//! Checks of letters: doubled strokes, lit tails, light that is never off, jumps.
+
+use nalgebra::Vector2;
+
+use super::Finding;
+use crate::geometry::distance;
+use crate::letters::{Glyph, Move, Strokes};
+use crate::plan::Style;
+
+/// Two lit moves nearer to each other than this, and as parallel, draw one line.
+const SAME_LINE_M: f64 = 0.002;
+/// Longest doubled stroke and jump that are no fault.
+pub(super) const SHORT_M: f64 = 0.02;
+
+/// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
+/// follows the letters' own moves, as in style `team`.
+pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
+    let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
+    glyphs.sort_by_key(|glyph| glyph.character);
+    let longer = |least_m: f64, length_m: &dyn Fn(&Glyph) -> f64| -> Vec<(char, f64)> {
+        let lengths = glyphs.iter().map(|glyph| (glyph.character, length_m(glyph)));
+        let mut found: Vec<_> = lengths.filter(|(_, length_m)| *length_m > least_m).collect();
+        found.dedup_by_key(|(character, _)| *character);
+        found
+    };
+    let mut findings =
+        vec![Finding::DoubledStroke(longer(SHORT_M, &|glyph| doubled_m(&glyph.moves)))];
+    if strokes.font.is_some() {
+        let lost = |glyph: &Glyph| strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
+        let lost_m = |glyph: &Glyph| lost(glyph) * glyph.cell.cap_height_m;
+        findings.push(Finding::LostStroke(longer(0.0, &lost_m)));
+    }
+    if matches!(style, Style::Team(_)) {
+        let faulty = |is_faulty: fn(&Glyph) -> bool| -> Vec<char> {
+            let faulty = glyphs.iter().filter(|glyph| is_faulty(glyph));
+            let mut found: Vec<char> = faulty.map(|glyph| glyph.character).collect();
+            found.dedup();
+            found
+        };
+        findings.push(Finding::Tail(faulty(has_tail)));
+        findings.push(Finding::LightNeverOff(faulty(never_off)));
+        findings.push(Finding::PenJump(faulty(jumps)));
+    }
+    findings
+}
+
+/// The light is on before the drone has reached the letter.
+fn has_tail(glyph: &Glyph) -> bool {
+    glyph.moves.first().is_some_and(|first| first.lit)
+}
+
+/// The light is on at both ends of the letter.
+fn never_off(glyph: &Glyph) -> bool {
+    has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
+}
+
+fn jumps(glyph: &Glyph) -> bool {
+    glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
+}
+
+/// Length that is lit twice.
+fn doubled_m(moves: &[Move]) -> f64 {
+    let lit: Vec<[Vector2<f64>; 2]> = moves
+        .iter()
+        .filter(|leg| leg.lit && leg.from_m != leg.to_m)
+        .map(|leg| [leg.from_m.into(), leg.to_m.into()])
+        .collect();
+    let pairs = lit.iter().enumerate().flat_map(|(i, a)| lit[i + 1..].iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| shared_m(a, b)).sum()
+}
+
+/// Length that two straight moves have in common.
+fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
+    let length_m = (a[1] - a[0]).norm();
+    let along = (a[1] - a[0]) / length_m;
+    let beside = |p: &Vector2<f64>| (p - a[0]).perp(&along).abs();
+    if b.iter().any(|p| beside(p) > SAME_LINE_M) {
+        return 0.0;
+    }
+    let [from, to] = [&b[0], &b[1]].map(|p| (p - a[0]).dot(&along).clamp(0.0, length_m));
+    (to - from).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Severity;
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::PlanOptions;
+
+    fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(&'static str, String)> {
+        let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
+        let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
+        let rows = findings.iter().map(|finding| finding.row(&plan));
+        let bad = rows.filter(|row| row.severity != Severity::Fine);
+        bad.map(|row| (row.check, row.detail)).collect()
+    }
+
+    #[test]
+    fn faults_of_the_teams_letters_are_found_and_the_repaired_ones_have_none() {
+        let team = |word, font| faults(word, font, PlanOptions::default());
+        assert_eq!(team("W", "ae483"), [("doubled stroke", "W".into())]);
+        assert_eq!(team("X", "ae483"), [("tail", "X".into()), ("light never off", "X".into())]);
+        assert!(team("I", "ae483").contains(&("pen jump", "I".into())));
+        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+        assert_eq!(team(all, "ae483-fixed"), []);
+    }
+
+    #[test]
+    fn in_style_even_only_doubled_strokes_are_faults() {
+        assert_eq!(faults("XNO", "ae483", PlanOptions::even()), []);
+        assert_eq!(faults("W", "ae483", PlanOptions::even()).len(), 1);
+    }
+}

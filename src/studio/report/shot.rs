@@ -1,0 +1,210 @@
+//! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
+
+use crate::photo;
+use super::flights::{NamedFlight, error_over_time, front_view, load_over_time, top_view};
+use super::overlay::marks_svg;
+use super::page::Page;
+use super::place::shot_plan;
+use super::plans::plan_view;
+use crate::error::Result;
+use crate::flight::{Flight, FlightSample, Quantity};
+use crate::light::Lamp;
+use crate::preflight::{Checked, ShotPlan};
+use crate::scene::Change;
+use crate::score::{LetterVerdict, Verdict};
+use crate::shoot::{Shot, in_stops, writing};
+
+/// Moments of the exposure, and the width of their pictures.
+const N_MOMENTS: u32 = 12;
+const MOMENT_PX: u32 = 560;
+/// Most places of the path in space, of all drones.
+const MAX_PLACES: usize = 2000;
+/// Quality of photos, and of the moments' small ones.
+const JPEG_QUALITY: [u8; 2] = [85, 80];
+/// Shares below this are not printed.
+pub const LEAST_SHARE: f64 = 0.01;
+
+/// What the page shows beside the shot.
+pub struct ShotNotes<'a> {
+    /// The verdict in a sentence; empty where there is none.
+    pub lead: &'a str,
+    /// The table that the terminal shows.
+    pub printed: &'a str,
+    /// Findings of the preflight.
+    pub findings: &'a [Checked],
+    /// Where things stand in the room, where it is known.
+    pub placement: Option<&'a ShotPlan>,
+    /// Changes of settings with their gain in readability, as one types them.
+    pub remedies: &'a [(f64, String)],
+    /// A change in the words of the program that makes the page.
+    pub typed: &'a dyn Fn(&Change) -> String,
+    /// The command that makes the shot again.
+    pub command: &'a str,
+    /// Further drawings of the flight, such as its band over many flights (SVG).
+    pub drawings: &'a [String],
+}
+
+impl std::fmt::Debug for ShotNotes<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ShotNotes").field("command", &self.command).finish_non_exhaustive()
+    }
+}
+
+/// The report of a shot.
+///
+/// # Errors
+///
+/// As [`Shot::moments`].
+pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
+    let scene = &shot.scene;
+    let subject = if scene.word.is_empty() { &scene.letters.drawing } else { &scene.word };
+    let subject = subject.replace('\n', " ");
+    let over = shot.marks.as_ref().zip(shot.verdict.as_ref());
+    let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
+    let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
+    let shows = format!("simulated long-exposure photograph of {subject}");
+    let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
+    page = verdict_section(page, shot.verdict.as_ref(), notes);
+    page = page.section("The exposure as it accumulates").film(&film(shot)?);
+    page = flight_section(page, shot, notes);
+    if !notes.findings.is_empty() {
+        page = page.section("Safety sheet").table(
+            ["", "check", "found"],
+            notes.findings.iter().map(|checked| finding(checked, notes.typed)),
+        );
+    }
+    page = page.section("Camera").table(["setting", "value"], camera(shot));
+    page = page.section("Shot plan");
+    if let Some(placement) = notes.placement {
+        page = page.table(["what", "where"], placement.rows());
+    }
+    page = page.drawings(&shot_plan(shot, notes.placement));
+    page = page.section("To make it again").printed(notes.command);
+    let changes = scene.changes();
+    let base = format!("Settings that differ from the preset {}", scene.preset.name());
+    let head = ["key", "value", "in the preset"];
+    page =
+        page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
+    let digests = [("film", Some(shot.exposure.film.sha256())), ("flight", shot.flight_sha256())];
+    let digests = digests.into_iter().filter_map(|(of, sha256)| Some([of.to_owned(), sha256?]));
+    Ok(page.table(["digest", "SHA-256"], digests).section("As printed").printed(notes.printed))
+}
+
+fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<'_>) -> Page {
+    let Some(verdict) = verdict else { return page };
+    let letter = |letter: &LetterVerdict| {
+        [
+            letter.expected.to_string(),
+            letter.p.map_or("not judged".into(), |p| format!("{p:.2}")),
+            letter.best.map_or("none".into(), String::from),
+            rivals(letter),
+        ]
+    };
+    page = page
+        .section("Letters")
+        .table(["letter", "share", "reads as", "rivals"], verdict.letters.iter().map(letter));
+    let gain = |gain: Option<f64>| gain.map_or("?".into(), |gain| format!("{gain:+.2}"));
+    let flown = notes.remedies.iter().map(|(by, change)| [gain(Some(*by)), change.clone()]);
+    let read = verdict.advice.iter().map(|advice| [gain(advice.gain), advice.text.clone()]);
+    let rows: Vec<_> = if notes.remedies.is_empty() { read.collect() } else { flown.collect() };
+    if rows.is_empty() { page } else { page.section("What helps").table(["gain", "change"], rows) }
+}
+
+/// Letters that are likely besides the expected one, each with its share.
+pub fn rivals(letter: &LetterVerdict) -> String {
+    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
+    rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
+}
+
+fn film(shot: &Shot) -> Result<Vec<(Vec<u8>, String)>> {
+    let mut moments = Vec::new();
+    shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
+        moments.push((photo::jpeg(&photo, JPEG_QUALITY[1]), format!("{time_s:.1} s")));
+        Ok(())
+    })?;
+    Ok(moments)
+}
+
+fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
+    let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
+        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word)]);
+    }
+    let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
+    if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
+        return page;
+    }
+    let mut drawings = vec![front_view(&traces), top_view(&traces), error_over_time(&traces)];
+    if shot.flights.iter().all(|flight| !flight.unlogged.contains(&Quantity::Motors)) {
+        drawings.push(load_over_time(&shot.flights));
+    }
+    drawings.extend_from_slice(notes.drawings);
+    page.section("Flight").paths(&paths(shot)).drawings(&drawings)
+}
+
+fn trace((index, flight): (usize, &Flight)) -> NamedFlight {
+    NamedFlight { name: format!("drone {}", index + 1), samples: flight.samples.clone() }
+}
+
+/// The way of all drones; a place is lit where a lamp of its drone writes.
+fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
+    let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
+    let step = n_samples.div_ceil(MAX_PLACES).max(1);
+    let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
+    let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
+        let own = |lamp: &&Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
+        let lamps: Vec<&Lamp> = lamps.iter().copied().filter(own).collect();
+        let place = |sample: &FlightSample| {
+            #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
+            let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
+            (place_mm, lamps.iter().any(|lamp| is_lit(lamp, sample.time_s)))
+        };
+        flight.samples.iter().step_by(step).map(place).collect()
+    };
+    shot.flights.iter().enumerate().map(of_drone).collect()
+}
+
+fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
+    let next = lamp.samples.partition_point(|sample| sample.time_s <= time_s);
+    next > 0 && lamp.samples[next - 1].level > 0.0
+}
+
+fn finding(checked: &Checked, typed: &dyn Fn(&Change) -> String) -> [String; 3] {
+    let [mark, check, mut found, wanted, change] = checked.cells(typed);
+    if !wanted.is_empty() {
+        found += &format!("; wanted: {wanted}; change: {change}");
+    }
+    [mark, check, found]
+}
+
+fn camera(shot: &Shot) -> Vec<[String; 2]> {
+    let camera = &shot.camera;
+    let distance_m = camera.position_m.y.abs();
+    let focus_m = camera.focus_m.unwrap_or(distance_m);
+    let open_s = camera.shutter_close_s - camera.shutter_open_s;
+    let row = |name: &str, value: String| [name.to_owned(), value];
+    let adds_up = shot.metered.is_some_and(|metered| metered.longest_s.is_some());
+    let mode = if adds_up { "night or light-trail mode" } else { "bulb" };
+    let mut rows = vec![
+        row(
+            "lens",
+            format!(
+                "{:.0} mm on a sensor {:.1} mm wide",
+                1e3 * camera.focal_length_m,
+                1e3 * camera.sensor_width_m
+            ),
+        ),
+        row("aperture", format!("f/{}", camera.f_number)),
+        row("sensitivity", format!("ISO {}", camera.iso)),
+        row(
+            "shutter",
+            format!("{mode}, {open_s:.0} s, from {:.1} s of the flight on", camera.shutter_open_s),
+        ),
+        row("focus", format!("{focus_m:.2} m, by hand")),
+        row("picture", format!("{} x {}", camera.width_px, camera.height_px)),
+    ];
+    if let Some(metered) = shot.metered {
+        rows.push(row("trail", in_stops(metered.trail_stops)));
+    }
+    rows
+}

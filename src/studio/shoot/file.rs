@@ -1,0 +1,144 @@
+//! The photo as a file, with camera, seed, version, flights and scene, without a time stamp.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::expose::Film;
+use crate::photo::exr::Precision;
+use crate::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
+use crate::photo::{self, Metadata, Photo, read_out};
+use crate::scene::Scene;
+use crate::score::LogGap;
+use crate::settings::settings;
+
+settings! {
+    /// Format of a picture file.
+    pub enum Format {
+        /// PNG, 8 bits a channel, after the tone curve.
+        "png" => Png,
+        /// PNG, 16 bits a channel, after the tone curve.
+        "png16" => Png16,
+        /// OpenEXR, linear light as the sensor read it, 32 bits a channel.
+        "exr" => Exr,
+        /// The same, 16 bits a channel.
+        "exr-half" => ExrHalf,
+    }
+}
+
+impl Format {
+    /// The format that a file's name asks for: OpenEXR for `*.exr`, PNG for `*.png` and names
+    /// without an ending.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for another ending, whose format is not written.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match &*extension {
+            "exr" => Ok(Self::Exr),
+            "png" | "" => Ok(Self::Png),
+            _ => {
+                let place = path.display().to_string();
+                let hint = "name the photo *.png and convert it, or name its format";
+                Err(Error::input(place, format!("a name *.{extension}"), "*.png or *.exr", hint))
+            }
+        }
+    }
+}
+
+/// Most pixels of a picture that is read out anew and encoded in memory: 0.9 GB.
+const MAX_READ_OUT: u64 = 24_000_000;
+
+impl Format {
+    /// Checks that a picture of a size can be encoded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] with the memory that it would take.
+    pub(super) fn check(self, size_px: [u32; 2]) -> Result<()> {
+        let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+        if self == Self::Png || pixels <= MAX_READ_OUT {
+            return Ok(());
+        }
+        // Film, readout and file: 12 bytes a pixel each.
+        let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
+        Err(Error::Infeasible {
+            what: format!(
+                "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
+                self.name(),
+                size_px[0],
+                size_px[1],
+                gb(pixels),
+                gb(MAX_READ_OUT),
+            ),
+            hint: "choose a smaller picture, or PNG of 8 bits".into(),
+        })
+    }
+}
+
+/// Encodes a photo; OpenEXR and 16 bits are read out from the film anew.
+pub(super) fn encode(
+    format: Format,
+    scene: &Scene,
+    photo: &Photo,
+    film: &Film,
+    camera: &Camera,
+    shown: Shown,
+) -> Result<Vec<u8>> {
+    let mut notes = notes(scene.seed, camera, shown);
+    let mut out = Cursor::new(Vec::new());
+    let dots_per_inch = scene.camera.dots_per_inch;
+    let readout = || read_out(film, camera, &scene.expose, &scene.photo, scene.seed);
+    let written = match format {
+        Format::Png => {
+            let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
+            photo::write_png(&photo, &mut out, Some(&metadata), &notes)
+        }
+        Format::Png16 => {
+            let toml = scene.to_toml();
+            let camera = (camera, dots_per_inch);
+            readout()?.write_png16(&mut out, scene.photo.tone, camera, &notes, Some(&toml))
+        }
+        Format::Exr | Format::ExrHalf => {
+            let half = format == Format::ExrHalf;
+            let precision = if half { Precision::Half } else { Precision::Float };
+            notes.push(("noctograph.scene", scene.to_toml()));
+            readout()?.write_exr(&mut out, camera, precision, &notes)
+        }
+    };
+    written.expect("a checked picture fits into memory");
+    Ok(out.into_inner())
+}
+
+/// What a photo shows, beside its scene.
+pub(super) struct Shown {
+    pub(super) flight_sha256: Option<String>,
+    /// Of strokes from a file of the user's.
+    pub(super) strokes_sha256: Option<String>,
+    /// Gaps of logs that it leaves dark.
+    pub(super) log_gaps: Vec<LogGap>,
+}
+
+fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
+    let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
+    let camera = format!(
+        "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
+         {shutter_close_s} s of the flight",
+        focal_length_m * 1000.0
+    );
+    let mut notes = vec![
+        ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
+        ("noctograph.camera", camera),
+        ("noctograph.seed", seed.to_string()),
+    ];
+    let Shown { flight_sha256, strokes_sha256, log_gaps } = shown;
+    notes.extend(flight_sha256.map(|digest| (FLIGHT_KEYWORD, digest)));
+    notes.extend(strokes_sha256.map(|digest| (STROKES_KEYWORD, digest)));
+    if !log_gaps.is_empty() {
+        let gaps = serde_json::to_string(&log_gaps).expect("gaps are plain data");
+        notes.push((LOG_GAPS_KEYWORD, gaps));
+    }
+    notes
+}

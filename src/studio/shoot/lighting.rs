@@ -1,0 +1,174 @@
+//! The light of all drones, and the camera that sees it.
+
+
+use super::metering::{Metered, metered, recommended};
+use super::problems::{self, Problem};
+use super::{Recording, Shoot, Watch};
+use crate::camera::{Camera, Framing};
+use crate::error::{Error, Result};
+use crate::flight::{DroneIndex, Flight};
+use crate::geometry::bounds;
+use crate::light::{LightSample, LightTrace, light};
+use crate::scene::Scene;
+
+/// Smallest distance of a lit lamp from the camera.
+const MIN_DISTANCE_M: f64 = 0.1;
+
+/// Flights, lamps and camera, ready to be exposed.
+#[derive(Clone, Debug)]
+pub struct Lighting {
+    /// Flights that carried the lamps; none for light that was recorded alone.
+    pub flights: Vec<Flight>,
+    /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
+    pub trace: LightTrace,
+    /// Names of the lamps that follow the plans.
+    pub writing: Vec<String>,
+    /// The scene's camera, as the meter set it.
+    pub camera: Camera,
+    /// What the meter set, if the scene asks for it.
+    pub metered: Option<Metered>,
+    /// What is wrong with the picture; first what keeps the word from being read.
+    pub problems: Vec<Problem>,
+}
+
+impl Lighting {
+    /// Aperture and sensitivity that the light meter recommends for the scene: those that it set, if
+    /// the scene asks for it. `None` for darkness.
+    #[must_use]
+    pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
+        let meter = || recommended(&self.trace, &self.camera, &scene.camera, &scene.photo);
+        self.metered.or_else(meter)
+    }
+}
+
+impl Shoot {
+    /// Flies, or takes the recordings, and lights the lamps.
+    ///
+    /// # Errors
+    ///
+    /// As [`Shoot::fly`] and [`light`], and those of the camera.
+    pub fn lighting(mut self, watch: &Watch<'_>) -> Result<Lighting> {
+        match std::mem::take(&mut self.recordings) {
+            recordings if recordings.is_empty() => self.light(self.record(watch)?),
+            recordings => self.light(recordings),
+        }
+    }
+
+    /// Lights the lamps of recordings, one for each drone.
+    pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
+        let several = recordings.len() > 1;
+        let (mut flights, mut all, mut problems) = (Vec::new(), LightTrace::default(), Vec::new());
+        let mut end_s = 0.0_f64;
+        for (drone, recording) in recordings.into_iter().enumerate() {
+            let mut trace = match recording {
+                Recording::Light(trace) => {
+                    end_s = end_s.max(trace.end_s());
+                    trace
+                }
+                Recording::Flight(flight) => {
+                    end_s = end_s.max(flight.samples.last().map_or(0.0, |last| last.time_s));
+                    if !self.plans.is_empty() {
+                        let number = several.then_some(DroneIndex(drone));
+                        let warnings = flight.warnings.iter().cloned();
+                        problems.extend(warnings.map(|warning| Problem::Flight(number, warning)));
+                    }
+                    problems.extend(problems::of_log(&flight));
+                    let trace = self.light_drone(drone, &flight)?;
+                    flights.push(flight);
+                    trace
+                }
+            };
+            if several {
+                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)));
+            }
+            all.append(trace);
+        }
+        problems.extend(self.lost_strokes());
+        let bounds_m = self.bounds_m(&flights)?;
+        let Scene { camera: options, photo, .. } = &self.scene;
+        let mut camera = options.camera(bounds_m, end_s)?;
+        let metered = metered(&all, &mut camera, options, photo);
+        check_place(&all, bounds_m, &camera, &self.scene.camera.framing)?;
+        problems.extend(problems::outside(&all, bounds_m, &camera));
+        let lamps = problems::writing(&flights, &all, &self.scene.light);
+        let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
+        writing.dedup();
+        problems.splice(..0, problems::before(&flights, &lamps, &camera));
+        Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
+    }
+
+    /// Lights the lamps of one drone, counted from 0.
+    ///
+    /// # Errors
+    ///
+    /// As [`light`].
+    pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
+        let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
+        light(flight, lamps, self.scene.seed, drone as u64)
+    }
+
+    /// The strokes that the center lines of a typeface lack.
+    fn lost_strokes(&self) -> Option<Problem> {
+        let strokes = self.strokes.as_ref()?;
+        let (font, letters) = (strokes.font.clone()?, strokes.lost.keys().collect::<String>());
+        (!letters.is_empty()).then_some(Problem::LostStrokes { font, letters })
+    }
+
+    /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
+    /// else of the letters in the flights' design; zeros for a fixed camera without either.
+    fn bounds_m(&self, flights: &[Flight]) -> Result<[f64; 4]> {
+        if let Some(strokes) = &self.strokes {
+            return Ok(strokes.bounds_m());
+        }
+        let samples = flights.iter().flat_map(|flight| &flight.samples);
+        let written = samples.filter(|sample| sample.letter.is_some());
+        let places_m = written.map(|sample| [sample.design_m.x, sample.design_m.z]);
+        let [left, bottom, right, top] = bounds(places_m);
+        match &self.scene.camera.framing {
+            _ if left < right || bottom < top => Ok([left, bottom, right, top]),
+            Framing::Fixed(_) => Ok([0.0; 4]),
+            // Reports that the scene names no word.
+            Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
+        }
+    }
+}
+
+/// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
+fn check_place(
+    trace: &LightTrace,
+    [left, _, right, _]: [f64; 4],
+    camera: &Camera,
+    framing: &Framing,
+) -> Result<()> {
+    let (place, hint) = match framing {
+        Framing::Fixed(_) => (
+            "camera.framing.position_m",
+            "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"",
+        ),
+        Framing::Word(_) => (
+            "camera.framing",
+            "write larger letters (letters.cap_height_m), or let them fill less of the picture \
+             (camera.framing.fill_frac)",
+        ),
+    };
+    let [x, y, z] = camera.position_m.into();
+    if left < right && y > 0.0 {
+        let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        return Err(Error::input(place, found, "y below 0, in front of it", hint));
+    }
+    let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
+    for lamp in &trace.lamps {
+        let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
+        if let Some(sample) = lamp.samples.iter().find(near) {
+            let name = lamp.label();
+            let found = format!(
+                "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
+                (1e3 * distance_m(sample)).floor() / 1e3,
+                sample.time_s
+            );
+            let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
+            return Err(Error::input(place, found, wanted, hint));
+        }
+    }
+    Ok(())
+}
