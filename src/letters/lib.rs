@@ -31,8 +31,6 @@ pub use typeface::has_outline;
 
 
 pub use drawing::LIMIT as DRAWING_LIMIT;
-#[cfg(test)]
-pub use drawing::red_to_blue;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;

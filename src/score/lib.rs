@@ -20,7 +20,7 @@
 extern crate self as score;
 use noctograph_core::{camera, control, digest, error, files, geometry, photo, random, settings, srgb, statistics, strokes};
 #[cfg(test)]
-use {noctograph_letters as letters, noctograph_picture::{expose, light}};
+use noctograph_letters as letters;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, within};

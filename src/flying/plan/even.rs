@@ -263,7 +263,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 
 #[cfg(test)]
 mod tests {
-    use crate::letters::{Ink, LetterOptions, draw, red_to_blue, write};
+    use crate::letters::{Ink, LetterOptions, draw, write};
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
@@ -345,9 +345,8 @@ mod tests {
 
     #[test]
     fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = red_to_blue(folder.path());
-        let strokes = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap();
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
+        let strokes = draw(path.as_ref(), &LetterOptions::default(), Ink::ByColor).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
         let begun = lit.windows(2).filter(|pair| pair[1] && !pair[0]).count();

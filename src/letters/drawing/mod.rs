@@ -353,17 +353,5 @@ fn too_many(file: &str) -> Error {
     Error::input(file, "a drawing of more points", wanted, hint)
 }
 
-/// Writes an SVG file whose one stroke goes from red to blue, for tests of what follows.
-#[cfg(test)]
-pub fn red_to_blue(folder: &Path) -> std::path::PathBuf {
-    let path = folder.join("a.svg");
-    let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
-        <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
-        <stop offset='1' stop-color='blue'/></linearGradient>\
-        <path d='M0 0h9v0.1' stroke='url(#g)'/></svg>";
-    std::fs::write(&path, drawing).unwrap();
-    path
-}
-
 #[cfg(test)]
 mod tests;

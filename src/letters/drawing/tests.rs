@@ -1,4 +1,4 @@
-use super::super::options::Picture;
+use super::super::Picture;
 use super::*;
 
 /// Writes a file and draws it.

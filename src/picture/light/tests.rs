@@ -423,12 +423,12 @@ fn colors_of_the_screen_are_those_of_the_lamps() {
     let color_led = |srgb| {
         let plain = ColorLedLevels::Plain;
         let levels = programs::color_led_levels(color_led_wrgb(srgb, plain), plain);
-        tables::color_led()[0].emitter(&levels).rgb
+        emitter(&tables::color_led()[0], &levels).rgb
     };
     let ring = |srgb| {
         let rows = tables::led_ring();
         let row = rows.iter().find(|row| matches!(row.drive, Drive::Ring(_))).unwrap();
-        row.emitter(&ring_rgb(srgb).map(|byte| f64::from(byte) / 255.0)).rgb
+        emitter(row, &ring_rgb(srgb).map(|byte| f64::from(byte) / 255.0)).rgb
     };
     // Linear light of sRGB: 165 is 0.376, 127 is 0.212, 105 is 0.141, 180 is 0.456.
     for (srgb, wanted) in [
@@ -464,7 +464,7 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
     let sources = sources(fixture, &dies, Pwm::Off);
     assert_eq!(sources.len(), 3);
     for row in 0..12 {
-        let wanted = fixture.emitter(&[0, 1, 2, 3].map(|die| levels(row, die)));
+        let wanted = emitter(fixture, &[0, 1, 2, 3].map(|die| levels(row, die)));
         let found = sources.iter().map(|(emitter, changes)| {
             Vector3::from(emitter.rgb) * (emitter.intensity_cd * changes[row as usize].level)
         });

@@ -250,11 +250,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.png");
         let mut file = Vec::new();
-        photo().write_png(&mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
+        write_png(&photo(), &mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
         std::fs::write(&path, &file).unwrap();
-        let (read, notes) = photo::read_with_notes(&path).unwrap();
+        let (read, notes) = crate::photo::read_with_notes(&path).unwrap();
         assert_eq!((read, notes), (photo(), Notes::default()));
-        assert_eq!(photo::read(&path).unwrap().scene_toml, None, "read where it is wanted");
+        assert_eq!(crate::photo::read(&path).unwrap().scene_toml, None, "read where it is wanted");
         assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
     }
 
@@ -264,7 +264,7 @@ mod tests {
         let mut eight = Vec::new();
         let print = Some(150.0);
         let metadata = Metadata { dots_per_inch: print, ..Metadata::new(&camera, &photo().rgb8) };
-        photo().write_png(&mut eight, Some(&metadata), &[]).unwrap();
+        write_png(&photo(), &mut eight, Some(&metadata), &[]).unwrap();
         let rgb = (0..5 * 4 * 3).map(|i| i as f32 / 59.0).collect();
         let readout = Readout { width_px: 5, height_px: 4, rgb, white_lx_s: 0.78 };
         let mut sixteen = Vec::new();
@@ -310,9 +310,9 @@ mod tests {
         encoder.write_header().unwrap().write_image_data(&[1, 2, 3]).unwrap();
         assert!(file.len() < 1 << 20, "{}", file.len());
         std::fs::write(&path, &file).unwrap();
-        let error = photo::read_with_notes(&path).unwrap_err().to_string();
+        let error = crate::photo::read_with_notes(&path).unwrap_err().to_string();
         assert!(error.contains("noctograph.scene") && error.contains("at most 1 MiB"), "{error}");
-        assert_eq!(photo::read(&path).unwrap().rgb8, [1, 2, 3]);
+        assert_eq!(crate::photo::read(&path).unwrap().rgb8, [1, 2, 3]);
     }
 
     /// Every kind of PNG against the decoder of `image`, which is a second implementation above
@@ -344,7 +344,7 @@ mod tests {
             encoder.write_header().unwrap().write_image_data(&samples).unwrap();
             std::fs::write(&path, &file).unwrap();
             let wanted = image::load_from_memory(&file).unwrap().into_rgb8().into_raw();
-            assert_eq!(photo::read(&path).unwrap().rgb8, wanted, "{color:?} {depth:?}");
+            assert_eq!(crate::photo::read(&path).unwrap().rgb8, wanted, "{color:?} {depth:?}");
         }
     }
 
@@ -353,10 +353,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.png");
         let mut file = Vec::new();
-        photo().write_png(&mut file, None, &[]).unwrap();
+        write_png(&photo(), &mut file, None, &[]).unwrap();
         for broken in [&b"no image"[..], &[], &file[..20], &file[..file.len() / 2]] {
             std::fs::write(&path, broken).unwrap();
-            let error = photo::read(&path).unwrap_err().to_string();
+            let error = crate::photo::read(&path).unwrap_err().to_string();
             assert!(error.contains("photo.png") && error.contains("a PNG image"), "{error}");
         }
     }

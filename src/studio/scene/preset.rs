@@ -55,30 +55,16 @@ impl Preset {
     }
 }
 
+/// A preset's drone in still air, with the reference team's choice of regulator, observer and
+/// sensors.
 #[cfg(test)]
-impl SimOptions {
-    /// A preset's drone in still air, with the reference team's choice of regulator, observer and
-    /// sensors.
-    fn with_regulator(preset: Preset) -> Self {
-        let mut sim = preset.scene().sim();
-        sim.controller.kind = ControllerKind::default();
-        sim.observer.kind = EstimatorKind::default();
-        sim.sensors.positioning = Positioning::default();
-        sim.air = AirOptions::default();
-        sim
-    }
-
-    pub fn cf21() -> Self {
-        Self::with_regulator(Preset::Cf21)
-    }
-
-    pub fn cf_brushless() -> Self {
-        Self::with_regulator(Preset::CfBrushless)
-    }
-
-    pub fn bzzz() -> Self {
-        Preset::Bzzz.scene().sim()
-    }
+pub(crate) fn with_regulator(preset: Preset) -> SimOptions {
+    let mut sim = preset.scene().sim();
+    sim.controller.kind = ControllerKind::default();
+    sim.observer.kind = EstimatorKind::default();
+    sim.sensors.positioning = Positioning::default();
+    sim.air = AirOptions::default();
+    sim
 }
 
 #[cfg(test)]
@@ -142,10 +128,10 @@ mod tests {
     fn every_set_passes_its_check_and_flies_noor_from_floor_to_floor() {
         // Bounds are a tenth above the errors found.
         let sets = [
-            (SimOptions::cf21(), [0.073, 0.01, 0.081]),
-            (SimOptions::with_regulator(Preset::Cf21ThrustKit), [0.072, 0.01, 0.081]),
-            (SimOptions::cf_brushless(), [0.074, 0.01, 0.082]),
-            (SimOptions::bzzz(), [0.048, 0.033, 0.046]),
+            (with_regulator(Preset::Cf21), [0.073, 0.01, 0.081]),
+            (with_regulator(Preset::Cf21ThrustKit), [0.072, 0.01, 0.081]),
+            (with_regulator(Preset::CfBrushless), [0.074, 0.01, 0.082]),
+            (Preset::Bzzz.scene().sim(), [0.048, 0.033, 0.046]),
         ];
         for (options, bounds) in sets {
             options.check().unwrap();
@@ -176,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_reference_teams_gains_do_not_bear_the_motor_lag() {
-        let mut options = SimOptions::cf21();
+        let mut options = with_regulator(Preset::Cf21);
         options.controller.lqr.motor_lag = MotorLag::Ignored;
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
@@ -186,7 +172,7 @@ mod tests {
 
     #[test]
     fn half_the_step_moves_the_flight_little_though_battery_and_ground_effect_are_held() {
-        let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::cf21() };
+        let mut options = SimOptions { sensors: SensorOptions::ideal(), ..with_regulator(Preset::Cf21) };
         let coarse = noor(&options);
         options.rates.steps_per_tick = 2;
         let fine = noor(&options);

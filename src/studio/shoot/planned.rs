@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::export::lights::{Command, commands};
     use crate::flight::tracking::{Part, track};
-    use crate::letters::{LetterOptions, red_to_blue, write};
+    use crate::letters::{LetterOptions, write};
     use crate::light::{Deck, RingColor, RingEffect};
     use crate::plan::PlanOptions;
     use crate::scene::Preset;
@@ -237,14 +237,13 @@ mod tests {
 
     #[test]
     fn the_light_of_a_gradient_is_sent_step_by_step_without_a_break() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = red_to_blue(folder.path());
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
         // The color LED deck has few bytes for a light that does not bleach in the photograph.
         for (lamp, deck, least) in [("ring", Deck::LedRing, 16), ("color-led", Deck::ColorLed, 8)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
             (scene.plan.lights, scene.light.deck) = (vec![lamp.to_owned()], deck);
             scene.light.ring = RingEffect::Solid(RingColor::default());
-            scene.letters.drawing = path.display().to_string();
+            scene.letters.drawing = path.to_owned();
             scene.word.clear();
             let shoot = Shoot::new(scene).unwrap();
             let sent = commands(&shoot.plans[0].plan, &shoot.scene.light).unwrap();

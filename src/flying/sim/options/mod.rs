@@ -3,6 +3,8 @@
 
 mod altitude;
 mod controller;
+#[cfg(test)]
+mod drones;
 mod observer;
 mod radio;
 

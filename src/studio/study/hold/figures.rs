@@ -274,9 +274,10 @@ impl HoldFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Preset, Scene};
 
     fn figures(model: HoldModel, scenario: HoldScenario, runs: u32) -> HoldFigures {
-        hold_figures(model, &SimOptions::bzzz(), scenario, 0, runs).unwrap()
+        hold_figures(model, &Scene::preset(Preset::Bzzz).sim(), scenario, 0, runs).unwrap()
     }
 
     #[test]
@@ -323,7 +324,7 @@ mod tests {
     #[test]
     fn an_unknown_offset_beside_a_gain_that_walks_is_found_overconfident() {
         let found = |offset_sigma_m_s2, gain_sigma_m_s2| {
-            let mut options = SimOptions::bzzz();
+            let mut options = Scene::preset(Preset::Bzzz).sim();
             let filter = &mut options.observer.altitude;
             filter.gain_walk_m_s2_sqrt_s = 0.8;
             (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) =
@@ -349,7 +350,7 @@ mod tests {
         let missed = found.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
         assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
-        let none = hold_figures(HoldModel::Scalar, &SimOptions::bzzz(), HoldScenario::Calm, 0, 0);
+        let none = hold_figures(HoldModel::Scalar, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Calm, 0, 0);
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
     }
 }

@@ -70,6 +70,7 @@ pub fn hold(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Preset, Scene};
     use crate::sensors::Positioning;
 
     /// Root mean square of the distance from the set altitude, from 5 s on.
@@ -82,7 +83,7 @@ mod tests {
 
     #[test]
     fn without_the_step_test_a_table_moves_the_drone() {
-        let sighted = SimOptions::bzzz();
+        let sighted = Scene::preset(Preset::Bzzz).sim();
         let mut blind = sighted.clone();
         blind.observer.altitude.step_gate_sigmas = 1e3;
         for model in [HoldModel::Scalar, HoldModel::Full] {
@@ -94,7 +95,7 @@ mod tests {
     #[test]
     fn uncertainty_grows_while_the_satellites_are_silent_and_is_back_within_a_second() {
         for model in [HoldModel::Scalar, HoldModel::Full] {
-            let flight = hold(model, &SimOptions::bzzz(), HoldScenario::Silent, 35.0, 3).unwrap();
+            let flight = hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3).unwrap();
             let sigma_m = |time_s: f64| {
                 let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
                 at.map_or(0.0, |s| s.sigma[0])
@@ -113,7 +114,7 @@ mod tests {
     #[test]
     fn what_cannot_be_held_is_refused_with_the_key() {
         let refused = |change: fn(&mut SimOptions)| {
-            let mut options = SimOptions::bzzz();
+            let mut options = Scene::preset(Preset::Bzzz).sim();
             change(&mut options);
             hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err().to_string()
         };
