@@ -3,11 +3,12 @@
 //!
 //! # The road
 //!
-//! Data flows one way. Products are nouns, stages are verbs; a stage is one module whose `mod.rs`
-//! holds its product and the one function that makes it.
+//! Data flows one way. Products are nouns and plain data; stages are verbs, each in a crate of its
+//! own or a module of one.
 //!
 //! ```text
 //! word ─letters→ Strokes ─plan→ Plan ─sim→ Flight ─light→ LightTrace ─expose→ Film ─photo→ Photo ─score→ Verdict
+//!                      a real flight's log ─logs↗                     a real photograph ─────────↗
 //! ```
 //!
 //! ```
@@ -23,56 +24,33 @@
 //! # }
 //! ```
 //!
-//! # The rooms
+//! # The crates
 //!
-//! A module imports from the rows above its own.
+//! Each is a folder of `src` with its Cargo.toml, its `lib.rs` and its tests. Cargo keeps the road
+//! one-way; this package is the program, and the front that names their modules.
 //!
-//! | row | module | what is in it |
+//! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
-//! | 0 | [`error`] | error variants, grouped by how to fix them |
-//! | 0 | `settings` | settings of a scene: documentation, type, default and range in one declaration |
-//! | 0 | `digest` | SHA-256 of films, flights, files and studies |
-//! | 0 | `files` | reading up to a limit and within a budget of work and memory, writing whole or not at all |
-//! | 0 | `srgb` | its transfer curve, its primaries, luminance |
-//! | 0 | `statistics` | median and quantiles |
-//! | 0 | `random` | random numbers as functions of a key |
-//! | 0 | [`geometry`] | poses, frames, polylines |
-//! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
-//! | 1 | [`crazyflie`] | facts of the firmware and its files |
-//! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
-//! | 1 | [`camera`] | a description without pixels: pose, lens, shutter, sensitivity |
-//! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
-//! | 2 | [`estimate`] | measurements → states: one filter, its gates, its bound |
-//! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
-//! | 2 | [`light`] | Flight → [`light::LightTrace`] |
-//! | 2 | [`logs`] | a real flight's log → Flight |
-//! | 2 | [`vehicle`] | motor commands → motion: rotors, body, battery, the air and the floor around them |
-//! | 3 | [`sensors`] | motion → measurements: inertial, Lighthouse, ranges, heights; messages between drones |
-//! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
-//! | 4 | [`sim`] | Plan → Flight: estimator, controller and the loop that runs them |
-//! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
-//! | 5 | [`identify`] | Flight → parameters of its drone |
-//! | 5 | [`export`] | Plan → files for drones and other programs |
-//! | 5 | [`score`] | Photo → [`score::Verdict`] |
-//! | 6 | [`scene`] | the one TOML file that fixes a photo |
-//! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
-//! | 8 | [`preflight`] | Shoot → findings: what speaks against a flight, with its numbers and advice |
-//! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; shards, a store |
-//! | 10 | [`report`] | products → plots, sheets |
-//! | 11 | [`cli`] | arguments, tables, exit codes |
-//! | 12 | `python` | the Python package (feature `python`), above `cli`, whose commands are its functions |
+//! | `core` | the products as plain data: [`strokes`], [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], [`control`], facts of the [`crazyflie`] | nothing |
+//! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
+//! | `flying` | Strokes → [`plan::Plan`] → [`flight::Flight`]: [`plan`], [`vehicle`], [`sensors`], [`estimate`], [`sim`] | `core` |
+//! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
+//! | `score` | Photo → [`score::Verdict`] | `core` |
+//! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `flying` |
+//! | `locate` | ranges → positions of two drones | `core`, `flying` |
+//! | `export` | Plan → files for drones and other programs | `core`, `flying` |
+//! | `studio` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`], [`study`], [`report`] | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score` |
+//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score`, `studio` |
+//! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! Row 0 holds the tools of all rooms: none imports anything of ours but `error`, so that no stage
-//! owns them and none writes them again.
-//!
-//! Dependency rules, beside the order of the rows:
+//! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
 //! - The world is in meters, f64 and nalgebra; the picture is in pixels: glam up to the segments of
 //!   `expose`, f32 in its records, integers after them. Each width changes in one function.
-//! - No clock, no environment, no printing and no progress bar above `cli` in this table: stages
-//!   report progress through a callback. Same scene and seed, same bytes.
-//! - Degrees, milliseconds and other axes stay in `cli` and in the readers of foreign files.
+//! - No clock, no environment, no printing and no progress bar below `cli`: stages report progress
+//!   through a callback. Same scene and seed, same bytes.
+//! - Degrees, milliseconds and other axes stay in `cli`, `logs` and `export`.
 //!
 //! # Conventions
 //!

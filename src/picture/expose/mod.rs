@@ -29,6 +29,7 @@ mod cpu;
 mod curves;
 mod film;
 mod floor;
+#[cfg_attr(not(feature = "gpu"), path = "no_gpu.rs")]
 mod gpu;
 mod merge;
 pub mod meter;
@@ -41,7 +42,7 @@ mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod twins;
 
 use std::num::NonZero;
@@ -57,7 +58,7 @@ use record::Record;
 use sheet::ALL;
 
 pub use film::Film;
-pub use room::Room;
+pub(crate) use room::Room;
 
 /// Most samples of a trace, and most segments of a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;

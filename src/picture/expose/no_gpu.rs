@@ -1,0 +1,26 @@
+//! Stands in for the graphics device in a build without the feature `gpu`: there is never one.
+
+use super::Latent;
+use crate::error::{Error, Result};
+
+/// A graphics device that cannot be.
+#[derive(Debug)]
+pub(super) struct Gpu {
+    /// Name and driver.
+    pub(super) adapter: String,
+}
+
+impl Gpu {
+    pub(super) fn ready() -> Result<Self> {
+        Err(driver_panicked())
+    }
+
+    pub(super) fn splat(&self, _: &Latent) -> Result<Vec<u32>> {
+        Err(driver_panicked())
+    }
+}
+
+pub(super) fn driver_panicked() -> Error {
+    let what = "the program was built without the feature gpu".to_owned();
+    Error::Gpu { what, hint: "choose the processor as the backend".into() }
+}
