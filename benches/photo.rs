@@ -61,7 +61,8 @@ fn photo(c: &mut Criterion) {
     encodes.bench_function("png 8", |b| {
         b.iter(|| {
             let metadata = Metadata::new(&camera, &photo.rgb8);
-            photo::write_png(&photo, std::io::Cursor::new(Vec::new()), Some(&metadata), &[]).unwrap()
+            photo::write_png(&photo, std::io::Cursor::new(Vec::new()), Some(&metadata), &[])
+                .unwrap()
         });
     });
     encodes.bench_function("png 16", |b| {

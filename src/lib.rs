@@ -62,9 +62,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-pub use noctograph_core::{
-    camera, control, crazyflie, error, flight, geometry, lamps, strokes,
-};
+pub use noctograph_core::{camera, control, crazyflie, error, flight, geometry, lamps, strokes};
 pub use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
 pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
@@ -74,6 +72,6 @@ pub use {
     noctograph_logs as logs, noctograph_score as score,
 };
 
-use noctograph_core::{digest, files, random, settings, srgb, statistics};
+use noctograph_core::{digest, files, settings, statistics};
 
 pub mod cli;

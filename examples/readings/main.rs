@@ -207,7 +207,7 @@ fn write(out: &Path, name: &str, scene: &Scene, photo: &Photo) -> Result<()> {
         fs::create_dir_all(out.join(folder)).expect("a folder that can be made");
     }
     let file = File::create(out.join("photos").join(format!("{name}.png"))).expect("a file");
-    photo::write_png(&photo, file, None, &[]).expect("room on the disk");
+    photo::write_png(photo, file, None, &[]).expect("room on the disk");
     let path = out.join("scenes").join(format!("{name}.toml"));
     fs::write(path, scene.to_toml()).expect("room on the disk");
     Ok(())

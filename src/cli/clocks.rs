@@ -8,11 +8,11 @@ use serde::Serialize;
 
 use super::warn;
 use crate::error::{Error, Result};
+use crate::flight::Flight;
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,
     reference_offset_s,
 };
-use crate::flight::Flight;
 use crate::logs::OnClock;
 
 /// A reference that fits this much better at another offset is on another clock.

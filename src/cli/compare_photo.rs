@@ -9,9 +9,9 @@ use super::outcome::{Report, line};
 use super::output::OutputFolder;
 use super::warn;
 use crate::error::Result;
-use crate::photo::{self, Photo};
 use crate::photo::flip::{Difference, difference};
 use crate::photo::register::{Registration, register};
+use crate::photo::{self};
 use crate::report::photos::{overlay, placed, shrink};
 
 #[derive(Debug, Args)]
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         ("placed.png", laid),
     ];
     for (name, picture) in &pictures {
-        folder.write(name, |out| photo::write_png(&picture, out, None, &[]))?;
+        folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
     let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
     let Registration { transform, correlation, residual_px: [median_px, p95_px] } = found;

@@ -17,13 +17,13 @@ use super::table::table;
 use super::warn;
 use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
+use crate::flight::table::on_grid;
+use crate::flight::{Flight, FlightSample, Quantity};
 use crate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
     nis_interval, position_error,
 };
-use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightSample, Quantity};
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use crate::statistics::median;

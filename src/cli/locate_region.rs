@@ -7,9 +7,7 @@ use serde_json::{Value, json};
 use super::outcome::Report;
 use super::table::table;
 use crate::error::{Error, Result};
-use crate::locate::{
-    Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
-};
+use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
 use crate::scene::Scene;
 use crate::sensors::UwbOptions;
 use crate::shoot::Shoot;

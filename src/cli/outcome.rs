@@ -17,6 +17,7 @@ const NAME_WIDTH: usize = 10;
 /// Result of a verb.
 #[derive(Debug)]
 pub struct Report {
+    /// What people read: a table of at most 80 columns.
     pub text: String,
     /// An object.
     pub json: Value,

@@ -9,7 +9,7 @@ use super::picture::CameraFlags;
 use super::square_on::{Corners, square_on};
 use super::table::table;
 use crate::error::Result;
-use crate::photo::{self, Photo};
+use crate::photo::{self};
 use crate::score::read;
 
 #[derive(Debug, Args)]

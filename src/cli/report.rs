@@ -11,7 +11,7 @@ use super::output::Output;
 use super::show::sentence;
 use crate::error::{Error, Result};
 use crate::files::{Limit, files_in};
-use crate::photo::{self, Photo};
+use crate::photo::{self};
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;

@@ -61,6 +61,7 @@ pub struct Setting {
 /// What a setting needs to have an effect: another setting, by its dotted key in the scene file.
 #[derive(Debug)]
 pub struct Need {
+    /// The other setting.
     pub key: &'static str,
     /// Names of which it has one; where there are none, it is set and not 0.
     pub names: &'static [&'static str],
@@ -147,10 +148,7 @@ pub fn suggestion<'a>(
 }
 
 /// The candidate most like a name that does not exist, if any is alike.
-pub fn similar<'a>(
-    name: &str,
-    candidates: impl IntoIterator<Item = &'a str>,
-) -> Option<&'a str> {
+pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = |candidate: &str| 1 + candidate.len() / 4;
     // Names differ by as much as their lengths at least: a name of a megabyte is like none at once.
     let n_letters = name.chars().count();
@@ -473,9 +471,9 @@ macro_rules! check_variant {
     };
 }
 
+pub use described as settings;
 #[doc(hidden)]
 pub use {check_variant, payload_of, range_of};
-pub use described as settings;
 
 #[cfg(test)]
 mod tests {
@@ -495,7 +493,7 @@ mod tests {
         }
 
         /// Where strokes meet.
-        pub enum Joint {
+        pub(crate) enum Joint {
             /// Rounded.
             "round" => Round,
             /// A full stop.

@@ -11,8 +11,8 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as export;
-use noctograph_core::{camera, control, crazyflie, digest, error, files, flight, geometry, lamps, settings, statistics};
-use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+use noctograph_core::{camera, crazyflie, error, lamps, settings};
+use noctograph_flying::{plan, sim};
 #[cfg(test)]
 use noctograph_letters as letters;
 

@@ -5,7 +5,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 use noctograph_core::{
-    control, crazyflie, digest, error, files, flight, geometry, random, settings, statistics, strokes,
+    control, crazyflie, error, files, flight, geometry, random, settings, statistics, strokes,
 };
 #[cfg(test)]
 use noctograph_letters as letters;

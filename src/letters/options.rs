@@ -1,9 +1,9 @@
 //! Options of letters and their layout.
 
 use super::font;
-use noctograph_core::strokes::Picture;
 use crate::error::Result;
 use crate::settings::{Described, settings};
+use noctograph_core::strokes::Picture;
 
 settings! {
     /// Letters and their layout.

@@ -10,8 +10,10 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as locate;
-use noctograph_core::{control, error, files, flight, geometry, random, settings, statistics};
-use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+use noctograph_core::{error, flight, random, statistics};
+use noctograph_flying::estimate;
+#[cfg(test)]
+use noctograph_flying::plan;
 #[cfg(test)]
 use noctograph_letters as letters;
 

@@ -31,8 +31,12 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as logs;
-use noctograph_core::{control, crazyflie, digest, error, files, flight, geometry, random, settings, statistics};
-use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+use noctograph_core::{crazyflie, error, files, flight, geometry, settings, statistics};
+use noctograph_flying::vehicle;
+#[cfg(test)]
+use noctograph_core::random;
+#[cfg(test)]
+use noctograph_flying::{plan, sim};
 #[cfg(test)]
 use noctograph_letters as letters;
 

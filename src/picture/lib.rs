@@ -5,8 +5,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 use noctograph_core::{
-    camera, control, crazyflie, digest, error, files, flight, geometry, lamps, random, settings, srgb,
-    statistics,
+    camera, crazyflie, digest, error, files, flight, geometry, random, settings, srgb, statistics,
 };
 
 pub mod expose;

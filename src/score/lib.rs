@@ -18,15 +18,15 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as score;
-use noctograph_core::{camera, control, digest, error, files, geometry, photo, random, settings, srgb, statistics, strokes};
+use noctograph_core::{camera, error, geometry, photo, settings, srgb, statistics, strokes};
 #[cfg(test)]
 use noctograph_letters as letters;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, within};
-use crate::strokes::Strokes;
 use crate::photo::Photo;
 use crate::settings::{Described, settings};
+use crate::strokes::Strokes;
 
 use alphabet::classes_of;
 

@@ -7,9 +7,9 @@
 use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
 use crate::error::Result;
-use crate::strokes::{Glyph, Strokes};
 use crate::photo::Photo;
 use crate::statistics::median;
+use crate::strokes::{Glyph, Strokes};
 
 /// Most that one scale may be of the other.
 const MAX_STRETCH: f64 = 2.5;

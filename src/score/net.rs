@@ -219,7 +219,7 @@ impl Map {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::digest::fnv_1a;
+    use noctograph_core::digest::fnv_1a;
 
     /// Of the logits of the pattern below, with the weights of this program.
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;

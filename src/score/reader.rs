@@ -25,8 +25,8 @@ use super::{
     check_size,
 };
 use crate::error::Result;
-use crate::strokes::{Glyph, Strokes};
 use crate::photo::Photo;
+use crate::strokes::{Glyph, Strokes};
 
 /// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
 /// beside letters that are half missing.

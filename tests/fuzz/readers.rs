@@ -286,7 +286,8 @@ fn shot() -> Vec<u8> {
     let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
     let mut file = Vec::new();
     let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
-    photo::write_png(&photo, &mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes).unwrap();
+    photo::write_png(&photo, &mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)
+        .unwrap();
     file
 }
 

@@ -93,7 +93,7 @@ fn assert_illustration(file: &str, found: &Photo) {
     let path = repository("docs").join(file);
     if bless() {
         let mut png = Vec::new();
-        photo::write_png(&found, &mut png, None, &[]).unwrap();
+        photo::write_png(found, &mut png, None, &[]).unwrap();
         std::fs::write(&path, png).unwrap();
     }
     let wanted = photo::read(&path).unwrap();

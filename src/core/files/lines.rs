@@ -24,6 +24,7 @@ enum InCell {
 }
 
 impl<R: Read> Lines<R> {
+    /// The records of a text, from its beginning.
     pub fn new(text: R) -> Self {
         Self { text, state: InCell::Begin, record_bytes: 0 }
     }

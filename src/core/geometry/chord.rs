@@ -11,8 +11,7 @@ pub struct Chords<const N: usize> {
 
 impl<const N: usize> Chords<N> {
     /// Every slope.
-    pub const ALL: Self =
-        Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
+    pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
     /// Keeps the chords that pass between two offsets from the first sample after `elapsed_s`.
     pub fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {

@@ -26,6 +26,7 @@ pub struct Noise {
 }
 
 impl Noise {
+    /// The noise of a sensor, by name, on a drone.
     pub fn new(seed: u64, drone: u64, sensor: &str) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(fnv_1a(drone.to_le_bytes().into_iter().chain(sensor.bytes())));
@@ -82,10 +83,12 @@ impl<const N: usize> Field<N> {
         Self { waves, amplitude }
     }
 
+    /// The field at a place.
     pub fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
+    /// One component of the field at a place.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = Arch::new().dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()

@@ -31,6 +31,8 @@ impl Normals {
         Self { rng: noise.rng, block, drawn: 2 * PAIRS }
     }
 
+    /// The next number.
+    #[expect(clippy::should_implement_trait, reason = "a stream without end")]
     #[inline]
     pub fn next(&mut self) -> f64 {
         if self.drawn == 2 * PAIRS {

@@ -313,7 +313,8 @@ mod tests {
     #[test]
     fn a_dot_is_a_lit_hover() {
         let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
-        for (font, word, dots) in [("simplex", "Äi:", 5), ("fonts/Roboto-Thin.ttf", "ij", 2)] {
+        let roboto = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fonts/Roboto-Thin.ttf");
+        for (font, word, dots) in [("simplex", "Äi:", 5), (roboto, "ij", 2)] {
             let options = LetterOptions { font: font.into(), ..simplex.clone() };
             let even = plan(&write(word, &options).unwrap(), &PlanOptions::even()).unwrap();
             let rows = even.setpoints.windows(2).zip(&even.lights["headlights"]);

@@ -32,7 +32,7 @@ mod recorder;
 mod session;
 
 pub use avionics::Avionics;
-pub use controller::altitude_gains;
+pub use controller::{ThrustMap, altitude_gains};
 pub use drone::Drone;
 pub use estimator::{
     AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,

@@ -15,6 +15,7 @@ pub struct Mixer {
 }
 
 impl Mixer {
+    /// The mixer of a drone.
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);

@@ -28,8 +28,8 @@ mod wake;
 pub use self::body::RigidBody;
 pub use self::floor::{FloorOptions, FloorStep};
 pub use self::mixer::Mixer;
-pub(crate) use self::model::{State, Vehicle, Wrench, motion_derivative};
 pub use self::model::{Motion, at, attitude, position, rate, velocity};
+pub(crate) use self::model::{State, Vehicle, Wrench, motion_derivative};
 pub use self::options::{
     AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
     VehicleOptions,

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::settings::settings;
 
-pub use crate::crazyflie::GRAVITY_M_S2;
+pub(super) use crate::crazyflie::GRAVITY_M_S2;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.

@@ -29,10 +29,9 @@ pub struct PlantOptions<'a> {
 ///
 /// ```
 /// use nalgebra::Vector3;
-/// use noctograph::scene::{Preset, Scene};
-/// use noctograph::vehicle::Plant;
+/// use noctograph_flying::{sim::SimOptions, vehicle::Plant};
 ///
-/// let options = Scene::preset(Preset::Cf21).sim();
+/// let options = SimOptions::default();
 /// let mut plant = Plant::new(options.plant(), 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
 /// let hover = options.vehicle.mass_kg * 9.81 / (4.0 * options.vehicle.k_f_n);
 /// for _ in 0..100 {

@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use super::center_line::dot;
 use super::Picture;
+use super::center_line::dot;
 use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;

@@ -9,7 +9,7 @@ use crate::flight::tracking::{Part, track};
 use crate::statistics::median;
 
 fn noor() -> Vec<u8> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
     let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, Into::into);
     std::fs::read(shared.join("data/ae483/noor_flight.json")).unwrap()
 }

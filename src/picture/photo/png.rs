@@ -17,8 +17,9 @@ const SCENE_KEYWORD: &str = "noctograph.scene";
 /// Keyword of the gaps of flights' logs, as JSON.
 pub const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
 
-/// Keywords of the digests of flights and strokes.
+/// Keyword of the digests of flights.
 pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
+/// Keyword of the digest of strokes.
 pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 
 /// Largest text that is unpacked: that of the largest scene file.

@@ -10,8 +10,8 @@ use super::super::{ScoreOptions, Verdict, score};
 use crate::camera::Camera;
 use crate::geometry::camera_from_world;
 use crate::letters::{LetterOptions, write};
-use crate::strokes::{Move, Strokes};
 use crate::photo::Photo;
+use crate::strokes::{Move, Strokes};
 
 /// A photo in the making.
 #[derive(Clone)]

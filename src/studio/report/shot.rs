@@ -1,6 +1,5 @@
 //! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
-use crate::photo;
 use super::flights::{NamedFlight, error_over_time, front_view, load_over_time, top_view};
 use super::overlay::marks_svg;
 use super::page::Page;
@@ -9,6 +8,7 @@ use super::plans::plan_view;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
+use crate::photo;
 use crate::preflight::{Checked, ShotPlan};
 use crate::scene::Change;
 use crate::score::{LetterVerdict, Verdict};

@@ -15,7 +15,7 @@ use crate::expose::ExposeOptions;
 use crate::files::Limit;
 use crate::letters::{self, Ink, LetterOptions, Strokes};
 use crate::light::{Deck, LightOptions};
-use crate::photo::{self, Photo, PhotoOptions};
+use crate::photo::{self, PhotoOptions};
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::sensors::SensorOptions;
@@ -31,7 +31,7 @@ mod text;
 
 pub use advice::{Change, SceneAdvice};
 #[cfg(test)]
-pub use idle::reason;
+pub(crate) use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 

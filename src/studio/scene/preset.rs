@@ -172,7 +172,8 @@ mod tests {
 
     #[test]
     fn half_the_step_moves_the_flight_little_though_battery_and_ground_effect_are_held() {
-        let mut options = SimOptions { sensors: SensorOptions::ideal(), ..with_regulator(Preset::Cf21) };
+        let mut options =
+            SimOptions { sensors: SensorOptions::ideal(), ..with_regulator(Preset::Cf21) };
         let coarse = noor(&options);
         options.rates.steps_per_tick = 2;
         let fine = noor(&options);

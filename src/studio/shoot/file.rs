@@ -94,7 +94,7 @@ pub(super) fn encode(
     let written = match format {
         Format::Png => {
             let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
-            photo::write_png(&photo, &mut out, Some(&metadata), &notes)
+            photo::write_png(photo, &mut out, Some(&metadata), &notes)
         }
         Format::Png16 => {
             let toml = scene.to_toml();

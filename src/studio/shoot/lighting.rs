@@ -1,6 +1,5 @@
 //! The light of all drones, and the camera that sees it.
 
-
 use super::metering::{Metered, metered, recommended};
 use super::problems::{self, Problem};
 use super::{Recording, Shoot, Watch};

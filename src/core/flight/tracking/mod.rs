@@ -32,7 +32,7 @@ mod tests;
 pub use part::Part;
 
 pub(super) use lag::{minimize, spread_m2};
-pub(super) use path::DesignPath;
+pub use path::DesignPath;
 
 /// Longest lag in the search. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
 pub const MAX_LAG_S: f64 = 1.5;

@@ -26,9 +26,9 @@ const REACH_M: f64 = 0.5;
 /// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrustMap {
-    /// α⁰.
+    /// α⁰, without throttle.
     pub(in crate::sim) offset_m_s2: f64,
-    /// α¹.
+    /// α¹, per unit of throttle.
     pub(in crate::sim) gain_m_s2: f64,
 }
 

@@ -16,7 +16,7 @@ mod tests;
 use nalgebra::Vector4;
 
 use self::altitude::AltitudeHold;
-pub(super) use self::altitude::ThrustMap;
+pub use self::altitude::ThrustMap;
 pub use self::altitude::altitude_gains;
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;

@@ -2,12 +2,10 @@
 
 use super::{ControllerKind, EstimatorKind, SimOptions};
 use crate::sensors::Positioning;
-use crate::vehicle::AirOptions;
 
-/// Tables of a scene that the simulator has.
-const TABLES: [&str; 9] = [
-    "rates", "vehicle", "battery", "air", "floor", "radio", "controller", "observer", "sensors",
-];
+/// Tables of a scene that the simulator has, but for the air, which is still.
+const TABLES: [&str; 8] =
+    ["rates", "vehicle", "battery", "floor", "radio", "controller", "observer", "sensors"];
 
 const CF21: &str = include_str!("../../../studio/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../../studio/scene/presets/cf-brushless.toml");
@@ -37,7 +35,6 @@ fn with_regulator(begin_toml: &str, scene_toml: &str) -> SimOptions {
     sim.controller.kind = ControllerKind::default();
     sim.observer.kind = EstimatorKind::default();
     sim.sensors.positioning = Positioning::default();
-    sim.air = AirOptions::default();
     sim
 }
 

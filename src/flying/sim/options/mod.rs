@@ -20,7 +20,9 @@ pub use self::radio::{RadioOptions, Setpoints};
 use crate::error::{Error, Result};
 use crate::sensors::{Positioning, SensorOptions};
 use crate::settings::{Described, settings};
-use crate::vehicle::{AirOptions, BatteryOptions, FloorOptions, Gusts, PlantOptions, VehicleOptions};
+use crate::vehicle::{
+    AirOptions, BatteryOptions, FloorOptions, Gusts, PlantOptions, VehicleOptions,
+};
 
 settings! {
     /// Settings of a simulated flight.
@@ -157,7 +159,6 @@ impl SimOptions {
         options
     }
 }
-
 
 #[cfg(test)]
 mod tests {
