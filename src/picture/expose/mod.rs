@@ -42,7 +42,8 @@ mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
-#[cfg(all(test, feature = "gpu"))]
+#[cfg(feature = "gpu")]
+#[cfg(test)]
 mod twins;
 
 use std::num::NonZero;
