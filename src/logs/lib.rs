@@ -31,10 +31,10 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as logs;
-use noctograph_core::{crazyflie, error, files, flight, geometry, settings, statistics};
-use noctograph_flying::vehicle;
 #[cfg(test)]
 use noctograph_core::random;
+use noctograph_core::{crazyflie, error, files, flight, geometry, settings, statistics};
+use noctograph_flying::vehicle;
 #[cfg(test)]
 use noctograph_flying::{plan, sim};
 #[cfg(test)]

@@ -21,6 +21,7 @@ use crate::flight::table::MAX_DURATION_S;
 use crate::strokes::{StrokeOrder, Strokes};
 
 mod search;
+mod starts;
 
 /// Most strokes whose order is the optimum.
 const EXACT_STROKES: usize = 10;
@@ -288,6 +289,43 @@ mod tests {
             let mut seen: Vec<usize> = legs.iter().map(|leg| leg.0).collect();
             seen.sort_unstable();
             assert_eq!(seen, (0..9).collect::<Vec<_>>());
+        }
+    }
+
+    /// The order that always takes the nearest stroke next, by asking all that are left.
+    fn by_asking_all(tour: &Tour<'_>) -> Vec<Leg> {
+        let mut left: Vec<usize> = (0..tour.ways.len()).collect();
+        let mut order: Vec<Leg> = Vec::new();
+        while !left.is_empty() {
+            let mut best = (f64::INFINITY, 0, (0, 0));
+            for (index, stroke) in left.iter().enumerate() {
+                for way in 0..tour.ways[*stroke].len() {
+                    let dark_s = tour.between_s(order.last().copied(), Some((*stroke, way)));
+                    if dark_s < best.0 {
+                        best = (dark_s, index, (*stroke, way));
+                    }
+                }
+            }
+            left.swap_remove(best.1);
+            order.push(best.2);
+        }
+        order
+    }
+
+    #[test]
+    fn the_grid_finds_the_same_nearest_strokes_as_asking_all() {
+        let style = EvenStyle::default();
+        let square = |n: i32, step: f64| {
+            let at = |i: i32| Vector2::new(f64::from(i % n) * step, 0.5 + f64::from(i / n) * step);
+            let dash = |i| PenStroke::even(0, vec![at(i), at(i) + Vector2::new(0.002, 0.0)]);
+            (0..n * n).map(|i| dash(i).ways(0.2)).collect::<Vec<_>>()
+        };
+        let row = (0..40).map(f64::from).map(|x| Vector2::new(x, 1.0));
+        let row = row.map(|at| PenStroke::even(0, vec![at, at + Vector2::new(0.5, 0.0)]).ways(0.2));
+        // Dashes on a square grid are near in many equal ways.
+        for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
+            let tour = Tour { ways: &ways, style: &style, measured: false };
+            assert_eq!(tour.nearest(), by_asking_all(&tour));
         }
     }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
+use super::starts::Starts;
 use super::{Leg, Tour};
 
 /// Strokes that are tried next to each.
@@ -16,22 +17,44 @@ const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
     /// From the floor always to the stroke that is nearest in time.
+    ///
+    /// Where two are as near, the one that comes first among those left: they begin in the order of
+    /// the drawing, and the last one takes the place of each that is drawn.
     pub(super) fn nearest(&self) -> Vec<Leg> {
         let mut left: Vec<usize> = (0..self.ways.len()).collect();
+        let mut place = left.clone();
+        let mut starts = Starts::new(self.ways);
+        // A stroke is entered and left no faster than the drone flies, lit or dark.
+        let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
+        let speed_m_s = speeds_m_s.fold(self.style.dark_speed_m_s, f64::max);
         let mut order: Vec<Leg> = Vec::with_capacity(left.len());
         while !left.is_empty() {
             let last = order.last().copied();
-            let mut best = (f64::INFINITY, 0, (0, 0));
-            for (index, stroke) in left.iter().enumerate() {
-                for way in 0..self.ways[*stroke].len() {
-                    let dark_s = self.between_s(last, Some((*stroke, way)));
-                    if dark_s < best.0 {
-                        best = (dark_s, index, (*stroke, way));
+            let mut best = (f64::INFINITY, 0, 0);
+            let mut look = |legs: &[Leg]| {
+                for leg in legs {
+                    let found = (self.between_s(last, Some(*leg)), place[leg.0], leg.1);
+                    if found < best {
+                        best = found;
+                    }
+                }
+                best.0 * speed_m_s
+            };
+            match last {
+                Some(last) => starts.around(self.way(last).end_m, look),
+                None => {
+                    for (stroke, ways) in self.ways.iter().enumerate() {
+                        (0..ways.len()).for_each(|way| _ = look(&[(stroke, way)]));
                     }
                 }
             }
-            left.swap_remove(best.1);
-            order.push(best.2);
+            let (_, at, way) = best;
+            let stroke = left.swap_remove(at);
+            if let Some(moved) = left.get(at) {
+                place[*moved] = at;
+            }
+            starts.remove(stroke, &self.ways[stroke]);
+            order.push((stroke, way));
         }
         order
     }
@@ -45,15 +68,16 @@ impl Tour<'_> {
                 ends[a].iter().flat_map(|p| ends[b].iter().map(move |q| (p - q).norm_squared()));
             pairs.fold(f64::INFINITY, f64::min)
         };
+        let mut others: Vec<(f64, usize)> = Vec::with_capacity(ends.len());
         let nearest = |stroke: usize| {
-            let others = (0..ends.len()).filter(|other| *other != stroke);
-            let mut others: Vec<(f64, usize)> =
-                others.map(|other| (apart(stroke, other), other)).collect();
+            others.clear();
+            let all = (0..ends.len()).filter(|other| *other != stroke);
+            others.extend(all.map(|other| (apart(stroke, other), other)));
             if others.len() > NEIGHBORS {
                 others.select_nth_unstable_by(NEIGHBORS, |a, b| a.partial_cmp(b).expect("finite"));
                 others.truncate(NEIGHBORS);
             }
-            others.into_iter().map(|(_, other)| other).collect()
+            others.iter().map(|(_, other)| *other).collect()
         };
         (0..ends.len()).map(nearest).collect()
     }
