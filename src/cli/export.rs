@@ -9,7 +9,7 @@ use serde_json::json;
 use super::advice::mentioned;
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::names::named;
-use super::outcome::{Outcome, Report, line};
+use super::outcome::{Outcome, Report, line, wrapped};
 use super::output::{Output, OutputFolder};
 use super::{findings, warn};
 use crate::error::{Error, Result};
@@ -85,9 +85,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
     };
     let (plans, sim) = (plans_of(&shoot), shoot.scene.sim());
+    let flown = match args.to {
+        Format::Skyc | Format::Vviz => shoot.as_shown(tolerance_m)?,
+        _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
+    };
     let job = Job {
         plans: &plans,
-        flown: &on_board.as_ref().map(plans_of).unwrap_or_default(),
+        flown: &flown,
         unsafe_because: stops.as_deref(),
         word: &word,
         light: &shoot.scene.light,
@@ -124,6 +128,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let caution = stops.as_ref().map(|stops| line("unchecked", &format!("not safe: {stops}")));
     let mut text = caution.unwrap_or_default();
     text += &line("exported", &format!("{word} to {}, {bytes} bytes", args.to.name()));
+    let note = args.to.note();
+    if let Some(note) = note {
+        text += &wrapped("note      ", note);
+    }
     if let Some(off_m) = deviation_m {
         text += &line("deviation", &format!("up to {:.1} mm from the design", 1e3 * off_m));
         if off_m > 2.0 * job.tolerance_m {
@@ -132,7 +140,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     }
     let json = json!({
         "word": word, "format": args.to.name(), "bytes": bytes, "drones": plans.len(),
-        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops,
+        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops, "note": note,
     });
     Ok(Report::new(text, json).with_files(&paths))
 }

@@ -145,7 +145,7 @@ fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
 }
 
 /// Number of the controller in the firmware (`controller.h`), where the firmware has it.
-fn firmware_controller(kind: ControllerKind) -> Option<u32> {
+pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind {
         ControllerKind::Pid => Some(1),
         ControllerKind::Geometric => Some(5),

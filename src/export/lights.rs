@@ -9,10 +9,15 @@
 //! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
 //! trajectory on board, so that a late packet moves none of them.
 
+use nalgebra::Vector3;
+
 use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
-use crate::light::{COLOR_LED_COLORS, ColorLedLevels, LightOptions, RING_COLORS, packed};
+use crate::light::{
+    COLOR_LED_COLORS, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING_COLORS, packed,
+};
 use crate::plan::Plan;
+use crate::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 
 /// `ring.effect` that shows `ring.fadeColor`.
 const RING_FADE: u32 = 14;
@@ -175,6 +180,44 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
         "colorLedBot.wrgb8888" => [r, g, b].map(|color| color.saturating_add(first)),
         _ => [r, g, b],
     }
+}
+
+/// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale, times
+/// its level. The bytes of a lamp are drives of its dies, which are far brighter than a screen: red
+/// that writes is 3 of 255, and black in a show.
+pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
+    let [white, r, g, b] = command.value.to_be_bytes();
+    let drives = match command.parameter {
+        "ring.headlightEnable" => return [255 * u8::from(command.value > 0); 3],
+        "colorLedBot.wrgb8888" if options.color_led_levels == ColorLedLevels::Corrected => {
+            // The firmware makes the dies alike and bytes a screen's.
+            [white, r, g, b].map(|byte| linear_from_encoded(f64::from(byte) / 255.0))
+        }
+        _ => [white, r, g, b].map(|byte| f64::from(byte) / 255.0),
+    };
+    let dies = dies(command.parameter);
+    let mut light = Vector3::zeros();
+    for (drive, Die { intensity_cd, chromaticity }) in drives.iter().rev().zip(dies.iter().rev()) {
+        let alike = options.color_led_levels == ColorLedLevels::Corrected && dies.len() == 4;
+        let bright = if alike { 1.0 } else { *intensity_cd };
+        light += Vector3::from(rgb_from_xyz(xyz(*chromaticity))) * (bright * drive);
+    }
+    let light = light.map(|channel: f64| channel.max(0.0));
+    let most = light.max();
+    if most <= 0.0 {
+        return [0; 3];
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let byte =
+        |channel: f64| (255.0 * encoded_from_linear(channel / most * command.level)).round() as u8;
+    light.map(byte).into()
+}
+
+/// The dies that a parameter drives, in the order of its bytes.
+fn dies(parameter: &str) -> Vec<Die> {
+    let deck = if parameter == "ring.fadeColor" { Deck::LedRing } else { Deck::ColorLed };
+    let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
+    deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |fixture| fixture.dies)
 }
 
 #[cfg(test)]

@@ -75,6 +75,18 @@ impl Poly4d {
         self.pieces.len()
     }
 
+    /// The same in two pieces where it is one: Crazyswarm2 cannot load a CSV of one row
+    /// (`uav_trajectory.py` reads it with `numpy.loadtxt`, which makes numbers of it instead of rows).
+    pub(super) fn in_two_or_more(mut self) -> Self {
+        if let [whole] = self.pieces.as_mut_slice() {
+            whole.duration_s /= 2.0;
+            let rest =
+                Polynomials { axes: whole.axes.map(|c| after(c, whole.duration_s)), ..*whole };
+            self.pieces.push(rest);
+        }
+        self
+    }
+
     /// The bytes that the drone stores.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -102,6 +114,16 @@ impl Poly4d {
     fn yaw(&self) -> [f64; 8] {
         [self.yaw_rad, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     }
+}
+
+/// A polynomial of the time since `start_s`: Taylor's, by repeated division (Horner).
+fn after(mut c: Polynomial, start_s: f64) -> Polynomial {
+    for power in 0..c.len() {
+        for k in (power..c.len() - 1).rev() {
+            c[k] += start_s * c[k + 1];
+        }
+    }
+    c
 }
 
 /// The piece between two setpoints.
