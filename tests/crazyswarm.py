@@ -240,11 +240,9 @@ def lamp_fails(ros, name, method, values):
 
 class Flights(unittest.TestCase):
     def landed(self, ros):
-        """Whether every drone that took off was told to land, and nothing after it but the lamps."""
-        for name in ros.drones:
-            if ros.of("takeoff", name) and not (ros.of("land", name) or ros.of("emergency", name)):
-                return False
-        return True
+        """Whether every drone that took off was told to land, and no motor was cut."""
+        flew = [name for name in ros.drones if ros.of("takeoff", name)]
+        return all(ros.of("land", name) for name in flew) and not ros.of("emergency")
 
     def test_the_whole_flight_is_sent_in_order(self):
         for name in ("pid", "lee", "turned", "brushless", "pair", "dot"):

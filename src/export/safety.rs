@@ -10,6 +10,10 @@ use crate::flight::{BATTERY_V, Flight};
 use crate::sensors::Positioning;
 use crate::vehicle::BatteryOptions;
 
+/// Largest distance by which what stands in a room may be outside of it, m: rooms are typed to the
+/// decimeter, and a station that hangs on the wall is measured to some centimeters. More would let an
+/// origin at a wall of a small room pass.
+pub const FRAME_M: f64 = 0.15;
 /// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to the
 /// first letter is another than that which was checked.
 pub const START_RADIUS_M: f64 = 0.2;
@@ -206,6 +210,8 @@ pub enum By {
     Check,
     /// The exported script for cflib.
     Script,
+    /// The exported script for Crazyswarm2.
+    Crazyswarm2,
     /// The drone's firmware.
     Firmware,
 }
@@ -226,7 +232,7 @@ pub struct Rule {
 /// The table of all checks, in the order in which they are made.
 #[must_use]
 pub fn rules() -> Vec<Rule> {
-    use By::{Check, Firmware, Script};
+    use By::{Check, Crazyswarm2, Firmware, Script};
     let rule = |what, by, limit, source| Rule { what, by, limit, source };
     let degrees = |rad: f64| rad.to_degrees().round();
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
@@ -239,6 +245,18 @@ pub fn rules() -> Vec<Rule> {
             &[Check],
             "those of the profile, within the room".to_owned(),
             "`src/preflight/profile.rs`",
+        ),
+        rule(
+            "one frame: stations or anchors, take-off marks, a camera whose place is said",
+            &[Check],
+            format!("in the room (`--room`) to {FRAME_M} m; a camera outside is a warning"),
+            "the room's middle on the floor is x = y = 0",
+        ),
+        rule(
+            "the camera's place",
+            &[Check],
+            "some usual camera shows the whole word from within the room".to_owned(),
+            "`src/preflight/placement.rs`",
         ),
         rule("cflib", &[Script], format!("{OLDEST_CFLIB} or newer"), "arming, protocol 8"),
         rule(
@@ -256,20 +274,26 @@ pub fn rules() -> Vec<Rule> {
             "`supervisor.c`, `usec_time.c`",
         ),
         rule(
+            "firmware's clock: the release is typed (`--firmware`)",
+            &[Crazyswarm2],
+            format!("84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it"),
+            "its server reads no parameters",
+        ),
+        rule(
             "names of parameters and logs",
-            &[Script],
+            &[Script, Crazyswarm2],
             "all on the drone".to_owned(),
             "tables of contents of the drone",
         ),
         rule(
             "state: can fly, not locked, tumbled, crashed, deck fault",
-            &[Script, Firmware],
+            &[Script, Crazyswarm2, Firmware],
             "`supervisor.info`, before take-off and in the air".to_owned(),
             "`supervisor.c`",
         ),
         rule(
             "position settled",
-            &[Script],
+            &[Script, Crazyswarm2],
             format!(
                 "σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband"
             ),
@@ -277,33 +301,33 @@ pub fn rules() -> Vec<Rule> {
         ),
         rule(
             "place",
-            &[Script],
+            &[Script, Crazyswarm2],
             format!("{START_RADIUS_M} m from the plan's start"),
             "the way to the first letter is that which was checked",
         ),
         rule(
             "nose, roll and pitch",
-            &[Script],
+            &[Script, Crazyswarm2],
             format!("{:.0}°, {:.0}°", degrees(NOSE_RAD), degrees(LEVEL_RAD)),
             "`stateEstimate.*`",
         ),
         rule(
             "battery at rest",
-            &[Check, Script],
+            &[Check, Script, Crazyswarm2],
             "with its sag in this flight above the low voltage".to_owned(),
             "the simulated flight",
         ),
         rule(
             "battery in the air",
-            &[Check, Script, Firmware],
+            &[Check, Script, Crazyswarm2, Firmware],
             format!(
-                "{cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; script: {critical_v:.1} V for {WRONG_S} s"
+                "{cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; scripts: {critical_v:.1} V for {WRONG_S} s"
             ),
             "`platform_defaults_*.h`",
         ),
         rule(
             "fence",
-            &[Script],
+            &[Script, Crazyswarm2],
             format!("{FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s"),
             "half of what the volume keeps from walls",
         ),
@@ -326,4 +350,21 @@ pub fn rules() -> Vec<Rule> {
             "a student's hand and ruler",
         ),
     ]
+}
+
+/// The table as Markdown, as it stands in `docs/fly.md`.
+#[must_use]
+pub fn table() -> String {
+    let by = |by: &By| match by {
+        By::Check => "`check`",
+        By::Script => "cflib",
+        By::Crazyswarm2 => "Crazyswarm2",
+        By::Firmware => "firmware",
+    };
+    let row = |rule: &Rule| {
+        let by = rule.by.iter().map(by).collect::<Vec<_>>().join(", ");
+        format!("| {} | {by} | {} | {} |\n", rule.what, rule.limit, rule.source)
+    };
+    let rows: String = rules().iter().map(row).collect();
+    format!("| what is checked | by | limit | from |\n|---|---|---|---|\n{rows}")
 }

@@ -33,6 +33,8 @@ pub struct Outside {
     pub place_m: [f64; 3],
     /// Distance from the room where it is farthest outside, m.
     pub by_m: f64,
+    /// How bad that is: a camera may look in through a door.
+    pub severity: Severity,
 }
 
 /// The largest of some values, and its limit, both in the unit of the finding.

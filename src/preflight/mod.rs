@@ -148,6 +148,7 @@ fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Finding>> {
 /// As [`preflight`].
 pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<Vec<Checked>> {
     let mut findings = check_design(shoot, profile);
+    findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
     for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
         let mut found = check_flight(shoot, drone, flight, None, profile)?.to_vec();
         found.push(check_coverage(&planned.plan, &shoot.scene)?);

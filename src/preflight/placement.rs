@@ -8,11 +8,12 @@
 
 use serde::Serialize;
 
-use super::{Finding, Outside, Profile, cap_height_m};
+use super::{Finding, Outside, Profile, Severity, cap_height_m};
 use crate::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
 use crate::error::Result;
+use crate::export::safety::FRAME_M;
 use crate::light::LightTrace;
 use crate::scene::Scene;
 use crate::sensors::Positioning;
@@ -25,11 +26,6 @@ const TRIPOD_FROM_WALL_M: f64 = 0.3;
 /// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
 /// a tripod that stands a little aside.
 const MOST_FILLED: f64 = 0.9;
-
-/// Largest distance by which what stands in the room may be outside of it, m: rooms are typed to
-/// the decimeter, and a station that hangs on the wall is measured to some centimeters. More would
-/// let an origin at a wall of a small room pass.
-pub(super) const FRAME_M: f64 = 0.15;
 
 /// Time after the last command at which a Crazyflie stops its motors; it is level until then, and
 /// keeps its speed: `COMMANDER_WDT_TIMEOUT_SHUTDOWN` in the firmware's `commander.h`.
@@ -184,17 +180,19 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Finding {
     let mut places: Vec<(String, [f64; 3])> =
         stations_m.into_iter().enumerate().map(numbered).collect();
     places.extend(take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0])));
+    let n_fixed = places.len();
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
         places.push(("camera".to_owned(), pose.position_m));
     }
     let n = places.len();
-    let outside = |(what, place_m): (String, [f64; 3])| {
+    let outside = |(index, (what, place_m)): (usize, (String, [f64; 3]))| {
         let [x, y, z] = place_m;
         let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
         let by_m = sides.into_iter().fold(0.0, f64::max);
-        (by_m > FRAME_M).then_some(Outside { what, place_m, by_m })
+        let severity = if index < n_fixed { Severity::Stop } else { Severity::Warning };
+        (by_m > FRAME_M).then_some(Outside { what, place_m, by_m, severity })
     };
-    Finding::Frame { outside: places.into_iter().filter_map(outside).collect(), n }
+    Finding::Frame { outside: places.into_iter().enumerate().filter_map(outside).collect(), n }
 }
 
 /// Whether the scene's camera has a place square in front of the word, or which usual one has;

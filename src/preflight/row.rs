@@ -5,12 +5,11 @@ use serde::Serialize;
 use super::finding::Outside;
 use super::flown::MAX_SATURATED_S;
 use super::letters::SHORT_M;
-use super::placement::FRAME_M;
 use super::{Finding, Peak, Severity};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::export::Memory;
 use crate::export::poly4d::MAX_PIECES;
-use crate::export::safety::{Battery, LOW_BATTERY_S};
+use crate::export::safety::{Battery, FRAME_M, LOW_BATTERY_S};
 use crate::flight::{DroneIndex, Warning};
 use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style};
 use crate::scene::{Change, SceneAdvice};
@@ -337,7 +336,8 @@ impl Finding {
                     ),
                     format!("a camera that shows the whole word from within {most_m:.1} m"),
                     "write smaller letters ({letters.cap_height_m}), take a wider lens \
-                     ({camera.lens}), or type the room's true depth ({expose.room_m})",
+                     ({camera.lens}), type the room's true depth ({expose.room_m}), or say where the \
+                     camera stands ({camera.framing}): in a door, for instance",
                 )
             }
             Self::LitTransit(end, most_m) => lit_transit(end, *most_m, plan.light_clock),
@@ -439,7 +439,8 @@ fn of_battery(taken: &Option<Battery>, warning: &Option<Warning>, low_v: f64) ->
 /// What stands outside of the room.
 fn of_frame(outside: &[Outside], n: usize) -> Row {
     let farthest = outside.iter().max_by(|a, b| a.by_m.total_cmp(&b.by_m));
-    let row = Row::of("frame", stop_if(farthest.is_some()), farthest.map_or(0.0, |it| it.by_m));
+    let severity = outside.iter().map(|it| it.severity).max().unwrap_or_default();
+    let row = Row::of("frame", severity, farthest.map_or(0.0, |it| it.by_m));
     let place = |it: &Outside| {
         let [x, y, z] = it.place_m;
         format!("{} at ({x:.2}, {y:.2}, {z:.2}), {:.2} m outside", it.what, it.by_m)
