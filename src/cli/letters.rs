@@ -139,3 +139,33 @@ impl LetterFlags {
         settings
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_room_in_another_unit_is_asked_about_and_halls_are_bounded() {
+        assert_eq!(room("4x3x2.5"), Ok([4.0, 3.0, 2.5]));
+        assert_eq!(room("20 X 20 × 8"), Ok([20.0, 20.0, 8.0]));
+        for (typed, question) in [
+            ("400x300x250", "is this in centimeters, a room of 4x3x2.5 m?"),
+            ("4000x3000x2500", "is this in millimeters, a room of 4x3x2.5 m?"),
+            ("100x30x8", "wanted WIDTHxDEPTHxHEIGHT in meters, from 1.5x1.5x1 to 60x60x20"),
+            ("1x3x2.5", "wanted"),
+            ("4x3", "wanted"),
+            ("nanx3x2", "wanted"),
+        ] {
+            let error = room(typed).unwrap_err();
+            assert!(error.starts_with(question), "{typed}: {error}");
+        }
+    }
+
+    #[test]
+    fn black_is_no_color_of_a_lamp() {
+        for black in ["black", "#000", "rgb(0, 0, 0)"] {
+            assert!(color(black).is_err_and(|error| error.contains("no light")), "{black}");
+        }
+        assert!(color("red").is_ok_and(|[_, r, g, b]| r > g && g == b), "{:?}", color("red"));
+    }
+}

@@ -23,7 +23,6 @@ TAKE_OFF_S = 3.0
 SINK_M_S = 0.3
 SETTLE_S = 10.0
 LAND_AT_M = 0.03
-SILENT_S = 2.0  # without status of a drone in the air: all land
 # Bits of supervisor.info (firmware supervisor.c).
 CAN_BE_ARMED, ARMED, CAN_FLY, FLYING = 1, 2, 8, 16
 FAULTS = {32: "tumbled", 64: "locked", 128: "crashed", 2048: "a deck has a fault"}
@@ -95,8 +94,9 @@ class Member:
         stamp = status["timestamp_sec"], status["timestamp_nsec"]
         if stamp != self.heard:
             self.heard, self.heard_s = stamp, now_s
-        if now_s - self.heard_s > SILENT_S:
-            raise Stopped(f"{self.name()}: no status for {SILENT_S:.0f} s: the radio is silent")
+        if now_s - self.heard_s > DATA["silent_s"]:
+            raise Stopped(f"{self.name()}: no status for {DATA['silent_s']:.0f} s: the radio is "
+                          "silent")
         if self.faults():
             raise Stopped(f"{self.name()}: {', '.join(self.faults())}")
         wrong = {

@@ -18,6 +18,7 @@ use super::safety::{
     WRONG_S, variance_m2,
 };
 use super::{File, Job, gains, numbered, stem};
+use crate::crazyflie::MOTORS_STOP_S;
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -70,6 +71,8 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "critical_v": platform.critical_battery_v(),
         "fence_m": FENCE_M,
         "wrong_s": WRONG_S,
+        // As long as the firmware waits for setpoints.
+        "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
         "last_slow_release": LAST_SLOW_RELEASE,
         "drones": drones,

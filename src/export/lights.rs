@@ -272,6 +272,39 @@ mod tests {
     }
 
     #[test]
+    fn a_show_has_the_colors_that_were_asked_for() {
+        use crate::light::{color_led_wrgb, ring_rgb};
+
+        let colors =
+            [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3], [255, 128, 0], [255, 0, 255]];
+        for srgb in colors {
+            let plain = ColorLedLevels::Plain;
+            let options = LightOptions { color_led_levels: plain, ..LightOptions::default() };
+            let [r, g, b] = ring_rgb(srgb);
+            for (channel, wrgb) in
+                [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
+            {
+                let shown = screen_rgb(&command(0.0, channel, 1.0, wrgb).unwrap(), &options);
+                // Dies that are farther out than the screen's, and few steps of their drives.
+                for (found, wanted) in shown.iter().zip(srgb) {
+                    let off = f64::from(*found) - f64::from(wanted);
+                    assert!(off.abs() <= 40.0, "{channel}: {shown:?} instead of {srgb:?}");
+                }
+                assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
+            }
+        }
+        let screen = |channel, level, wrgb| {
+            let sent = command(0.0, channel, level, wrgb).unwrap();
+            screen_rgb(&sent, &LightOptions::default())
+        };
+        assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
+        assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
+        let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);
+        let [half, ..] = screen("color-led", 0.5, [255, 0, 0, 0]);
+        assert_eq!((white, half), (255, 188), "half the light of a screen is level 188");
+    }
+
+    #[test]
     fn few_changes_of_the_ring_fit_its_timing_memory() {
         let ring = RingEffect::Solid(RingColor { color: [200, 100, 0] });
         let options = LightOptions { ring, ..LightOptions::default() };

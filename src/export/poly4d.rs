@@ -201,6 +201,23 @@ mod tests {
     use crate::plan::{PlanOptions, plan};
 
     #[test]
+    fn one_piece_flies_the_same_in_two() {
+        let c = [0.3, -0.2, 0.5, 0.1, -0.4, 0.2, 0.05, -0.01];
+        let whole = Polynomials { duration_s: 1.4, axes: [c, c.map(|c| 2.0 * c), [1.0; 8]] };
+        let one = Poly4d { pieces: vec![whole], yaw_rad: 0.2 };
+        let two = one.clone().in_two_or_more();
+        assert_eq!((two.n_pieces(), two.to_csv().lines().count()), (2, 3));
+        for step in 0..=28 {
+            let t = 0.05 * f64::from(step);
+            let pair = [&one, &two].map(|of| motion(&of.pieces, t.min(1.4 - 1e-9)));
+            for k in 0..3 {
+                assert!((pair[0][k] - pair[1][k]).norm() < 1e-9, "derivative {k} at {t} s");
+            }
+        }
+        assert_eq!(two.clone().in_two_or_more(), two);
+    }
+
+    #[test]
     fn noor_fits_at_five_millimeters_and_not_at_one() {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();

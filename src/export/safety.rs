@@ -339,8 +339,11 @@ pub fn rules() -> Vec<Rule> {
         ),
         rule(
             "silence of the radio",
-            &[Firmware],
-            format!("{LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off"),
+            &[Crazyswarm2, Firmware],
+            format!(
+                "{LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; Crazyswarm2, whose \
+                 trajectory is on board: {MOTORS_STOP_S:.0} s without status: all land"
+            ),
             "`supervisor.c`",
         ),
         rule(
