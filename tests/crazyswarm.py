@@ -352,6 +352,16 @@ class Flights(unittest.TestCase):
         ros = flight("pid", events=[(landing_s + 1, Ros.interrupt)])
         self.assertEqual((ros.of("emergency"), ros.ended), ([], None))
 
+    def test_a_drone_that_hears_nothing_more_comes_down_by_itself(self):
+        ros = flight("pid")
+        cf, (start_s, _) = ros.drones["cf1"], ros.of("startTrajectory")[0]
+        hover, descent = cf.trajectory.polynomials[-2:]
+        landing_s = ros.of("land")[0][0] - start_s
+        before_s = sum(row[0] for row in cf.trajectory.polynomials[:-1])
+        self.assertGreater(before_s - landing_s, 2.5, "the script's landing comes first")
+        low_m = cf.trajectory.at(before_s + descent[0])[2]
+        self.assertAlmostEqual(low_m, -0.1, places=6)
+
     def test_the_release_must_be_one(self):
         for wrong in ("84/85", "2026", "new", "1.0"):
             with contextlib.redirect_stderr(io.StringIO()):

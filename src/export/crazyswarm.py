@@ -233,7 +233,7 @@ class Flight:
             events.append((drone["start_s"], cf.startTrajectory, (0, self.rate, False, False)))
             events += [(time_s, cf.setParam, (name, value))
                        for time_s, name, value in drone["lights"]]
-            events.append((drone["end_s"] + 0.2, cf.get_status, ()))
+            events.append((drone["end_s"], cf.get_status, ()))
         events.sort(key=lambda event: event[0])
         zero_s = self.clock.time() - min(drone["start_s"] for drone in DRONES)
         for time_s, command, values in events:

@@ -35,6 +35,12 @@ const LOGGED: [&str; 6] = [
     "stateEstimate.yaw",
 ];
 
+/// Flight after the last light command, s.
+const AFTERGLOW_S: f64 = 0.2;
+
+/// Hover after the landing should have come, s; then the trajectory lands by itself.
+const ALONE_S: f64 = 3.0;
+
 /// All files for Crazyswarm2.
 ///
 /// # Errors
@@ -50,7 +56,10 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     }
     let csv = |(drone, plan)| {
         let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
-        Ok(File::new(name, Poly4d::fit(plan, job.tolerance_m)?.in_two_or_more().to_csv()))
+        let stretch = Stretch::new(plan)?;
+        let end_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
+        let trajectory = Poly4d::fit(plan, job.tolerance_m)?;
+        Ok(File::new(name, trajectory.and_lands(end_s + ALONE_S)?.to_csv()))
     };
     let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
     let drones = job.plans.iter().zip(&files).enumerate();
@@ -101,6 +110,12 @@ fn platform(job: &Job<'_>) -> Result<Platform> {
     })
 }
 
+/// When the script sends the landing: all letters flown and all lamps off, s in the plan.
+fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
+    let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
+    Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
+}
+
 fn drone(
     job: &Job<'_>,
     index: usize,
@@ -110,8 +125,6 @@ fn drone(
 ) -> Result<serde_json::Value> {
     let stretch = Stretch::new(plan)?;
     let lights = job.trajectory_lights(index)?;
-    let ends_s =
-        [lights.last().map_or(0.0, |last| last.time_s), stretch.start_s() + stretch.duration_s()];
     let dark = dark(plan)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
@@ -128,7 +141,7 @@ fn drone(
         "csv": csv,
         "start_m": [start_m.x, start_m.y],
         "start_s": stretch.start_s(),
-        "end_s": ends_s[0].max(ends_s[1]),
+        "end_s": end_s(job, index, &stretch)?,
         "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
         "yaw_rad": plan.yaw_rad,
         "first_m": stretch.setpoint(0).position_m,
