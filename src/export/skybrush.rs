@@ -153,7 +153,6 @@ fn camera(camera: &Camera) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::LightOptions;
 
     #[test]
     fn durations_of_lights_are_written_seven_bits_at_a_time() {

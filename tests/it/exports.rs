@@ -84,7 +84,10 @@ fn a_take_off_mark_and_a_camera_share_the_rooms_frame() {
     let frame = finding(&report, "frame");
     assert_eq!((&frame["severity"], &frame["detail"]), (&json!("warning"), &json!("camera")));
     assert!((frame["value"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{frame}");
-    noctograph(at).args(["plan", "I", "--set", "letters.align=left", "-o", "plan.csv"]).assert();
+    noctograph(at)
+        .args(["plan", "I", "--set", "letters.align=left", "-o", "plan.csv"])
+        .assert()
+        .success();
     let plan = std::fs::read_to_string(at.join("plan.csv")).unwrap();
     let mut lines = plan.lines();
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
