@@ -296,6 +296,7 @@ class Flights(unittest.TestCase):
             "nose": {"yaw_deg": 90.0},
             "level": {"roll_deg": 20.0},
             "position settled": {"sigma_m": 0.5},
+            "settled is": {"sigma_m": math.nan},
             "tumbled": {"info": CAN_FLY | TUMBLED},
             "locked": {"info": LOCKED},
             "supervisor": {"info": 0},
@@ -323,6 +324,7 @@ class Flights(unittest.TestCase):
         faults += [dict(events=[(at_s, change(info=TUMBLED))]) for at_s in (1, 12)]
         faults += [dict(events=[(at_s, change(silent=True))]) for at_s in (2, 12)]
         faults += [dict(events=[(6.2, change(place=[9.0, 0.0, 1.0]))])]
+        faults += [dict(events=[(6.2, change(place=[math.nan] * 3))])]
         faults += [dict(keys=Ros.interrupt), dict(battery_v=3.0), dict(lacks={"kalman.initialYaw"})]
         for fault in faults:
             for name in ("pid", "pair"):

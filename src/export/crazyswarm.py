@@ -57,18 +57,19 @@ class Member:
         info = self.cf.get_status()["supervisor"]
         return [name for bit, name in FAULTS.items() if info & bit]
 
-    def outside_m(self):
-        """How far it is outside the volume that was checked."""
-        low, high = DATA["volume_m"]
-        place = self.cf.get_position()
-        return max(max(a - x, x - b) for a, x, b in zip(low[:2] + [-math.inf], place, high))
+    def is_inside(self):
+        """Whether it is in the volume that was checked; no number is nowhere."""
+        (low, high), most_m = DATA["volume_m"], DATA["fence_m"]
+        lows = low[:2] + [-math.inf]
+        return all(a - most_m <= x <= b + most_m
+                   for a, x, b in zip(lows, self.cf.get_position(), high))
 
     def rows(self):
         """What is checked on the floor: (what, found, wanted, right)."""
         drone, status = self.drone, self.cf.get_status()
         variances, angles = self.logged[:3], [math.radians(a) for a in self.logged[3:]]
         (x, y, _), (start_x, start_y) = self.cf.get_position(), drone["start_m"]
-        sigma_m, most_m = math.sqrt(max(0.0, *variances)), math.sqrt(DATA["variance_m2"])
+        most_m2 = DATA["variance_m2"]
         off_rad = (angles[2] - drone["yaw_rad"] + math.pi) % (2 * math.pi) - math.pi
         tilt_rad = max(abs(angles[0]), abs(angles[1]))
         info, faults = status["supervisor"], self.faults()
@@ -78,8 +79,9 @@ class Member:
              "can fly or be armed", bool(ready)),
             ("battery at rest", f"{status['battery']:.2f} V", f"{drone['least_rest_v']:.2f} V",
              status["battery"] >= drone["least_rest_v"]),
-            ("position settled", f"{100 * sigma_m:.1f} cm", f"{100 * most_m:.1f} cm",
-             sigma_m <= most_m),
+            ("position settled",
+             ", ".join(f"{100 * math.sqrt(abs(variance)):.1f}" for variance in variances) + " cm",
+             f"{100 * math.sqrt(most_m2):.1f} cm", all(v <= most_m2 for v in variances)),
             ("place", f"({x:.2f}, {y:.2f}) m", f"({start_x:.2f}, {start_y:.2f}) m",
              math.hypot(x - start_x, y - start_y) <= DATA["start_radius_m"]),
             ("nose", f"{math.degrees(angles[2]):.0f} deg",
@@ -100,8 +102,8 @@ class Member:
         if self.faults():
             raise Stopped(f"{self.name()}: {', '.join(self.faults())}")
         wrong = {
-            "the battery is empty": status["battery"] < DATA["critical_v"],
-            "outside the volume that was checked": self.outside_m() > DATA["fence_m"],
+            "the battery is empty": not status["battery"] >= DATA["critical_v"],
+            "outside the volume that was checked": not self.is_inside(),
         }
         for what, is_wrong in wrong.items():
             since_s = self.wrong_s.setdefault(what, now_s) if is_wrong else now_s
@@ -156,7 +158,7 @@ class Flight:
 
     def settled(self, member):
         return (member.cf.get_status() and member.logged
-                and max(member.logged[:3]) <= DATA["variance_m2"])
+                and all(variance <= DATA["variance_m2"] for variance in member.logged[:3]))
 
     def table(self):
         """Prints what was found and wanted of every drone; goes on when all is right."""
