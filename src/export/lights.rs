@@ -288,7 +288,7 @@ mod tests {
                 // Dies that are farther out than the screen's, and few steps of their drives.
                 for (found, wanted) in shown.iter().zip(srgb) {
                     let off = f64::from(*found) - f64::from(wanted);
-                    assert!(off.abs() <= 40.0, "{channel}: {shown:?} instead of {srgb:?}");
+                    assert!(off.abs() <= 20.0, "{channel}: {shown:?} instead of {srgb:?}");
                 }
                 assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
             }
