@@ -9,7 +9,8 @@ use crate::scene::{Change, Scene};
 use crate::settings::{Described, Setting, Shape};
 
 /// Keys that have a flag, and what it takes.
-const OF_KEYS: [(&str, &str, &str); 7] = [
+const OF_KEYS: [(&str, &str, &str); 8] = [
+    ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
     ("plan.drones", "--drones", "N"),
     ("plan.mean_error_m", "plan --after", "FLIGHT"),

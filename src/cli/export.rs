@@ -9,14 +9,14 @@ use serde_json::json;
 use super::advice::mentioned;
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::names::named;
-use super::outcome::{Outcome, Report, line};
+use super::outcome::{Outcome, Report, line, wrapped};
 use super::output::{Output, OutputFolder};
 use super::{findings, warn};
 use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
-use crate::preflight::{Finding, preflight};
+use crate::preflight::{Checked, Finding, checks, flown, of_flights, preflight};
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -57,7 +57,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
-    let stops = if args.to.flies() { checked(args, flies)? } else { None };
+    let profile = args.profile.profile(&args.subject);
+    let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
+    let checks = checks(flies, &flights, &profile);
+    let stops = match args.to.flies() {
+        true => warned(args, flies, &of_flights(flies, flights, &profile)?),
+        false => None,
+    };
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
         let json = json!({
             "word": word, "format": args.to.name(), "bytes": null, "drones": shoot.plans.len(),
@@ -79,9 +85,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
     };
     let (plans, sim) = (plans_of(&shoot), shoot.scene.sim());
+    let flown = match args.to {
+        Format::Skyc | Format::Vviz => shoot.as_shown(tolerance_m)?,
+        _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
+    };
     let job = Job {
         plans: &plans,
-        flown: &on_board.as_ref().map(plans_of).unwrap_or_default(),
+        flown: &flown,
         unsafe_because: stops.as_deref(),
         word: &word,
         light: &shoot.scene.light,
@@ -90,6 +100,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         tolerance_m,
         mode: args.mode,
         trajectory_clock: shoot.scene.plan.trajectory_clock,
+        checks: &checks,
     };
     let files = export(args.to, &job)?;
     let paths = match files.as_slice() {
@@ -117,6 +128,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let caution = stops.as_ref().map(|stops| line("unchecked", &format!("not safe: {stops}")));
     let mut text = caution.unwrap_or_default();
     text += &line("exported", &format!("{word} to {}, {bytes} bytes", args.to.name()));
+    let note = args.to.note();
+    if let Some(note) = note {
+        text += &wrapped("note      ", note);
+    }
     if let Some(off_m) = deviation_m {
         text += &line("deviation", &format!("up to {:.1} mm from the design", 1e3 * off_m));
         if off_m > 2.0 * job.tolerance_m {
@@ -125,7 +140,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     }
     let json = json!({
         "word": word, "format": args.to.name(), "bytes": bytes, "drones": plans.len(),
-        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops,
+        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops, "note": note,
     });
     Ok(Report::new(text, json).with_files(&paths))
 }
@@ -136,13 +151,12 @@ fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
-fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    let found = preflight(shoot, &args.profile.profile(&args.subject))?;
+fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for checked in &found {
+    for checked in found {
         match &checked.finding {
             Finding::Picture(Some(problem)) => warn([problem.sentence(mentioned)]),
             Finding::LedMemory { entries: Some(n), most } if plays && n > most => warn([format!(
@@ -152,7 +166,7 @@ fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
             _ => {}
         }
     }
-    Ok(findings::stops(&found))
+    findings::stops(found)
 }
 
 /// Warns of a controller that does not follow the motion of a trajectory.

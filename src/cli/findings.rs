@@ -26,8 +26,8 @@ pub(super) fn json(checked: &Checked) -> serde_json::Value {
 }
 
 /// The stops in one line; `None` where there are none.
-pub(super) fn stops(findings: &[Checked]) -> Option<String> {
-    let stops = findings.iter().filter(|checked| checked.row.severity == Severity::Stop);
+pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Checked>) -> Option<String> {
+    let stops = findings.into_iter().filter(|checked| checked.row.severity == Severity::Stop);
     let stops: Vec<String> =
         stops.map(|stop| format!("{} ({})", stop.row.check, stop.found())).collect();
     (!stops.is_empty()).then(|| stops.join("; "))

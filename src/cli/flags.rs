@@ -170,9 +170,12 @@ impl DesignFlags {
     fn named(&self, more: &[Setting]) -> Result<NamedScene> {
         let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
         let mut settings = settings.concat();
-        // A height that was typed is meant.
-        let meant = self.scene.sets("letters.cap_height_m");
-        settings.retain(|(key, _)| !meant || key != "letters.fit");
+        // A height that was typed is meant: no room shrinks it, and the check stops what is too large.
+        if self.scene.sets("letters.cap_height_m") {
+            settings.retain(|(key, _)| key != "letters.fit");
+            let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
+            canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
+        }
         let mut found = self.scene.named(&settings)?;
         if let Some(room_m) = self.letters.room_m() {
             let usual = Scene::preset(found.scene.preset).sensors.lighthouse.stations;
@@ -257,6 +260,9 @@ impl SubjectFlags {
         }
         let shoot = Shoot::named(named)?;
         warn_of_fewer_drones(&shoot);
+        if self.design.scene.sets("letters.cap_height_m") {
+            warn_of_smaller_letters(&shoot);
+        }
         Ok(shoot)
     }
 }
@@ -378,6 +384,22 @@ pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
         let text = format!("{planned} of {wanted} drones fly: there are no strokes for more");
+        message("warning: ", &text);
+    }
+}
+
+/// Warns of letters that a canvas makes smaller than they were asked for.
+fn warn_of_smaller_letters(shoot: &Shoot) {
+    let Some(strokes) = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
+        return;
+    };
+    let (asked_m, canvas_m) = (shoot.scene.letters.cap_height_m, shoot.scene.letters.canvas_m);
+    let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
+    if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < 0.999 * asked_m) {
+        let text = format!(
+            "letters of {asked_m} m do not fit letters.canvas_m, {width_m} x {height_m} m: they are \
+             {written_m:.2} m high"
+        );
         message("warning: ", &text);
     }
 }

@@ -10,6 +10,7 @@ use super::flags::{SceneFlags, SeedFlag};
 use super::names::{named, names};
 use super::outcome::{Outcome, Report, wrapped};
 use super::output::OutputFolder;
+use super::progress::Progress;
 use super::table::table;
 use crate::error::Result;
 use crate::report::{Page, hold_figure};
@@ -54,8 +55,11 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
     let (mut found, mut figures) = (Vec::new(), Vec::new());
+    let mut progress = Progress::new("holding");
+    let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
         for model in &models {
+            progress.update(found.len() as f64 / n);
             found.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
             let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
             let name = format!("{}-{}", scenario.name(), model.name());
@@ -68,6 +72,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
             names.extend([csv, svg]);
         }
     }
+    drop(progress);
     let text = text_of(&found) + &consistency(&found);
     let json = json!({
         "filter": options.observer.altitude,

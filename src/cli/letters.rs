@@ -43,6 +43,9 @@ fn color(text: &str) -> Result<[u8; 4], String> {
     let wanted = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
     let found: svgtypes::Color =
         text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
+    if [found.red, found.green, found.blue] == [0; 3] {
+        return Err("black is no light: name the color that the lamp shall shine in".to_owned());
+    }
     Ok(color_led_wrgb([found.red, found.green, found.blue], LEVELS))
 }
 
@@ -55,11 +58,37 @@ const FROM_TOP_M: f64 = 0.5;
 /// about 4 m by 4 m).
 const SERVED_M: f64 = 4.0;
 
+/// Least and greatest room, m: a flight with its margins; a sports hall (three playing fields are
+/// 27 m by 45 m, DIN 18032), with room to spare.
+const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
+const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
+
+/// Units that sizes of rooms are typed in by mistake, per meter.
+const OTHER_UNITS: [(&str, f64); 3] =
+    [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37)];
+
 fn room(text: &str) -> Result<[f64; 3], String> {
-    let sides = numbers(text, &['x', 'X', '×']);
-    let wanted = "wanted WIDTHxDEPTHxHEIGHT in meters, at least 1.5x1.5x1, such as 4x3x2.5";
-    let fits = |[w, d, h]: &[f64; 3]| *w >= 1.5 && *d >= 1.5 && *h >= 1.0;
-    sides.filter(fits).filter(|sides| sides.iter().all(|m| *m <= 1000.0)).ok_or(wanted.to_owned())
+    let in_words = |room_m: [f64; 3]| room_m.map(|m| format!("{m}")).join("x");
+    let wanted = format!(
+        "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5",
+        in_words(LEAST_ROOM_M),
+        in_words(GREATEST_ROOM_M)
+    );
+    let Some(sides) = numbers::<3>(text, &['x', 'X', '×']) else { return Err(wanted) };
+    let fits = |sides: [f64; 3]| {
+        (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&sides[side]))
+    };
+    if fits(sides) {
+        return Ok(sides);
+    }
+    let meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
+    Err(match meant.into_iter().find(|(_, room_m)| fits(*room_m)) {
+        Some((unit, room_m)) => {
+            let room_m = in_words(room_m.map(|m| (100.0 * m).round() / 100.0));
+            format!("is this in {unit}, a room of {room_m} m? {wanted}")
+        }
+        None => wanted,
+    })
 }
 
 impl LetterFlags {
@@ -108,5 +137,35 @@ impl LetterFlags {
             );
         }
         settings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_room_in_another_unit_is_asked_about_and_halls_are_bounded() {
+        assert_eq!(room("4x3x2.5"), Ok([4.0, 3.0, 2.5]));
+        assert_eq!(room("20 X 20 × 8"), Ok([20.0, 20.0, 8.0]));
+        for (typed, question) in [
+            ("400x300x250", "is this in centimeters, a room of 4x3x2.5 m?"),
+            ("4000x3000x2500", "is this in millimeters, a room of 4x3x2.5 m?"),
+            ("100x30x8", "wanted WIDTHxDEPTHxHEIGHT in meters, from 1.5x1.5x1 to 60x60x20"),
+            ("1x3x2.5", "wanted"),
+            ("4x3", "wanted"),
+            ("nanx3x2", "wanted"),
+        ] {
+            let error = room(typed).unwrap_err();
+            assert!(error.starts_with(question), "{typed}: {error}");
+        }
+    }
+
+    #[test]
+    fn black_is_no_color_of_a_lamp() {
+        for black in ["black", "#000", "rgb(0, 0, 0)"] {
+            assert!(color(black).is_err_and(|error| error.contains("no light")), "{black}");
+        }
+        assert!(color("red").is_ok_and(|[_, r, g, b]| r > g && g == b), "{:?}", color("red"));
     }
 }

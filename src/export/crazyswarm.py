@@ -1,59 +1,325 @@
 #!/usr/bin/env python3
 """Writes a word with light in Crazyswarm2.
 
-Made by noctograph. Start the server with the crazyflies.yaml beside this script, then:
-    ros2 run SCRIPT, or python3 SCRIPT with Crazyswarm2's workspace sourced
-Nothing moves before you press Enter. Ctrl-C lands all drones.
+Made by noctograph. Start the server with the crazyflies.yaml beside this script,
+    ros2 launch crazyflie launch.py crazyflies_yaml_file:=FOLDER/crazyflies.yaml mocap:=False
+and, in another terminal with Crazyswarm2's workspace sourced, say which release of the firmware the
+drones have (cfclient shows it):
+    python3 SCRIPT --firmware 2026.08
+
+Each drone stands where its plan takes off, its nose along the world's x axis, or turned to the left
+as far as the script says. Nothing moves before you press Enter. Ctrl-C lands all drones; a second
+Ctrl-C cuts their motors, and they fall. Take-off and landing of Crazyswarm2 turn every nose to the x
+axis; between them it points as the plan says.
 """
 
+import argparse
 import json
+import math
 import os
+import signal
 
 TAKE_OFF_S = 3.0
 SINK_M_S = 0.3
+SETTLE_S = 10.0
+LAND_AT_M = 0.03
+# Bits of supervisor.info (firmware supervisor.c).
+CAN_BE_ARMED, ARMED, CAN_FLY, FLYING = 1, 2, 8, 16
+FAULTS = {32: "tumbled", 64: "locked", 128: "crashed", 2048: "a deck has a fault"}
+# The custom topic of crazyflies.yaml.
+TOPIC = "noctograph"
 
 
-def main():
+class Stopped(Exception):
+    """The flight ends, or does not begin; the text says why."""
+
+
+def attempt(command, *values):
+    """Sends what must not keep anything else from being sent."""
+    try:
+        command(*values)
+    except Exception as error:  # whatever it is, the next drone has to land
+        print(f"warning: {command.__name__}: {error!r}")
+
+
+class Member:
+    """A drone with its plan and what it says of itself."""
+
+    def __init__(self, cf, drone, kind):
+        self.cf, self.drone, self.logged = cf, drone, None
+        self.heard, self.heard_s, self.wrong_s = None, None, {}
+        cf.node.create_subscription(kind, f"{cf.prefix}/{TOPIC}", self.log, 10)
+
+    def log(self, message):
+        self.logged = list(message.values)
+
+    def faults(self):
+        info = self.cf.get_status()["supervisor"]
+        return [name for bit, name in FAULTS.items() if info & bit]
+
+    def is_inside(self):
+        """Whether it is in the volume that was checked; no number is nowhere."""
+        (low, high), most_m = DATA["volume_m"], DATA["fence_m"]
+        lows = low[:2] + [-math.inf]
+        return all(a - most_m <= x <= b + most_m
+                   for a, x, b in zip(lows, self.cf.get_position(), high))
+
+    def rows(self):
+        """What is checked on the floor: (what, found, wanted, right)."""
+        drone, status = self.drone, self.cf.get_status()
+        variances, angles = self.logged[:3], [math.radians(a) for a in self.logged[3:]]
+        (x, y, _), (start_x, start_y) = self.cf.get_position(), drone["start_m"]
+        most_m2 = DATA["variance_m2"]
+        off_rad = (angles[2] - drone["yaw_rad"] + math.pi) % (2 * math.pi) - math.pi
+        tilt_rad = max(abs(angles[0]), abs(angles[1]))
+        info, faults = status["supervisor"], self.faults()
+        ready = not faults and not info & FLYING and info & (CAN_FLY | CAN_BE_ARMED)
+        return [
+            ("state", ", ".join(faults) or ("can fly" if ready else f"supervisor {info}"),
+             "can fly or be armed", bool(ready)),
+            ("battery at rest", f"{status['battery']:.2f} V", f"{drone['least_rest_v']:.2f} V",
+             status["battery"] >= drone["least_rest_v"]),
+            ("position settled",
+             ", ".join(f"{100 * math.sqrt(abs(variance)):.1f}" for variance in variances) + " cm",
+             f"{100 * math.sqrt(most_m2):.1f} cm", all(v <= most_m2 for v in variances)),
+            ("place", f"({x:.2f}, {y:.2f}) m", f"({start_x:.2f}, {start_y:.2f}) m",
+             math.hypot(x - start_x, y - start_y) <= DATA["start_radius_m"]),
+            ("nose", f"{math.degrees(angles[2]):.0f} deg",
+             f"{math.degrees(drone['yaw_rad']):.0f} deg", abs(off_rad) <= DATA["nose_rad"]),
+            ("level", f"{math.degrees(tilt_rad):.1f} deg",
+             f"{math.degrees(DATA['level_rad']):.0f} deg", tilt_rad <= DATA["level_rad"]),
+        ]
+
+    def watch(self, now_s):
+        """Ends the flight where the drone says that something is wrong for long enough."""
+        status = self.cf.get_status()
+        stamp = status["timestamp_sec"], status["timestamp_nsec"]
+        if stamp != self.heard:
+            self.heard, self.heard_s = stamp, now_s
+        if now_s - self.heard_s > DATA["silent_s"]:
+            raise Stopped(f"{self.name()}: no status for {DATA['silent_s']:.0f} s: the radio is "
+                          "silent")
+        if self.faults():
+            raise Stopped(f"{self.name()}: {', '.join(self.faults())}")
+        wrong = {
+            "the battery is empty": not status["battery"] >= DATA["critical_v"],
+            "outside the volume that was checked": not self.is_inside(),
+        }
+        for what, is_wrong in wrong.items():
+            since_s = self.wrong_s.setdefault(what, now_s) if is_wrong else now_s
+            if not is_wrong:
+                self.wrong_s.pop(what, None)
+            if now_s - since_s > DATA["wrong_s"]:
+                raise Stopped(f"{self.name()}: {what}")
+
+    def name(self):
+        return self.drone["name"]
+
+
+class Flight:
+    """All drones, from the checks on the floor to the floor again."""
+
+    def __init__(self, swarm, rate, kind, trajectory):
+        self.clock, self.rate, self.trajectory = swarm.timeHelper, rate, trajectory
+        known = swarm.allcfs.crazyfliesByName
+        missing = [drone["name"] for drone in DRONES if drone["name"] not in known]
+        if missing:
+            raise Stopped(f"the server has no {', '.join(missing)}: start it with the "
+                          "crazyflies.yaml beside this script")
+        self.crew = [Member(known[drone["name"]], drone, kind) for drone in DRONES]
+
+    def set(self, member, parameters):
+        for name, value in parameters:
+            member.cf.setParam(name, value)
+
+    def prepare(self):
+        """Checks every drone and loads its memory; nothing moves and no lamp changes."""
+        for member in self.crew:
+            drone = member.drone
+            names = [name for name, *_ in drone["before"] + drone["parameters"] + drone["dark"]]
+            lacks = sorted({name for name in names if name not in member.cf.paramTypeDict})
+            if lacks:
+                raise Stopped(f"{member.name()}: its firmware has no {', '.join(lacks)}")
+            self.set(member, drone["before"])
+        self.clock.sleep(0.1)
+        for member in self.crew:
+            member.cf.setParam("kalman.resetEstimation", 0)
+            trajectory = self.trajectory()
+            folder = os.path.dirname(os.path.abspath(__file__))
+            trajectory.loadcsv(os.path.join(folder, member.drone["csv"]))
+            member.cf.uploadTrajectory(0, 0, trajectory)
+        self.clock.sleep(2.0)
+        end_s = self.clock.time() + SETTLE_S
+        while not all(self.settled(member) for member in self.crew):
+            if self.clock.time() > end_s:
+                break
+            self.clock.sleep(0.2)
+        self.table()
+
+    def settled(self, member):
+        return (member.cf.get_status() and member.logged
+                and all(variance <= DATA["variance_m2"] for variance in member.logged[:3]))
+
+    def table(self):
+        """Prints what was found and wanted of every drone; goes on when all is right."""
+        wrong = []
+        for member in self.crew:
+            if not member.cf.get_status() or not member.logged:
+                raise Stopped(f"{member.name()}: no {TOPIC} or status topic: start the server with "
+                              "the crazyflies.yaml beside this script")
+            for what, found, wanted, right in member.rows():
+                mark = "ok" if right else "STOP"
+                print(f"{mark:5}{member.name():5}{what:18}{found:24}wanted: {wanted}")
+                wrong += [] if right else [f"{member.name()}: {what} is {found}, wanted {wanted}"]
+        if wrong:
+            raise Stopped("; ".join(wrong))
+        print(f"by eye: the drones are {DATA['platform']}, carry the lamps of the plan, and stand "
+              "with the room's middle as x = y = 0"
+              + (f", a room of {'x'.join(f'{m:g}' for m in DATA['room_m'])} m" if DATA["room_m"]
+                 else ""))
+
+    def wait_until(self, time_s):
+        while True:
+            now_s = self.clock.time()
+            for member in self.crew:
+                member.watch(now_s)
+            if now_s >= time_s:
+                return
+            self.clock.sleep(min(0.05, time_s - now_s))
+
+    def wait(self, lasts_s):
+        """Waits for a command on board, whose seconds may be long."""
+        self.wait_until(self.clock.time() + lasts_s / self.rate + 0.5)
+
+    def set_armed(self, armed):
+        for member in self.crew:
+            def arm_or_disarm():
+                member.cf.arm(armed)
+
+            attempt(arm_or_disarm)
+
+    def fly(self):
+        """Takes off, writes and lands."""
+        for member in self.crew:
+            self.set(member, member.drone["parameters"])
+        self.clock.sleep(1.0)
+        now_s = self.clock.time()
+        for member in self.crew:
+            member.heard, member.heard_s = None, now_s
+        self.set_armed(True)
+        airborne = False
+        try:
+            self.wait_until(self.clock.time() + 1.0)
+            for member in self.crew:
+                if not member.cf.get_status()["supervisor"] & CAN_FLY:
+                    raise Stopped(f"{member.name()}: armed, and still it cannot fly")
+            airborne = True
+            for member in self.crew:
+                member.cf.takeoff(member.drone["first_m"][2], TAKE_OFF_S)
+            self.wait(TAKE_OFF_S)
+            for member in self.crew:
+                member.cf.goTo(member.drone["first_m"], member.drone["yaw_rad"], TAKE_OFF_S)
+            self.wait(TAKE_OFF_S)
+            self.write()
+        except BaseException as why:
+            self.land(airborne, isinstance(why, KeyboardInterrupt))
+            raise
+        self.land(airborne, False)
+
+    def write(self):
+        """Starts the trajectories, and switches the lamps at the times of the plan."""
+        events = []
+        for member in self.crew:
+            cf, drone = member.cf, member.drone
+            # On the plan's places, and as fast as planned whatever the clock on board.
+            events.append((drone["start_s"], cf.startTrajectory, (0, self.rate, False, False)))
+            events += [(time_s, cf.setParam, (name, value))
+                       for time_s, name, value in drone["lights"]]
+            events.append((drone["end_s"], cf.get_status, ()))
+        events.sort(key=lambda event: event[0])
+        zero_s = self.clock.time() - min(drone["start_s"] for drone in DRONES)
+        for time_s, command, values in events:
+            self.wait_until(zero_s + time_s)
+            command(*values)
+
+    def land(self, airborne, interrupted):
+        """Down first, in every way out; whatever the lamps say to it."""
+        lasts_s = max(2.0, max(drone["top_m"] for drone in DRONES) / SINK_M_S)
+        try:
+            for member in self.crew if airborne else []:
+                attempt(member.cf.land, LAND_AT_M, lasts_s)
+            for member in self.crew:
+                for name, value in member.drone["dark"]:
+                    attempt(member.cf.setParam, name, value)
+            if airborne:
+                self.come_down(lasts_s / self.rate + 0.5, interrupted)
+        except BaseException:
+            for member in self.crew:
+                attempt(member.cf.emergency)
+            raise
+        finally:
+            self.set_armed(False)
+            for member in self.crew:
+                # The board's LEDs shine again: the red one says that a battery is low.
+                attempt(member.cf.setParam, "led.bitmask", 0)
+            print("the drones keep the controller and the gains of this flight until they restart")
+
+    def come_down(self, lasts_s, interrupted):
+        """Waits for the floor. The first Ctrl-C asks for what is done already."""
+        end_s = self.clock.time() + lasts_s
+        while self.clock.time() < end_s:
+            try:
+                self.clock.sleep(end_s - self.clock.time())
+            except KeyboardInterrupt:
+                if interrupted:
+                    raise
+                interrupted = True
+                print("landing; Ctrl-C again cuts the motors")
+
+
+def clock_rate(text):
+    """Seconds of the clock on board in a true second, by the release of the firmware."""
+    try:
+        release = tuple(int(part) for part in text.split("."))
+        slow = release[:2] <= tuple(int(part) for part in DATA["last_slow_release"].split("."))
+    except ValueError:
+        raise argparse.ArgumentTypeError("wanted a release such as 2026.08") from None
+    if len(release) < 2 or release[0] < 2015:
+        raise argparse.ArgumentTypeError("wanted a release such as 2026.08")
+    return DATA["slow_clock"] if slow else 1.0
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description="Writes a word with light in Crazyswarm2.")
+    parser.add_argument("--firmware", type=clock_rate, required=True, metavar="RELEASE",
+                        help="release of the drones' firmware, such as 2026.08 (cfclient shows it): "
+                             f"up to {DATA['last_slow_release']} its clock is slow, and the "
+                             "trajectory is sped up for it")
+    rate = parser.parse_args(arguments).firmware
+    from crazyflie_interfaces.msg import LogDataGeneric
     from crazyflie_py import Crazyswarm
     from crazyflie_py.uav_trajectory import Trajectory
+    from rclpy.signals import uninstall_signal_handlers
 
     swarm = Crazyswarm()
-    clock, crew = swarm.timeHelper, list(zip(swarm.allcfs.crazyflies, DRONES))
-    folder = os.path.dirname(os.path.abspath(__file__))
-    for cf, drone in crew:
-        trajectory = Trajectory()
-        trajectory.loadcsv(os.path.join(folder, drone["csv"]))
-        cf.uploadTrajectory(0, 0, trajectory)
-        for name, value in drone["parameters"]:
-            cf.setParam(name, value)
-    input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
+    # Those of ROS shut it down at Ctrl-C, and nothing could be told to land anymore.
+    uninstall_signal_handlers()
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for cf, drone in crew:
-            cf.takeoff(drone["first_m"][2], TAKE_OFF_S)
-        clock.sleep(TAKE_OFF_S + 0.5)
-        for cf, drone in crew:
-            cf.goTo(drone["first_m"], drone["yaw_rad"], TAKE_OFF_S)
-        clock.sleep(TAKE_OFF_S + 0.5)
-        events = [(drone["start_s"], cf.startTrajectory, (0,)) for cf, drone in crew]
-        events += [(time_s, cf.setParam, (name, value))
-                   for cf, drone in crew for time_s, name, value in drone["lights"]]
-        events += [(drone["end_s"] + 0.2, lambda: None, ()) for _, drone in crew]
-        events.sort(key=lambda event: event[0])
-        zero_s = clock.time() - min(drone["start_s"] for drone in DRONES)
-        for time_s, command, values in events:
-            clock.sleep(max(0.0, zero_s + time_s - clock.time()))
-            command(*values)
-    finally:
-        top_m = max(drone["top_m"] for drone in DRONES)
-        for cf, drone in crew:
-            for name, value in drone["dark"]:
-                cf.setParam(name, value)
-            cf.land(0.03, top_m / SINK_M_S)
-        clock.sleep(top_m / SINK_M_S + 0.5)
+        flight = Flight(swarm, rate, LogDataGeneric, Trajectory)
+        flight.prepare()
+        input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
+        flight.fly()
+    except KeyboardInterrupt:
+        raise SystemExit("stopped by Ctrl-C") from None
+    except Stopped as stopped:
+        raise SystemExit(f"error: {stopped}") from None
 
 
-# One entry for each drone, as `noctograph export` made it.
-DRONES = json.loads(@DATA@)
+# What was checked, and one entry for each drone, as `noctograph export` made it.
+DATA = json.loads(@DATA@)
+DRONES = DATA["drones"]
 
 if __name__ == "__main__":
     main()

@@ -3,65 +3,182 @@
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads to the drone's
 //! memory with an offset in pieces; the script follows Crazyswarm2's Python interface
 //! (`crazyflie_py`): `uploadTrajectory`, `takeoff`, `goTo`, `startTrajectory`, `setParam`, `land`.
+//! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
+//! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no value
+//! of a parameter unless its own configuration says so; decks and the firmware's release are asked for.
 
 use serde_json::json;
 
-use super::cflib::with_caution;
+use super::cflib::{firmware_controller, with_caution};
 use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
-use super::{File, Job, numbered, stem};
-use crate::error::Result;
+use super::safety::{
+    FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V, SLOW_CLOCK, START_RADIUS_M,
+    WRONG_S, variance_m2,
+};
+use super::{File, Job, gains, numbered, stem};
+use crate::crazyflie::MOTORS_STOP_S;
+use crate::error::{Error, Result};
+use crate::plan::Plan;
 
-/// The script, with `@DATA@` in place of the drones' data.
+/// The script, with `@DATA@` in place of the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
+/// Variables of the script's own topic, in its order: 24 of the 26 bytes of a block.
+const LOGGED: [&str; 6] = [
+    "kalman.varPX",
+    "kalman.varPY",
+    "kalman.varPZ",
+    "stateEstimate.roll",
+    "stateEstimate.pitch",
+    "stateEstimate.yaw",
+];
+
+/// Flight after the last light command, s.
+const AFTERGLOW_S: f64 = 0.2;
+
+/// Hover after the landing should have come, s; then the trajectory lands by itself.
+const ALONE_S: f64 = 3.0;
+
 /// All files for Crazyswarm2.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a controller or a drone that the firmware does not have, and for plans that
+/// are paced for a clock, which the script does; as [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
+    let (controller, platform) = (controller(job)?, platform(job)?);
+    if job.trajectory_clock != 1.0 {
+        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
+        let found = job.trajectory_clock;
+        return Err(Error::input("plan.trajectory_clock", found, "1 for Crazyswarm2", hint));
+    }
     let csv = |(drone, plan)| {
         let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
-        Ok(File::new(name, Poly4d::fit(plan, job.tolerance_m)?.to_csv()))
+        let stretch = Stretch::new(plan)?;
+        let end_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
+        let trajectory = Poly4d::fit(plan, job.tolerance_m)?;
+        Ok(File::new(name, trajectory.and_lands(end_s + ALONE_S)?.to_csv()))
     };
     let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
-    let mut drones = Vec::new();
-    for (drone, (plan, csv)) in job.plans.iter().zip(&files).enumerate() {
-        let stretch = Stretch::new(plan)?;
-        let first_m = stretch.setpoint(0).position_m;
-        let lights = job.trajectory_lights(drone)?;
-        let dark = dark(plan)?;
-        drones.push(json!({
-            "csv": csv.name,
-            "start_s": stretch.start_s(),
-            "end_s": lights.last().map_or(0.0, |c| c.time_s).max(stretch.start_s() + stretch.duration_s()),
-            "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
-            "yaw_rad": plan.yaw_rad,
-            "first_m": first_m,
-            "parameters": preparation(plan, job.light),
-            "lights": lights.iter().map(|c| json!([c.time_s, c.parameter, c.value])).collect::<Vec<_>>(),
-            "dark": dark.iter().map(|c| json!([c.parameter, c.value])).collect::<Vec<_>>(),
-        }));
-    }
-    let literal = serde_json::to_string(&json!(drones).to_string()).expect("text is serializable");
-    files.push(File::new("crazyflies.yaml", yaml(job)));
+    let drones = job.plans.iter().zip(&files).enumerate();
+    let drones = drones
+        .map(|(index, (plan, csv))| drone(job, index, plan, &csv.name, controller))
+        .collect::<Result<Vec<_>>>()?;
+    let checks = job.checks;
+    let data = json!({
+        "word": job.word,
+        "scene_sha256": checks.scene_sha256,
+        "platform": platform.names().join(" or "),
+        "volume_m": checks.volume_m,
+        "room_m": checks.room_m,
+        "variance_m2": variance_m2(checks.positioning),
+        "start_radius_m": START_RADIUS_M,
+        "nose_rad": NOSE_RAD,
+        "level_rad": LEVEL_RAD,
+        "critical_v": platform.critical_battery_v(),
+        "fence_m": FENCE_M,
+        "wrong_s": WRONG_S,
+        // As long as the firmware waits for setpoints.
+        "silent_s": MOTORS_STOP_S,
+        "slow_clock": SLOW_CLOCK,
+        "last_slow_release": LAST_SLOW_RELEASE,
+        "drones": drones,
+    });
+    let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
+    files.push(File::new("crazyflies.yaml", yaml(job, controller, platform)));
     let script = with_caution(job, &SCRIPT.replace("@DATA@", &literal));
     files.push(File::new(format!("fly_{}.py", stem(job.word)), script));
     Ok(files)
 }
 
-fn yaml(job: &Job<'_>) -> String {
+/// Number of the scene's controller in the firmware: lamps are timed for the flight under it.
+fn controller(job: &Job<'_>) -> Result<u32> {
+    let kind = job.sim.controller.kind;
+    firmware_controller(kind).ok_or_else(|| {
+        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
+        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
+        Error::input("controller.kind", kind.name(), wanted, hint)
+    })
+}
+
+fn platform(job: &Job<'_>) -> Result<Platform> {
+    job.checks.platform.ok_or_else(|| {
+        let (found, wanted) = ("a drone without Bitcraze's firmware", "a Crazyflie");
+        Error::input("preset", found, wanted, "name the preset of the drone that flies")
+    })
+}
+
+/// When the script sends the landing: all letters flown and all lamps off, s in the plan.
+fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
+    let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
+    Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
+}
+
+fn drone(
+    job: &Job<'_>,
+    index: usize,
+    plan: &Plan,
+    csv: &str,
+    controller: u32,
+) -> Result<serde_json::Value> {
+    let stretch = Stretch::new(plan)?;
+    let lights = job.trajectory_lights(index)?;
+    let dark = dark(plan)?;
+    let start_m = plan.setpoints[0].position_m;
+    let battery = job.checks.batteries.get(index).copied().flatten();
+    let before = json!([
+        ["stabilizer.estimator", 2],
+        ["kalman.initialYaw", plan.yaw_rad],
+        ["kalman.resetEstimation", 1]
+    ]);
+    let mut parameters = vec![json!(["stabilizer.controller", controller])];
+    parameters.extend(gains::parameters(job.sim).into_iter().map(|gain| json!(gain)));
+    parameters.extend(preparation(plan, job.light).into_iter().map(|lamp| json!(lamp)));
+    Ok(json!({
+        "name": format!("cf{}", index + 1),
+        "csv": csv,
+        "start_m": [start_m.x, start_m.y],
+        "start_s": stretch.start_s(),
+        "end_s": end_s(job, index, &stretch)?,
+        "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
+        "yaw_rad": plan.yaw_rad,
+        "first_m": stretch.setpoint(0).position_m,
+        "least_rest_v": battery.and_then(|battery| battery.least_rest_v).unwrap_or(REST_V),
+        "before": before,
+        "parameters": parameters,
+        "lights": lights.iter().map(|c| json!([c.time_s, c.parameter, c.value])).collect::<Vec<_>>(),
+        "dark": dark.iter().map(|c| json!([c.parameter, c.value])).collect::<Vec<_>>(),
+    }))
+}
+
+fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
+    let kind = match platform {
+        Platform::Crazyflie2 => "cf21",
+        Platform::Brushless => "cf21bl",
+    };
     let mut text = "fileversion: 3\nrobots:\n".to_owned();
     for (drone, plan) in job.plans.iter().enumerate() {
         let start_m = plan.setpoints[0].position_m;
         text += &format!(
             "  cf{0}:\n    enabled: true\n    uri: radio://0/80/2M/E7E7E7E7{0:02X}\n    \
-             initial_position: [{1:?}, {2:?}, 0.0]\n    type: cf21\n",
+             initial_position: [{1:?}, {2:?}, 0.0]\n    type: {kind}\n",
             drone + 1,
             start_m.x,
             start_m.y,
         );
     }
-    text + "robot_types:\n  cf21:\n    motion_capture:\n      tracking: \"none\"  # Lighthouse; or \
-            librigidbodytracker, vendor\n    big_quad: false\n    battery:\n      voltage_warning: \
-            3.8\n      voltage_critical: 3.7\nall:\n  firmware_params:\n    commander:\n      \
-            enHighLevel: 1\n    stabilizer:\n      estimator: 2\n      controller: 2\n"
+    let logged = LOGGED.map(|name| format!("\"{name}\"")).join(", ");
+    text + &format!(
+        "robot_types:\n  {kind}:\n    motion_capture:\n      tracking: \"none\"  # Lighthouse; or \
+         librigidbodytracker, vendor\n    big_quad: false\n    battery:\n      voltage_warning: \
+         {low_v}\n      voltage_critical: {critical_v:.1}\nall:\n  firmware_logging:\n    enabled: \
+         true\n    default_topics:\n      pose:\n        frequency: 10\n      status:\n        \
+         frequency: 10\n    custom_topics:\n      noctograph:\n        frequency: 10\n        vars: \
+         [{logged}]\n  firmware_params:\n    stabilizer:\n      estimator: 2\n      controller: \
+         {controller}\n",
+        low_v = platform.low_battery_v(),
+        critical_v = platform.critical_battery_v(),
+    )
 }

@@ -35,6 +35,7 @@ mod pieces;
 pub mod poly4d;
 #[cfg(test)]
 mod recorded;
+pub mod safety;
 mod skybrush;
 mod vviz;
 pub mod zip;
@@ -42,6 +43,7 @@ pub mod zip;
 pub use cflib::Mode;
 use on_board::take_off_s;
 pub use on_board::{Form, Length, flown};
+use safety::Checks;
 
 settings! {
     /// Form of exported files.
@@ -89,6 +91,8 @@ pub struct Job<'a> {
     pub mode: Mode,
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
+    /// The facts behind the checks of the flights.
+    pub checks: &'a Checks,
 }
 
 impl Format {
@@ -102,6 +106,24 @@ impl Format {
             Self::Poly4d | Self::Crazyswarm2 => Some((Form::Poly4d, Length::OnBoard)),
             Self::Skyc | Self::Vviz => Some((Form::Compressed, Length::Any)),
             Self::Gains | Self::LogConfig => None,
+        }
+    }
+
+    /// What its files are not for, where that is not plain.
+    #[must_use]
+    pub fn note(self) -> Option<&'static str> {
+        match self {
+            Self::Skyc => Some(
+                "for viewers: lights and places are of one clock, in true seconds, and colors are \
+                 a screen's. No lamp of a Crazyflie is driven by it as it stands: headlights and \
+                 the color LED deck have no part in Skybrush's light program, and a trajectory on \
+                 board is 1.2 % slow up to and with firmware 2026.08. Fly the script for cflib.",
+            ),
+            Self::Vviz => Some(
+                "for viewers: no drone is flown and no lamp is driven by it; lights and places are \
+                 of one clock, and colors are a screen's.",
+            ),
+            _ => None,
         }
     }
 

@@ -9,10 +9,15 @@
 //! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
 //! trajectory on board, so that a late packet moves none of them.
 
+use nalgebra::Vector3;
+
 use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
-use crate::lamps::{COLOR_LED_COLORS, ColorLedLevels, LightOptions, RING_COLORS, packed};
+use crate::lamps::{
+    COLOR_LED_COLORS, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING_COLORS, packed,
+};
 use crate::plan::Plan;
+use crate::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 
 /// `ring.effect` that shows `ring.fadeColor`.
 const RING_FADE: u32 = 14;
@@ -177,6 +182,44 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
     }
 }
 
+/// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale, times
+/// its level. The bytes of a lamp are drives of its dies, which are far brighter than a screen: red
+/// that writes is 3 of 255, and black in a show.
+pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
+    let [white, r, g, b] = command.value.to_be_bytes();
+    let drives = match command.parameter {
+        "ring.headlightEnable" => return [255 * u8::from(command.value > 0); 3],
+        "colorLedBot.wrgb8888" if options.color_led_levels == ColorLedLevels::Corrected => {
+            // The firmware makes the dies alike and bytes a screen's.
+            [white, r, g, b].map(|byte| linear_from_encoded(f64::from(byte) / 255.0))
+        }
+        _ => [white, r, g, b].map(|byte| f64::from(byte) / 255.0),
+    };
+    let dies = dies(command.parameter);
+    let mut light = Vector3::zeros();
+    for (drive, Die { intensity_cd, chromaticity }) in drives.iter().rev().zip(dies.iter().rev()) {
+        let alike = options.color_led_levels == ColorLedLevels::Corrected && dies.len() == 4;
+        let bright = if alike { 1.0 } else { *intensity_cd };
+        light += Vector3::from(rgb_from_xyz(xyz(*chromaticity))) * (bright * drive);
+    }
+    let light = light.map(|channel: f64| channel.max(0.0));
+    let most = light.max();
+    if most <= 0.0 {
+        return [0; 3];
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let byte =
+        |channel: f64| (255.0 * encoded_from_linear(channel / most * command.level)).round() as u8;
+    light.map(byte).into()
+}
+
+/// The dies that a parameter drives, in the order of its bytes.
+fn dies(parameter: &str) -> Vec<Die> {
+    let deck = if parameter == "ring.fadeColor" { Deck::LedRing } else { Deck::ColorLed };
+    let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
+    deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |fixture| fixture.dies)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,6 +269,39 @@ mod tests {
         plan.lights.insert("ring.green".to_owned(), vec![0.0, 1.0, 0.2, 0.0]);
         assert_eq!(values(&plan), [0xFF_FF10, 0x80_1A08, 0]);
         assert_eq!(dark(&plan).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn a_show_has_the_colors_that_were_asked_for() {
+        use crate::light::{color_led_wrgb, ring_rgb};
+
+        let colors =
+            [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3], [255, 128, 0], [255, 0, 255]];
+        for srgb in colors {
+            let plain = ColorLedLevels::Plain;
+            let options = LightOptions { color_led_levels: plain, ..LightOptions::default() };
+            let [r, g, b] = ring_rgb(srgb);
+            for (channel, wrgb) in
+                [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
+            {
+                let shown = screen_rgb(&command(0.0, channel, 1.0, wrgb).unwrap(), &options);
+                // Dies that are farther out than the screen's, and few steps of their drives.
+                for (found, wanted) in shown.iter().zip(srgb) {
+                    let off = f64::from(*found) - f64::from(wanted);
+                    assert!(off.abs() <= 20.0, "{channel}: {shown:?} instead of {srgb:?}");
+                }
+                assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
+            }
+        }
+        let screen = |channel, level, wrgb| {
+            let sent = command(0.0, channel, level, wrgb).unwrap();
+            screen_rgb(&sent, &LightOptions::default())
+        };
+        assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
+        assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
+        let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);
+        let [half, ..] = screen("color-led", 0.5, [255, 0, 0, 0]);
+        assert_eq!((white, half), (255, 188), "half the light of a screen is level 188");
     }
 
     #[test]

@@ -18,7 +18,7 @@ const TAKE_OFF_S: f64 = 3.0;
 /// Hover after each, s.
 const HOVER_S: f64 = 0.5;
 /// Speed of landing, m/s, and its shortest duration, s.
-const SINK_M_S: f64 = 0.3;
+pub(super) const SINK_M_S: f64 = 0.3;
 const MIN_LAND_S: f64 = 2.0;
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;

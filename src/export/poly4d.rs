@@ -12,15 +12,18 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::compressed::Compressed;
+use super::on_board::SINK_M_S;
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::plan::Plan;
 
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
+/// Depth below the floor at which a descent ends, which keeps the drone there, m.
+const BELOW_FLOOR_M: f64 = 0.1;
 /// Header of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -73,6 +76,44 @@ impl Poly4d {
     #[must_use]
     pub fn n_pieces(&self) -> usize {
         self.pieces.len()
+    }
+
+    /// The same with a hover at its end, while a script sends the landing, and a descent after it: a
+    /// drone that hears nothing more lands by itself. Two pieces more, so that no CSV has one row, of
+    /// which Crazyswarm2 makes no table (`numpy.loadtxt`, `uav_trajectory.py`).
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Infeasible`] where the drone's memory does not hold them.
+    pub(super) fn and_lands(mut self, hover_s: f64) -> Result<Self> {
+        let n = self.pieces.len() + 2;
+        if n > MAX_PIECES {
+            return Err(Error::Infeasible {
+                what: format!("{n} pieces with the landing, the drone's memory holds {MAX_PIECES}"),
+                hint:
+                    "share the word among more drones, or accept a larger distance from the design"
+                        .into(),
+            });
+        }
+        let last = self.pieces.last().expect("a piece");
+        let [end_m, ..] = last.at(last.duration_s);
+        let still = |axis: usize| {
+            let mut c = [0.0; 8];
+            c[0] = end_m[axis];
+            c
+        };
+        let hover = Polynomials { duration_s: hover_s, axes: [0, 1, 2].map(still) };
+        let (drop_m, mut descent) = (end_m.z + BELOW_FLOOR_M, hover);
+        descent.duration_s = drop_m / SINK_M_S;
+        // From rest to rest without jerk at its ends, as the firmware's own landing.
+        let shares = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0];
+        let mut power = 1.0;
+        for (coefficient, share) in descent.axes[2].iter_mut().zip(shares) {
+            *coefficient -= drop_m * share / power;
+            power *= descent.duration_s;
+        }
+        self.pieces.extend([hover, descent]);
+        Ok(self)
     }
 
     /// The bytes that the drone stores.
@@ -177,6 +218,29 @@ mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
+
+    #[test]
+    fn a_drone_that_hears_nothing_more_lands_by_itself() {
+        let plan = plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::even());
+        let one = Poly4d::fit(&plan.unwrap(), 0.005).unwrap();
+        let all = one.clone().and_lands(3.5).unwrap();
+        assert_eq!(all.n_pieces(), one.n_pieces() + 2);
+        let end_s: f64 = one.pieces.iter().map(|piece| piece.duration_s).sum();
+        let at = |after_s: f64| motion(&all.pieces, end_s + after_s);
+        let [end_m, ..] = motion(&one.pieces, end_s);
+        assert!((at(3.49)[0] - end_m).norm() < 1e-12, "it waits for the landing of the script");
+        let lasts_s = (end_m.z + 0.1) / 0.3;
+        let mut before_m = end_m.z;
+        for step in 0..=100 {
+            let [place_m, speed_m_s, _] = at(3.5 + lasts_s * f64::from(step) / 100.0);
+            assert!(place_m.z <= before_m + 1e-12 && (place_m.xy() - end_m.xy()).norm() < 1e-12);
+            assert!(speed_m_s.norm() < 0.7, "as fast as the firmware's own landing: {speed_m_s}");
+            before_m = place_m.z;
+        }
+        assert!((at(3.5 + lasts_s)[0].z + 0.1).abs() < 1e-9, "below the floor");
+        let full = Poly4d { pieces: vec![one.pieces[0]; MAX_PIECES - 1], ..one };
+        assert!(full.and_lands(3.0).is_err(), "the memory is full");
+    }
 
     #[test]
     fn noor_fits_at_five_millimeters_and_not_at_one() {

@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{Command, commands, rgb};
+use super::lights::{commands, screen_rgb};
 use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
 use super::zip::zip;
@@ -82,6 +82,9 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     }
     points.push(leg(ends_m[1], timeline.after[0].0, ends_m[1]));
     points.push(leg(ends_m[1], timeline.after[1].0, timeline.after[1].1));
+    let lights = commands(&job.flown[index], job.light)?;
+    let colors: Vec<(f64, [u8; 3])> =
+        lights.iter().map(|command| (command.time_s, screen_rgb(command, job.light))).collect();
     Ok(json!({
         "type": "generic",
         "settings": {
@@ -89,18 +92,20 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
             "home": place(home_m),
             "landAt": place(timeline.after[1].1),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
-            "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&commands(&job.flown[index], job.light)?)) },
+            "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&colors)) },
+            // Degrees clockwise from above, from the x axis of the show.
+            "yawControl": { "version": 1, "setpoints": [[0.0, -plan.yaw_rad.to_degrees()]] },
         },
     }))
 }
 
-/// The light program of a drone from the command to take off on.
-fn program(commands: &[Command]) -> Vec<u8> {
+/// The light program of a drone from the command to take off on: times in s, and colors from then on.
+fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
-    for command in commands {
+    for (time_s, color) in changes {
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
-        let step = (command.time_s * LIGHT_HZ).round() as u64;
-        colors.push((step, rgb(command)));
+        let step = (time_s * LIGHT_HZ).round() as u64;
+        colors.push((step, *color));
     }
     let mut bytes = Vec::new();
     for (index, &(from, color)) in colors.iter().enumerate() {
@@ -148,7 +153,6 @@ fn camera(camera: &Camera) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lamps::LightOptions;
 
     #[test]
     fn durations_of_lights_are_written_seven_bits_at_a_time() {
@@ -161,30 +165,12 @@ mod tests {
     }
 
     #[test]
-    fn skybrushs_own_player_shows_the_plans_colors() {
-        let setpoint = |time_s| crate::plan::Setpoint {
-            time_s,
-            position_m: Vector3::z(),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: Some(0),
-        };
-        let plan = Plan {
-            setpoints: [0.0, 3.0, 6.0, 9.0].map(setpoint).into(),
-            lights: [("color-led".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into(),
-            ..Plan::default()
-        };
-        let bytes = program(&commands(&plan, &LightOptions::default()).unwrap());
+    fn skybrushs_own_player_shows_the_colors() {
+        let bytes = program(&[(3.0, [255; 3]), (6.0, [128; 3]), (9.0, [0; 3])]);
         // skybrush.js, packages/show-format/src/lights.ts (17b0cb7), run by Node.js 20: it reads
         // all 15 bytes, and shows these colors.
         let played = [6, 150, 1, 7, 150, 1, 4, 128, 128, 128, 150, 1, 6, 1, 0];
         assert_eq!(bytes, played);
-        let colors = [(1.5, 0), (2.99, 0), (3.01, 255), (5.99, 255), (6.01, 128), (9.01, 0)];
-        let lights = commands(&plan, &LightOptions::default()).unwrap();
-        for (time_s, color) in colors {
-            let found = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
-            assert_eq!(found, [color; 3], "at {time_s} s");
-        }
     }
 
     #[test]

@@ -9,9 +9,9 @@
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::lights::{commands, rgb};
+use super::lights::{commands, screen_rgb};
 use super::{File, Job, stem};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::plan::Plan;
 
 /// Positions and color frames per second.
@@ -19,7 +19,16 @@ const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
 
 /// The show.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a plan with a turned nose, and as [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
+    if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
+        let wanted = "0 for VVIZ: no document says from where and which way its headings turn";
+        let hint = "export a show for Skybrush, which has headings, or plan with 0";
+        return Err(Error::input("plan.yaw_rad", plan.yaw_rad, wanted, hint));
+    }
     let drones = job.plans.iter().zip(job.flown).enumerate().map(|(index, (plan, flown))| {
         let home = plan.setpoints[0].position_m;
         Ok(json!({
@@ -58,7 +67,9 @@ fn steps(flown: &Plan) -> Vec<Value> {
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
     let color = |(time_s, _)| {
-        let [r, g, b] = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
+        // The nearest frame shows a change.
+        let now = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
+        let [r, g, b] = now.map_or([0; 3], |command| screen_rgb(command, job.light));
         json!({ "r": r, "g": g, "b": b })
     };
     Ok(rows(flown, COLOR_HZ).map(color).collect())

@@ -43,14 +43,16 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     // A word is fitted to its room; larger letters are not.
     for room in ["1.5x1.5x1", "2x2x2", "4x3x2.5", "5x2x2"] {
         let (code, word, _) = run(at, &["check", "HI", "--room", room]);
-        assert_eq!(code, 0, "{room}: {}", finding(&word, "volume"));
+        assert_eq!(finding(&word, "volume")["severity"], "fine", "{room}");
+        // What else may stop it is that no camera has a place in so shallow a room.
+        assert_eq!(code == 0, finding(&word, "camera")["severity"] != "stop", "{room}: {word}");
     }
     let higher = ["check", "HI", "--room", "2x2x2", "--set", "letters.cap_height_m=1.5"];
     let higher = [&higher[..], &["--set", "letters.baseline_m=0.5"]].concat();
     let (code, word, _) = run(at, &higher);
     let wide = [&higher[..], &["--set", "letters.canvas_m=[9, 9]"]].concat();
     let (wide_code, wide, _) = run(at, &wide);
-    assert_eq!((code, wide_code), (0, 1), "{word}, {wide}");
+    assert_eq!((code, wide_code), (1, 1), "a typed height is kept: {word}, {wide}");
 }
 
 /// How large the word is, and whether the Lighthouse's stations, which no scene places,
@@ -71,7 +73,8 @@ fn a_word_is_as_large_as_its_room_and_is_seen_there() {
         let fills = [(right - left) / largest_m[0], (top - bottom) / largest_m[1]];
         assert!((fills[0].max(fills[1]) - 1.0).abs() < 1e-9, "{word} in {room}: {fills:?}");
         assert!((left + right).abs() < 1e-9, "in the middle of the room");
-        assert_eq!((code, finding(&json, "coverage")["severity"].as_str()), (0, Some("fine")));
+        assert_eq!(finding(&json, "coverage")["severity"], "fine");
+        assert_eq!(code == 0, finding(&json, "camera")["severity"] != "stop", "{room}");
         let sides: Vec<f64> = room.split('x').map(|side| side.parse().unwrap()).collect();
         for (axis, side) in sides[..2].iter().enumerate() {
             let at = placement["stations_m"][1][axis].as_f64().unwrap();
@@ -194,7 +197,9 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
         serde_json::from_slice(&std::fs::read(at.join("noor.vviz")).unwrap()).unwrap();
     let colors = show["performances"][0]["payloadDescription"][0]["payloadActions"].as_array();
     let first = colors.unwrap().iter().position(|color| color["r"] != 0).unwrap();
-    assert!((first as f64 / 20.0 - changes[0]).abs() <= 0.051, "{first} of 20 Hz, {changes:?}");
+    // A viewer has no controller that trails: its lights are those of its own places.
+    let ahead_s = changes[0] - first as f64 / 20.0;
+    assert!((0.15..0.9).contains(&ahead_s), "{first} of 20 Hz, {changes:?}");
 }
 
 #[test]

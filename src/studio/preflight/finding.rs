@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::export::Memory;
+use crate::export::safety::Battery;
 use crate::flight::Warning;
 use crate::plan::{Approach, StrokeEnd};
 use crate::scene::SceneAdvice;
@@ -21,6 +22,19 @@ pub enum Severity {
     Warning,
     /// It should not fly.
     Stop,
+}
+
+/// Something outside of its room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outside {
+    /// What it is.
+    pub what: String,
+    /// Where it stands, m.
+    pub place_m: [f64; 3],
+    /// Distance from the room where it is farthest outside, m.
+    pub by_m: f64,
+    /// How bad that is: a camera may look in through a door.
+    pub severity: Severity,
 }
 
 /// The largest of some values, and its limit, both in the unit of the finding.
@@ -112,8 +126,32 @@ pub enum Finding {
     Tilt(Peak),
     /// Time with a motor at its limit, s.
     Motors(Peak),
-    /// Why the battery does not last; `None`: it does.
-    Battery(Option<Warning>),
+    /// What the flight takes of the battery, where its voltages are known; why it does not last; and
+    /// the voltage under load that the firmware calls low, V.
+    Battery {
+        /// Voltages at rest and under load.
+        taken: Option<Battery>,
+        /// What the flight itself warned of.
+        warning: Option<Warning>,
+        /// The firmware's limit, V.
+        low_v: f64,
+    },
+    /// Of a room: what stands outside of it.
+    Frame {
+        /// Each with its name, its place and how far outside it is, m.
+        outside: Vec<Outside>,
+        /// How many were looked at.
+        n: usize,
+    },
+    /// Of a room: whether a camera square in front of the word has a place in it.
+    CameraPlace {
+        /// Distance from which the scene's camera shows the whole word, m.
+        least_m: f64,
+        /// Greatest distance that the room leaves, m.
+        most_m: f64,
+        /// The first camera of the shot plan that has a place.
+        other: Option<String>,
+    },
     /// Light error at a stroke's end where it is largest, and its limit, m.
     LitTransit(StrokeEnd, f64),
     /// Longest light on one spot, in seconds of full light.

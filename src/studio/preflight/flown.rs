@@ -1,11 +1,13 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::{Finding, Peak, Profile};
+use crate::export::safety::Battery;
 use crate::flight::tracking::{Part, track};
 use crate::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
 use crate::plan::StrokeEnd;
 use crate::shoot::CHECK_LIGHT;
 use crate::statistics::weighted_quantile;
+use crate::vehicle::BatteryOptions;
 
 /// A simulated flight of a plan.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +31,10 @@ pub(super) struct Flown<'a> {
     pub(super) is_drawing: bool,
     /// Largest motor command.
     pub(super) motor_max: f64,
-    /// Whether the simulated drone has a battery that sags.
-    pub(super) battery_modeled: bool,
+    /// The simulated drone's battery; no capacity: one that does not sag.
+    pub(super) battery: &'a BatteryOptions,
+    /// Voltage under load that its firmware calls low, V.
+    pub(super) low_battery_v: f64,
 }
 
 /// Ratio to the median dose from which light dwells on a spot: two stops.
@@ -114,14 +118,15 @@ fn motors(flown: &Flown<'_>) -> Finding {
 }
 
 fn battery(flown: &Flown<'_>) -> Finding {
-    if !flown.battery_modeled {
+    if flown.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
         let advice = "name a preset with one, such as `{preset=cf21}`";
         return Finding::unchecked("battery", why, "a drone with a battery", advice);
     }
     let mut warnings = flown.flight.warnings.iter();
     let is_battery = |it: &&Warning| matches!(it, Warning::BatteryWeak(_) | Warning::BatteryEmpty);
-    Finding::Battery(warnings.find(is_battery).cloned())
+    let (warning, low_v) = (warnings.find(is_battery).cloned(), flown.low_battery_v);
+    Finding::Battery { taken: Battery::of(flown.battery, flown.flight, low_v), warning, low_v }
 }
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
@@ -185,6 +190,7 @@ mod tests {
     use super::super::Severity;
     use super::*;
     use crate::plan::PlanOptions;
+    use crate::sim::SimOptions;
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {
@@ -203,6 +209,7 @@ mod tests {
     }
 
     fn flown(flight: &Flight) -> Flown<'_> {
+        static CF21: std::sync::OnceLock<BatteryOptions> = std::sync::OnceLock::new();
         Flown {
             flight,
             ends: &[],
@@ -212,7 +219,8 @@ mod tests {
             cap_height_m: Some(0.5),
             is_drawing: false,
             motor_max: 1.0,
-            battery_modeled: true,
+            battery: CF21.get_or_init(|| SimOptions::cf21().battery),
+            low_battery_v: 3.2,
         }
     }
 
@@ -239,7 +247,8 @@ mod tests {
     #[test]
     fn a_check_without_an_input_is_none() {
         let nothing = Flight::default();
-        let nothing = Flown { cap_height_m: None, battery_modeled: false, ..flown(&nothing) };
+        let none = BatteryOptions::default();
+        let nothing = Flown { cap_height_m: None, battery: &none, ..flown(&nothing) };
         let rows = check_flown(&nothing, &Profile::indoor());
         let rows = rows.map(|finding| finding.row(&PlanOptions::default()));
         for check in ["altitude hold", "battery", "lit transit", "lit dwell", "evenness"] {

@@ -26,6 +26,7 @@ use crate::sensors::coverage;
 use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
 use crate::vehicle::Downwash;
 
+mod checks;
 mod finding;
 mod flown;
 mod letters;
@@ -35,12 +36,14 @@ mod profile;
 mod row;
 mod written;
 
+pub use checks::{checks, platform};
 use finding::largest;
-pub use finding::{Finding, Peak, Severity};
+pub use finding::{Finding, Outside, Peak, Severity};
 pub(crate) use flown::MAX_SATURATED_S;
 use flown::{Flown, check_flown};
 use letters::check_letters;
 pub use placement::{CameraPlace, ShotPlan, frame_within, place};
+use placement::{camera_place, outside_of};
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row};
@@ -111,8 +114,30 @@ pub fn of_flights(
         found.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, Some(drone), found));
     }
-    findings.extend(numbered(shoot, None, check_picture(shoot, picture)));
+    let stands = room_of(shoot, profile)?;
+    let nowhere = stands.iter().any(|it| it.row(&shoot.scene.plan).severity != Severity::Fine);
+    let picture = check_picture(shoot, picture);
+    // No picture is taken from a place outside of the room.
+    let shown = |finding: &Finding| !(nowhere && matches!(finding, Finding::Picture(None)));
+    findings.extend(numbered(shoot, None, picture.into_iter().filter(shown)));
+    findings.extend(numbered(shoot, None, stands));
     Ok(findings)
+}
+
+/// Of a room: what stands outside of it, and whether the camera has a place.
+fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Finding>> {
+    let Some(room_m) = profile.room_m else {
+        let why = "no room is named";
+        let wanted = "the room's size, its middle at x = y = 0";
+        return Ok(vec![Finding::unchecked(
+            "frame",
+            why,
+            wanted,
+            "name the room: {expose.room_m}",
+        )]);
+    };
+    let camera = camera_place(shoot, room_m)?;
+    Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
 }
 
 /// What speaks against a real flight, of flights that were flown already: the checks that can
@@ -123,6 +148,7 @@ pub fn of_flights(
 /// As [`preflight`].
 pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<Vec<Checked>> {
     let mut findings = check_design(shoot, profile);
+    findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
     for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
         let mut found = check_flight(shoot, drone, flight, None, profile)?.to_vec();
         found.push(check_coverage(&planned.plan, &shoot.scene)?);
@@ -187,7 +213,9 @@ fn check_flight(
         cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
         is_drawing: shoot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_none()),
         motor_max: scene.vehicle.motor_max,
-        battery_modeled: scene.battery.capacity_ah > 0.0,
+        battery: &scene.battery,
+        low_battery_v: platform(scene)
+            .map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v()),
     };
     Ok(check_flown(&flown, profile))
 }

@@ -8,15 +8,16 @@
 
 use serde::Serialize;
 
-use super::{Profile, cap_height_m};
+use super::{Finding, Outside, Profile, Severity, cap_height_m};
 use crate::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
 use crate::error::Result;
+use crate::export::safety::FRAME_M;
 use crate::light::LightTrace;
 use crate::scene::Scene;
 use crate::sensors::Positioning;
-use crate::shoot::{Metered, Shoot, recommended};
+use crate::shoot::{Metered, Planned, Shoot, recommended};
 
 /// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
 /// release. Less would show more of the word from a small room.
@@ -137,28 +138,88 @@ pub fn place(
     let own = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
     let mut cameras = vec![place(own, scene.camera.clone())?];
     for (name, body, lens) in owned() {
-        let metering = Metering::Trail(TrailMetering::default());
-        let (framing, f_number) = (Framing::Word(WordFraming::default()), 8.0);
-        let camera = scene.camera.clone();
-        let options = CameraOptions { body, lens, metering, framing, f_number, ..camera };
-        cameras.push(place(name.to_owned(), options)?);
+        cameras.push(place(name.to_owned(), usual(scene, body, lens))?);
     }
-    let first = |planned: &crate::shoot::Planned| {
-        planned.plan.setpoints.first().map(|first| [first.position_m.x, first.position_m.y])
-    };
     Ok(Some(ShotPlan {
         room_m,
         word_m,
-        take_off_m: shoot.plans.iter().filter_map(first).collect(),
-        stations_m: match scene.sensors.positioning {
-            Positioning::UwbTwr | Positioning::UwbTdoa => scene.sensors.uwb.anchors_m.clone(),
-            Positioning::Gnss => Vec::new(),
-            _ => scene.sensors.lighthouse.stations.iter().map(|it| it.position_m).collect(),
-        },
+        take_off_m: take_off_m(shoot).collect(),
+        stations_m: stations(scene).1,
         audience_from_m,
         audience_y_m,
         cameras,
     }))
+}
+
+/// What the scene's positioning hangs in the room: its name, and where.
+fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
+    let stations = &scene.sensors.lighthouse.stations;
+    match scene.sensors.positioning {
+        Positioning::UwbTwr | Positioning::UwbTdoa => {
+            ("anchor", scene.sensors.uwb.anchors_m.clone())
+        }
+        Positioning::Gnss => ("", Vec::new()),
+        _ => ("station", stations.iter().map(|station| station.position_m).collect()),
+    }
+}
+
+/// Where each drone takes off.
+fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
+    let first = |planned: &Planned| {
+        planned.plan.setpoints.first().map(|first| [first.position_m.x, first.position_m.y])
+    };
+    shoot.plans.iter().filter_map(first)
+}
+
+/// What stands outside of a room: the origin or the room is wrong then, and so is where the drone
+/// flies.
+pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Finding {
+    let [width_m, depth_m, height_m] = room_m;
+    let (name, stations_m) = stations(&shoot.scene);
+    let numbered = |(index, place_m): (usize, [f64; 3])| (format!("{name} {}", index + 1), place_m);
+    let mut places: Vec<(String, [f64; 3])> =
+        stations_m.into_iter().enumerate().map(numbered).collect();
+    places.extend(take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0])));
+    let n_fixed = places.len();
+    if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
+        places.push(("camera".to_owned(), pose.position_m));
+    }
+    let n = places.len();
+    let outside = |(index, (what, place_m)): (usize, (String, [f64; 3]))| {
+        let [x, y, z] = place_m;
+        let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
+        let by_m = sides.into_iter().fold(0.0, f64::max);
+        let severity = if index < n_fixed { Severity::Stop } else { Severity::Warning };
+        (by_m > FRAME_M).then_some(Outside { what, place_m, by_m, severity })
+    };
+    Finding::Frame { outside: places.into_iter().enumerate().filter_map(outside).collect(), n }
+}
+
+/// Whether the scene's camera has a place square in front of the word, or which usual one has;
+/// `None` for one whose place is said, and without a word.
+pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Finding>> {
+    let scene = &shoot.scene;
+    let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
+        return Ok(None);
+    };
+    let word_m = strokes.bounds_m();
+    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+    let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+    let mut other = None;
+    for (name, body, lens) in owned() {
+        if framed(usual(scene, body, lens), word_m, room_m)?.1 <= most_m {
+            other = Some(name.to_owned());
+            break;
+        }
+    }
+    Ok(Some(Finding::CameraPlace { least_m, most_m, other }))
+}
+
+/// A camera that people own in the place of the scene's.
+fn usual(scene: &Scene, body: BodyModel, lens: LensModel) -> CameraOptions {
+    let metering = Metering::Trail(TrailMetering::default());
+    let (framing, f_number) = (Framing::Word(WordFraming::default()), 8.0);
+    CameraOptions { body, lens, metering, framing, f_number, ..scene.camera.clone() }
 }
 
 /// A camera square in front of the word, moved nearer where it would stand behind the wall of the

@@ -2,13 +2,15 @@
 
 use serde::Serialize;
 
+use super::finding::Outside;
 use super::flown::MAX_SATURATED_S;
 use super::letters::SHORT_M;
 use super::{Finding, Peak, Severity};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::export::Memory;
 use crate::export::poly4d::MAX_PIECES;
-use crate::flight::DroneIndex;
+use crate::export::safety::{Battery, FRAME_M, LOW_BATTERY_S};
+use crate::flight::{DroneIndex, Warning};
 use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style};
 use crate::scene::{Change, SceneAdvice};
 
@@ -314,13 +316,28 @@ impl Finding {
                      weight",
                 )
             }
-            Self::Battery(warning) => {
-                let row = Row::of("battery", stop_if(warning.is_some()), None);
-                let detail = warning.as_ref().map(ToString::to_string);
-                Row { detail: detail.clone().unwrap_or_default(), ..row }.say(
-                    detail.unwrap_or("lasts".into()),
-                    "a battery that lasts",
-                    "write fewer letters, or share them ({plan.drones=2})",
+            Self::Battery { taken, warning, low_v } => of_battery(taken, warning, *low_v),
+            Self::Frame { outside, n } => of_frame(outside, *n),
+            Self::CameraPlace { least_m, most_m, other } => {
+                let severity = match other {
+                    _ if least_m <= most_m => Severity::Fine,
+                    Some(_) => Severity::Warning,
+                    None => Severity::Stop,
+                };
+                let row = Row::of("camera", severity, *least_m);
+                let shows = match (severity, other) {
+                    (Severity::Fine, _) => "has a place in the room".to_owned(),
+                    (_, Some(other)) => format!("has no place in the room; {other} has"),
+                    (_, None) => "has no place in the room, and no usual one has".to_owned(),
+                };
+                Row { limit: *most_m, ..row }.say(
+                    format!(
+                        "{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"
+                    ),
+                    format!("a camera that shows the whole word from within {most_m:.1} m"),
+                    "write smaller letters ({letters.cap_height_m}), take a wider lens \
+                     ({camera.lens}), type the room's true depth ({expose.room_m}), or say where the \
+                     camera stands ({camera.framing}): in a door, for instance",
                 )
             }
             Self::LitTransit(end, most_m) => lit_transit(end, *most_m, plan.light_clock),
@@ -388,6 +405,59 @@ impl Finding {
             }
         }
     }
+}
+
+/// What the flight takes of the battery: the one rule of the check and of exported scripts.
+fn of_battery(taken: &Option<Battery>, warning: &Option<Warning>, low_v: f64) -> Row {
+    let bad = warning.is_some() || taken.as_ref().is_some_and(|taken| !taken.lasts());
+    let row = Row::of("battery", stop_if(bad), taken.as_ref().map(|taken| taken.rest_v));
+    let least_v = taken.as_ref().and_then(|taken| taken.least_rest_v);
+    let volts = taken.as_ref().map_or("lasts".to_owned(), |taken| {
+        let Battery { rest_v, sag_v, .. } = taken;
+        let lowest_v = rest_v - sag_v;
+        let verdict = if taken.lasts() { "lasts" } else { "does not last" };
+        format!("{verdict}: {rest_v:.2} V at rest, {lowest_v:.2} V at the hardest moment")
+    });
+    let detail = warning.as_ref().map(ToString::to_string).unwrap_or_default();
+    let found = match detail.as_str() {
+        "" => volts,
+        warned => format!("{warned} ({volts})"),
+    };
+    let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
+    let wanted = match (taken, least_v) {
+        (Some(_), Some(least_v)) => format!("{least_v:.2} V at rest or more: {never}"),
+        (Some(_), None) => format!("{never}; no full battery does that"),
+        (None, _) => never,
+    };
+    Row { limit: least_v.unwrap_or(0.0), detail, ..row }.say(
+        found,
+        wanted,
+        "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
+    )
+}
+
+/// What stands outside of the room.
+fn of_frame(outside: &[Outside], n: usize) -> Row {
+    let farthest = outside.iter().max_by(|a, b| a.by_m.total_cmp(&b.by_m));
+    let severity = outside.iter().map(|it| it.severity).max().unwrap_or_default();
+    let row = Row::of("frame", severity, farthest.map_or(0.0, |it| it.by_m));
+    let place = |it: &Outside| {
+        let [x, y, z] = it.place_m;
+        format!("{} at ({x:.2}, {y:.2}, {z:.2}), {:.2} m outside", it.what, it.by_m)
+    };
+    let places: Vec<String> = outside.iter().map(place).collect();
+    let detail = outside.iter().map(|it| it.what.as_str()).collect::<Vec<_>>().join(", ");
+    let found = match places.as_slice() {
+        [] => format!("all {n} places of stations, anchors, drones and camera are in the room"),
+        places => places.join("; "),
+    };
+    Row { limit: FRAME_M, position_m: farthest.map(|it| it.place_m), detail, ..row }.say(
+        found,
+        "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
+        "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
+         or type the room's true size ({expose.room_m}); the stations are \
+         {sensors.lighthouse.stations}, the anchors {sensors.uwb.anchors_m}",
+    )
 }
 
 /// Letters with lengths of something, and the longest that is no fault.

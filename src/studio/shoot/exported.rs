@@ -1,9 +1,10 @@
 //! Exported flights: what drones fly of a trajectory that was exported, in the place of its design.
 
-use super::planned::aim;
+use super::planned::{aim, in_colors};
 use super::{Planned, Shoot, rehearse};
 use crate::error::Result;
 use crate::export::{Form, Length, flown};
+use crate::light::LightOptions;
 use crate::plan::{LightClock, Plan};
 
 impl Shoot {
@@ -24,6 +25,17 @@ impl Shoot {
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
     }
 
+    /// The plans as a show has them: the same trajectories, whose light begins and ends where the
+    /// strokes of the file do. No lamp and no controller stands between the two in a viewer.
+    ///
+    /// # Errors
+    ///
+    /// As [`flown`].
+    pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
+        let plans = flown(&self.designs(), Form::Compressed, tolerance_m, Length::Any)?;
+        Ok(plans.into_iter().map(|plan| as_lit(plan, &self.scene.light)).collect())
+    }
+
     /// The plans that are exported.
     #[must_use]
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
@@ -32,6 +44,32 @@ impl Shoot {
             false => self.designs.as_slice().into(),
         }
     }
+}
+
+/// A plan whose lamps follow the light of its design.
+fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
+    let (lit, commanded) = (plan.lit(), plan.commanded());
+    let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
+    for (channel, levels) in &mut plan.lights {
+        if lamps.contains(channel) {
+            levels.clone_from(&lit);
+            continue;
+        }
+        // A color where no light was commanded is that of the nearest command within the stroke.
+        let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
+        let mut end = 0;
+        for stretch in stretches {
+            let rows = end..end + stretch.len();
+            end = rows.end;
+            let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
+            for row in rows {
+                let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
+                levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+            }
+        }
+    }
+    plan.lit.clear();
+    in_colors(plan, light)
 }
 
 #[cfg(test)]

@@ -68,7 +68,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
 }
 
 /// Adds the channels of the colors of a lamp that writes letters in different colors.
-fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
     }

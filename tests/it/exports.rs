@@ -1,0 +1,403 @@
+//! Claims about exports and about the room, the battery and the camera that they are checked against:
+//! what `check` judges is what flies, with the same steps in every export, or is refused.
+
+use std::path::Path;
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use serde_json::{Value, json};
+
+use crate::cli::{json as parsed, names_in, noctograph};
+
+/// Exit code, output as JSON and what was said besides.
+fn run(folder: &Path, arguments: &[&str]) -> (i32, Value, String) {
+    let output = noctograph(folder).args(arguments).arg("--json").output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    let code = output.status.code().unwrap();
+    let report = if output.stdout.is_empty() { Value::Null } else { parsed(&output.stdout) };
+    (code, report, said)
+}
+
+fn finding<'a>(report: &'a Value, check: &str) -> &'a Value {
+    let findings = report["findings"].as_array().unwrap();
+    findings.iter().find(|finding| finding["check"] == check).unwrap_or(&Value::Null)
+}
+
+/// The data of an exported script.
+fn data(path: &Path) -> Value {
+    let text = std::fs::read_to_string(path).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
+    let data: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
+    serde_json::from_str(&data).unwrap()
+}
+
+/// A scene with stations or anchors, as settings.
+fn station([x, y, z]: [f64; 3]) -> String {
+    format!("{{generation=\"v2\",position_m=[{x},{y},{z}],yaw_rad=0.8,pitch_rad=0.5,roll_rad=0.0}}")
+}
+
+#[test]
+fn stations_and_anchors_outside_the_room_stop_the_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let room = ["check", "I", "--room", "4x6x2.5", "--set"];
+    let stations = |places: [[f64; 3]; 2]| {
+        format!("sensors.lighthouse.stations=[{}]", places.map(station).join(", "))
+    };
+    for (places, outside) in [
+        ([[-1.9, -2.9, 2.4], [1.9, 2.9, 2.4]], 0),
+        ([[-2.1, -2.9, 2.4], [1.9, 2.9, 2.6]], 0),
+        ([[-2.7, -2.4, 3.1], [1.9, 2.2, 2.4]], 1),
+        ([[0.0, 0.0, 2.4], [4.0, 5.9, 2.4]], 1),
+        ([[-2.7, -2.4, 3.1], [2.9, 2.2, 3.1]], 2),
+        ([[-1.9, -2.9, -0.4], [1.9, 2.9, 2.4]], 1),
+    ] {
+        let (code, report, _) = run(at, &[&room[..], &[&stations(places)]].concat());
+        let frame = finding(&report, "frame");
+        let named = frame["detail"].as_str().map_or(0, |names| names.split(", ").count());
+        assert_eq!(named, outside, "{places:?}: {frame}");
+        let severity = if outside > 0 { "stop" } else { "fine" };
+        assert_eq!(frame["severity"], severity, "{places:?}: {frame}");
+        assert!(outside == 0 || code == 1);
+    }
+    // The file of cfclient, in the whole way to an export.
+    let yaml = "geos:\n  0:\n    origin: [-2.7, -2.4, 3.1]\n    rotation: [[0.6265, -0.6644, 0.4076], \
+                [0.5569, 0.7474, 0.3623], [-0.5453, 0.0, 0.8382]]\n  1:\n    origin: [2.9, 2.2, 3.1]\n    \
+                rotation: [[-0.6693, 0.6044, -0.4321], [-0.5078, -0.7967, -0.3278], [-0.5424, 0.0, \
+                0.8401]]\nsystemType: 2\ntype: lighthouse_system_configuration\nversion: '1'\n";
+    std::fs::write(at.join("stations.yaml"), yaml).unwrap();
+    let of_file = ["NOOR", "--room", "4x6x2.5", "--lighthouse", "stations.yaml"];
+    let (code, report, _) = run(at, &[&["export"], &of_file[..], &["--to", "cflib"]].concat());
+    assert_eq!((code, report["files"].clone()), (1, json!([])));
+    assert!(report["stops"].as_str().unwrap().contains("station 1"), "{report}");
+
+    let uwb = ["check", "I", "--room", "4x6x2.5", "--set", "sensors.positioning=uwb-twr"];
+    let (code, report, _) = run(at, &uwb);
+    let frame = finding(&report, "frame");
+    assert_eq!((code, frame["detail"].as_str().unwrap().split(", ").count()), (1, 8), "{frame}");
+}
+
+#[test]
+fn a_take_off_mark_and_a_camera_share_the_rooms_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (_, report, _) = run(at, &["check", "I", "--room", "4x6x2.5", "--camera-at", "0,-4,1"]);
+    let frame = finding(&report, "frame");
+    assert_eq!((&frame["severity"], &frame["detail"]), (&json!("warning"), &json!("camera")));
+    assert!((frame["value"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{frame}");
+    noctograph(at)
+        .args(["plan", "I", "--set", "letters.align=left", "-o", "plan.csv"])
+        .assert()
+        .success();
+    let plan = std::fs::read_to_string(at.join("plan.csv")).unwrap();
+    let mut lines = plan.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = head.iter().position(|name| *name == "x_m").unwrap();
+    let moved = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[column] = (cells[column].parse::<f64>().unwrap() + 3.0).to_string();
+        cells.join(",")
+    };
+    let moved: Vec<String> = std::iter::once(head.join(",")).chain(lines.map(moved)).collect();
+    std::fs::write(at.join("moved.csv"), moved.join("\n") + "\n").unwrap();
+    let (code, report, _) = run(at, &["check", "moved.csv", "--room", "4x6x2.5"]);
+    assert_eq!((code, &finding(&report, "frame")["detail"]), (1, &json!("take-off mark")));
+    let (_, report, _) = run(at, &["check", "I"]);
+    assert_eq!(finding(&report, "frame")["severity"], "unknown", "no room is named");
+}
+
+#[test]
+fn a_room_too_shallow_for_every_camera_is_stopped_and_no_picture_is_promised() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (word, room, severity) in [
+        ("NOOR", "2x2x2", "stop"),
+        ("NOOR", "4x3x2.5", "stop"),
+        // Not the scene's lens of 35 mm, but others.
+        ("NOOR", "4x6x2.5", "warning"),
+        ("NOOR", "6x12x3", "fine"),
+    ] {
+        let (code, report, _) = run(at, &["check", word, "--room", room]);
+        let camera = finding(&report, "camera");
+        assert_eq!(camera["severity"], severity, "{room}: {camera}");
+        assert_eq!(code, i32::from(severity == "stop"), "{room}: {report}");
+        assert_eq!(finding(&report, "picture").is_null(), severity != "fine", "{room}");
+        let cameras = report["placement"]["cameras"].as_array().unwrap();
+        let n = cameras.iter().filter(|camera| !camera["tripod_m"].is_null()).count();
+        assert_eq!(n == 0, severity == "stop", "{room}: {n} cameras have a place");
+    }
+    // Whoever says where the camera stands is believed.
+    let door = ["check", "NOOR", "--room", "4x3x2.5", "--camera-at", "0,-3,1"];
+    let (code, report, _) = run(at, &door);
+    assert_eq!((code, finding(&report, "camera")), (0, &Value::Null), "{report}");
+}
+
+#[test]
+fn a_typed_height_is_kept_or_it_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let high = ["check", "HI", "--set", "letters.cap_height_m=1.5"];
+    let (code, report, _) = run(at, &[&high[..], &["--room", "3x3x2.2"]].concat());
+    let word_m = report["placement"]["word_m"].as_array().unwrap();
+    let height_m = word_m[3].as_f64().unwrap() - word_m[1].as_f64().unwrap();
+    assert!(height_m > 1.45, "as high as typed: {height_m}");
+    assert_eq!((code, &finding(&report, "volume")["severity"]), (1, &json!("stop")));
+    let (_, _, said) = run(at, &high);
+    assert!(said.contains("do not fit letters.canvas_m") && said.contains("1.30 m"), "{said}");
+    let (_, _, said) = run(at, &["check", "HI", "--set", "letters.cap_height_m=0.4"]);
+    assert!(!said.contains("do not fit"), "{said}");
+}
+
+#[test]
+fn one_rule_says_whether_the_battery_lasts() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let charged = |frac: &str| {
+        let charge = format!("battery.charge_frac={frac}");
+        let (code, report, _) = run(at, &["check", "NOOR", "--set", &charge]);
+        (code, finding(&report, "battery").clone())
+    };
+    let (full_code, full) = charged("1");
+    let (low_code, low) = charged("0.2");
+    assert_eq!((full_code, low_code), (0, 1), "{full}, {low}");
+    let least_v = low["limit"].as_f64().unwrap();
+    assert!((full["limit"].as_f64().unwrap() - least_v).abs() < 0.01, "{full}, {low}");
+    assert!(low["value"].as_f64().unwrap() < least_v && least_v < full["value"].as_f64().unwrap());
+    assert!(low["found"].as_str().unwrap().contains("3.02 V at the hardest moment"), "{low}");
+    // The exported script asks for the same voltage: for its own flight, of the trajectory.
+    let to = ["export", "NOOR", "--to", "crazyswarm2", "-o", "swarm"];
+    let (code, ..) = run(at, &to);
+    assert_eq!(code, 0);
+    let wanted_v = data(&at.join("swarm/fly_NOOR.py"))["drones"][0]["least_rest_v"].clone();
+    let wanted_v = wanted_v.as_f64().unwrap();
+    assert!(
+        (wanted_v - least_v).abs() < 0.05,
+        "{wanted_v} V in the script, {least_v} V in the check"
+    );
+    let (code, report, _) = run(at, &[&to[..], &["--set", "battery.charge_frac=0.2"]].concat());
+    assert_eq!(code, 1);
+    assert!(report["stops"].as_str().unwrap().contains("battery"), "{report}");
+}
+
+#[test]
+fn crazyswarm2_flies_the_scenes_controller_or_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let lee = ["controller.kind=geometric", "plan.style.acceleration_m_s2=0.5"];
+    let lee = ["--set", lee[0], "--set", lee[1]];
+    let mut lights_s = Vec::new();
+    for (more, number, gain) in [(&[][..], 1, "posCtlPid.zKp"), (&lee[..], 5, "ctrlLee.mass")] {
+        let to = ["export", "NOOR", "--to", "crazyswarm2", "-o", "swarm"];
+        let (code, ..) = run(at, &[&to[..], more].concat());
+        assert_eq!(code, 0);
+        let yaml = std::fs::read_to_string(at.join("swarm/crazyflies.yaml")).unwrap();
+        assert!(yaml.contains(&format!("      controller: {number}\n")), "{yaml}");
+        let drone = &data(&at.join("swarm/fly_NOOR.py"))["drones"][0];
+        let parameters = drone["parameters"].as_array().unwrap();
+        assert_eq!(parameters[0], json!(["stabilizer.controller", number]));
+        assert!(parameters.iter().any(|parameter| parameter[0] == gain), "{parameters:?}");
+        let lit = &drone["lights"][0];
+        lights_s.push(lit[0].as_f64().unwrap() - drone["start_s"].as_f64().unwrap());
+        std::fs::remove_dir_all(at.join("swarm")).unwrap();
+    }
+    // Lamps wait for the PID controller, which trails.
+    assert!((0.15..0.9).contains(&(lights_s[0] - lights_s[1])), "{lights_s:?}");
+    for (own, wanted) in [
+        (&["--set", "controller.kind=lqr"][..], "pid or geometric"),
+        (&["--set", "plan.trajectory_clock=0.988"], "1 for Crazyswarm2"),
+    ] {
+        let to = ["export", "NOOR", "--to", "crazyswarm2", "--unchecked", "--tolerance", "30"];
+        let (code, _, said) = run(at, &[&to[..], own].concat());
+        assert_eq!(code, 2, "{said}");
+        assert!(said.contains(wanted), "{said}");
+        assert!(names_in(at).is_empty(), "nothing is written");
+    }
+}
+
+#[test]
+fn every_name_that_crazyswarm2_is_told_is_the_firmwares() {
+    let names = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware-names.txt");
+    let names = std::fs::read_to_string(names).unwrap();
+    let knows = |kind: &str, name: &str| names.lines().any(|line| line == format!("{kind} {name}"));
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let lee = ["--set", "controller.kind=geometric", "--set", "plan.style.acceleration_m_s2=0.5"];
+    let ring = ["--set", "plan.lights=[\"ring\"]", "--set", "light.ring=solid"];
+    let mut n = 0;
+    for (index, more) in [&[][..], &lee, &ring, &["--color", "red"]].into_iter().enumerate() {
+        let out = format!("swarm{index}");
+        let to = ["export", "I", "--to", "crazyswarm2", "-o", &out];
+        assert_eq!(run(at, &[&to[..], more].concat()).0, 0, "{more:?}");
+        let drone = &data(&at.join(&out).join("fly_I.py"))["drones"][0];
+        let named = |part: &str, column: usize| -> Vec<String> {
+            let rows = drone[part].as_array().unwrap().iter();
+            rows.map(|row| row[column].as_str().unwrap().to_owned()).collect()
+        };
+        let all =
+            [named("before", 0), named("parameters", 0), named("lights", 1), named("dark", 0)];
+        for name in all.concat().iter().map(String::as_str).chain(["led.bitmask"]) {
+            assert!(knows("param", name), "{name}");
+            n += 1;
+        }
+        let yaml = std::fs::read_to_string(at.join(&out).join("crazyflies.yaml")).unwrap();
+        let logged = yaml.split("vars: [").nth(1).unwrap().split(']').next().unwrap();
+        for name in logged.split(", ").map(|name| name.trim_matches('"')) {
+            assert!(knows("log", name), "{name}");
+        }
+    }
+    assert!(
+        n > 100 && knows("param", "stabilizer.controller") && !knows("param", "no.name"),
+        "{n}"
+    );
+}
+
+/// A show as a viewer plays it.
+struct Show {
+    points: Vec<(f64, [f64; 3], Vec<[f64; 3]>)>,
+    /// Times, s, and colors from then on.
+    lights: Vec<(f64, [u8; 3])>,
+    yaw_deg: f64,
+}
+
+impl Show {
+    fn read(path: &Path) -> Self {
+        let bytes = std::fs::read(path).unwrap();
+        // Stored as it is: the text begins behind the first name.
+        let begin = bytes.windows(9).position(|window| window == b"show.json").unwrap() + 9;
+        let mut texts = serde_json::Deserializer::from_slice(&bytes[begin..]).into_iter::<Value>();
+        let show = texts.next().unwrap().unwrap();
+        let drone = &show["swarm"]["drones"][0]["settings"];
+        let place = |value: &Value| [0, 1, 2].map(|axis| value[axis].as_f64().unwrap());
+        let point = |point: &Value| {
+            let control = point[2].as_array().unwrap().iter().map(place).collect();
+            (point[0].as_f64().unwrap(), place(&point[1]), control)
+        };
+        let points = drone["trajectory"]["points"].as_array().unwrap().iter().map(point).collect();
+        let program = BASE64_STANDARD.decode(drone["lights"]["data"].as_str().unwrap()).unwrap();
+        let yaw_deg = drone["yawControl"]["setpoints"][0][1].as_f64().unwrap();
+        Self { points, lights: Self::play(&program), yaw_deg }
+    }
+
+    /// Commands of Skybrush's light player: 4 color, 6 black, 7 white, each with its duration in
+    /// steps of 20 ms; 0 ends.
+    fn play(program: &[u8]) -> Vec<(f64, [u8; 3])> {
+        let (mut at, mut steps, mut lights) = (0, 0_u64, Vec::new());
+        while program[at] != 0 {
+            let (color, bytes) = match program[at] {
+                4 => ([program[at + 1], program[at + 2], program[at + 3]], 3),
+                6 => ([0; 3], 0),
+                7 => ([255; 3], 0),
+                other => panic!("command {other}"),
+            };
+            lights.push((steps as f64 / 50.0, color));
+            at += 1 + bytes;
+            let mut shift = 0;
+            loop {
+                steps += u64::from(program[at] & 127) << shift;
+                (shift, at) = (shift + 7, at + 1);
+                if program[at - 1] < 128 {
+                    break;
+                }
+            }
+        }
+        lights
+    }
+
+    fn place(&self, time_s: f64) -> [f64; 3] {
+        let next = self.points.iter().position(|point| point.0 >= time_s).unwrap().max(1);
+        let ((from_s, from, _), (to_s, to, control)) = (&self.points[next - 1], &self.points[next]);
+        let share = (time_s - from_s) / (to_s - from_s);
+        let mut left: Vec<[f64; 3]> =
+            [*from].into_iter().chain(control.iter().copied()).chain([*to]).collect();
+        while left.len() > 1 {
+            let between = |pair: &[[f64; 3]]| {
+                [0, 1, 2].map(|k| pair[0][k] + share * (pair[1][k] - pair[0][k]))
+            };
+            left = left.windows(2).map(between).collect();
+        }
+        left[0]
+    }
+
+    /// Where the light goes on and off, x and z.
+    fn changes(&self) -> Vec<[f64; 2]> {
+        let dark = |color: [u8; 3]| color == [0; 3];
+        let edges = self.lights.windows(2).filter(|pair| dark(pair[0].1) != dark(pair[1].1));
+        edges.map(|pair| self.place(pair[1].0)).map(|[x, _, z]| [x, z]).collect()
+    }
+}
+
+#[test]
+fn a_skybrush_show_is_lit_on_the_strokes_of_the_same_file_in_a_color_that_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (code, report, _) =
+        run(at, &["export", "HI", "--color", "red", "--to", "skyc", "-o", "hi.skyc"]);
+    assert_eq!(code, 0, "{report}");
+    assert!(report["note"].as_str().unwrap().contains("viewers"), "what it is not for: {report}");
+    let show = Show::read(&at.join("hi.skyc"));
+    let lit: Vec<[u8; 3]> =
+        show.lights.iter().map(|(_, color)| *color).filter(|color| *color != [0; 3]).collect();
+    assert!(
+        lit.len() >= 4 && lit.iter().all(|[r, g, b]| *r == 255 && *g < 60 && *b < 60),
+        "{lit:?}"
+    );
+    // H's two stems and its bar, and I: each begins and ends where the letters have it.
+    noctograph(at).args(["plan", "HI", "-o", "plan.csv"]).assert().success();
+    let plan = std::fs::read_to_string(at.join("plan.csv")).unwrap();
+    let head: Vec<&str> = plan.lines().next().unwrap().split(',').collect();
+    let column = |name: &str| head.iter().position(|column| *column == name).unwrap();
+    let (x, z, lit) = (column("x_m"), column("z_m"), column("lit"));
+    let rows: Vec<[f64; 3]> = plan
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect::<Vec<_>>())
+        .map(|cells| [x, z, lit].map(|column| cells[column].parse().unwrap()))
+        .collect();
+    let wanted: Vec<[f64; 2]> = rows
+        .windows(2)
+        .filter(|pair| (pair[0][2] > 0.0) != (pair[1][2] > 0.0))
+        .map(|pair| [pair[1][0], pair[1][1]])
+        .collect();
+    let found = show.changes();
+    assert_eq!(found.len(), wanted.len(), "{found:?}, {wanted:?}");
+    for (found, wanted) in found.iter().zip(&wanted) {
+        // 10 ms at 0.2 m/s, and the distance of the trajectory from the design.
+        let off_m = (found[0] - wanted[0]).hypot(found[1] - wanted[1]);
+        assert!(off_m < 0.005, "{found:?} instead of {wanted:?}");
+    }
+    assert_eq!(show.yaw_deg, 0.0);
+    let turned = ["export", "HI", "--set", "plan.yaw_rad=-1.5", "--to"];
+    let (code, ..) = run(at, &[&turned[..], &["skyc", "-o", "turned.skyc"]].concat());
+    let yaw_deg = Show::read(&at.join("turned.skyc")).yaw_deg;
+    assert_eq!((code, yaw_deg), (0, 1.5_f64.to_degrees()), "clockwise from above");
+    let (code, _, said) = run(at, &[&turned[..], &["vviz", "-o", "turned.vviz"]].concat());
+    assert_eq!(code, 2);
+    assert!(said.contains("plan.yaw_rad"), "a heading that VVIZ would lose is refused: {said}");
+}
+
+#[test]
+fn every_format_takes_the_smallest_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for format in ["cflib", "compressed", "poly4d", "crazyswarm2", "skyc", "vviz"] {
+        let (code, report, said) = run(at, &["export", ".", "--to", format, "-o", format]);
+        assert_eq!(code, 0, "{format}: {report} {said}");
+    }
+    let csv = std::fs::read_to_string(at.join("crazyswarm2/drawing.csv")).unwrap();
+    assert!(csv.lines().count() > 2, "numpy.loadtxt makes no table of one row: {csv}");
+}
+
+#[test]
+fn the_page_on_flying_has_the_table_of_the_code() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/fly.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let table = noctograph::export::safety::table();
+    let begin = "| what is checked | by | limit | from |\n";
+    let (before, rest) = text.split_once(begin).expect("the page has the table");
+    let after = rest.split_once("\n## ").map_or(String::new(), |(_, after)| format!("## {after}"));
+    let wanted = format!("{before}{table}\n{after}");
+    if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
+        std::fs::write(&page, wanted).unwrap();
+        return;
+    }
+    assert!(text == wanted, "docs/fly.md is not the table of src/export/safety.rs; bless it");
+}
