@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
-use crate::preflight::{Finding, preflight};
+use crate::preflight::{Checked, Finding, checks, flown, of_flights, preflight};
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -57,7 +57,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
-    let stops = if args.to.flies() { checked(args, flies)? } else { None };
+    let profile = args.profile.profile(&args.subject);
+    let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
+    let checks = checks(flies, &flights, &profile);
+    let stops = match args.to.flies() {
+        true => warned(args, flies, &of_flights(flies, flights, &profile)?),
+        false => None,
+    };
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
         let json = json!({
             "word": word, "format": args.to.name(), "bytes": null, "drones": shoot.plans.len(),
@@ -90,6 +96,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         tolerance_m,
         mode: args.mode,
         trajectory_clock: shoot.scene.plan.trajectory_clock,
+        checks: &checks,
     };
     let files = export(args.to, &job)?;
     let paths = match files.as_slice() {
@@ -136,13 +143,12 @@ fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
-fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    let found = preflight(shoot, &args.profile.profile(&args.subject))?;
+fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for checked in &found {
+    for checked in found {
         match &checked.finding {
             Finding::Picture(Some(problem)) => warn([problem.sentence(mentioned)]),
             Finding::LedMemory { entries: Some(n), most } if plays && n > most => warn([format!(
@@ -152,7 +158,7 @@ fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
             _ => {}
         }
     }
-    Ok(findings::stops(&found))
+    findings::stops(found)
 }
 
 /// Warns of a controller that does not follow the motion of a trajectory.

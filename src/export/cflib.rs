@@ -226,8 +226,10 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 mod tests {
     use super::*;
     use crate::camera::CameraOptions;
+    use crate::export::safety::{Checks, Platform};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
+    use crate::sensors::Positioning;
     use crate::sim::SimOptions;
 
     #[test]
@@ -246,6 +248,14 @@ mod tests {
             tolerance_m: 0.002,
             mode: Mode::Position,
             trajectory_clock: 1.0,
+            checks: &Checks {
+                platform: Some(Platform::Crazyflie2),
+                positioning: Positioning::Sweeps,
+                volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+                room_m: None,
+                batteries: Vec::new(),
+                scene_sha256: String::new(),
+            },
         };
         let script = script(&job, 0, 0.0).unwrap();
         let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();

@@ -26,12 +26,14 @@ mod pieces;
 pub mod poly4d;
 #[cfg(test)]
 mod recorded;
+pub mod safety;
 mod skybrush;
 mod vviz;
 pub(crate) mod zip;
 
 pub use cflib::Mode;
 use on_board::take_off_s;
+use safety::Checks;
 pub use on_board::{Form, Length, flown};
 
 settings! {
@@ -80,6 +82,8 @@ pub struct Job<'a> {
     pub mode: Mode,
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
+    /// The facts behind the checks of the flights.
+    pub checks: &'a Checks,
 }
 
 impl Format {

@@ -26,6 +26,7 @@ use crate::sensors::coverage;
 use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
 use crate::vehicle::Downwash;
 
+mod checks;
 mod finding;
 mod flown;
 mod letters;
@@ -35,6 +36,7 @@ mod profile;
 mod row;
 mod written;
 
+pub use checks::{checks, platform};
 use finding::largest;
 pub use finding::{Finding, Peak, Severity};
 pub(crate) use flown::MAX_SATURATED_S;

@@ -1,0 +1,326 @@
+//! Safety: what is checked before and in a flight, by whom and at which limit. One table, from which
+//! `check`, the exported scripts and `docs/fly.md` take their numbers.
+//!
+//! Firmware: `crazyflie-firmware`, release 2026.08, unless another is named.
+
+use serde::Serialize;
+
+use crate::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use crate::flight::{BATTERY_V, Flight};
+use crate::sensors::Positioning;
+use crate::vehicle::BatteryOptions;
+
+/// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to the
+/// first letter is another than that which was checked.
+pub const START_RADIUS_M: f64 = 0.2;
+/// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside the
+/// ring by the turn's sine, and a nose along another axis is 90° off.
+pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
+/// Largest roll and pitch before take-off, rad: 5°. More is a drone on an edge or a cable.
+pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
+/// Largest distance of what the drone reads at a corner of the canvas from that corner, m.
+pub const CORNER_M: f64 = 0.02;
+/// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what the
+/// volume keeps from a room's walls.
+pub const FENCE_M: f64 = 0.1;
+/// Largest distance of the estimated position from what is sent, m. The PID cascade trails by 0.56 s,
+/// 0.45 m at 0.8 m/s.
+pub const STRAY_M: f64 = 0.8;
+/// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
+/// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
+pub const WRONG_S: f64 = 0.5;
+/// Time below its low voltage after which the firmware says that the battery is low, s
+/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off empties no
+/// battery.
+pub const LOW_BATTERY_S: f64 = 5.0;
+/// The newest release whose microsecond clock, which paces trajectories on board, runs at
+/// [`SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line 57 of 2026.08). Corrected by
+/// commit bb58cad, which no release has yet.
+pub const LAST_SLOW_RELEASE: &str = "2026.08";
+/// Seconds of that clock in a true second.
+pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
+/// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
+pub const OLDEST_CFLIB: &str = "0.1.27";
+/// Oldest release of the firmware that has all that the script reads (`supervisor.info`).
+pub const OLDEST_FIRMWARE: &str = "2023.11";
+
+/// A drone as its firmware names it, with the limits that the firmware has for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Platform {
+    /// Crazyflie 2.0, 2.1 and 2.1+, with or without the thrust upgrade kit.
+    Crazyflie2,
+    /// Crazyflie 2.1 Brushless.
+    Brushless,
+}
+
+impl Platform {
+    /// Names that its firmware may answer with (`platform_cf2.c`, `platform_cf21bl.c`).
+    #[must_use]
+    pub fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Crazyflie2 => &["Crazyflie 2.1", "Crazyflie 2.0"],
+            Self::Brushless => &["Crazyflie 2.1 Brushless"],
+        }
+    }
+
+    /// Voltage under load at which the battery is low, V (`DEFAULT_BAT_LOW_VOLTAGE` in
+    /// `platform_defaults_cf2.h` and `platform_defaults_cf21bl.h`).
+    #[must_use]
+    pub fn low_battery_v(self) -> f64 {
+        match self {
+            Self::Crazyflie2 => 3.2,
+            Self::Brushless => 3.35,
+        }
+    }
+
+    /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE`, of
+    /// both).
+    #[must_use]
+    pub fn critical_battery_v(self) -> f64 {
+        3.0
+    }
+}
+
+/// Largest variance of an estimated coordinate that has settled, m².
+///
+/// Lighthouse: 3 cm, the limit of Bitcraze's own examples (cflib, `autonomous_sequence.py`); the filter
+/// settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a second, and
+/// the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all around, and two
+/// to three times as much beside them: it would never settle within 3 cm.
+#[must_use]
+pub fn variance_m2(positioning: Positioning) -> f64 {
+    match positioning {
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
+        Positioning::UwbTwr | Positioning::UwbTdoa | Positioning::Gnss => 1e-2,
+    }
+}
+
+/// Whether a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a stretch.
+fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
+    let mut since_s = None;
+    for (time_s, voltage_v) in voltages {
+        if voltage_v >= low_v {
+            since_s = None;
+            continue;
+        }
+        if time_s - *since_s.get_or_insert(time_s) >= LOW_BATTERY_S {
+            return false;
+        }
+    }
+    true
+}
+
+/// Steps in which the least charge is looked for: a hundredth of a percent.
+const CHARGE_STEPS: u32 = 10_000;
+
+/// What a flight takes of its battery.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Battery {
+    /// Voltage at rest of the scene's battery as it is charged, V.
+    pub rest_v: f64,
+    /// Least voltage at rest with which the flight keeps the firmware's limit, V; `None`: a full battery
+    /// does not.
+    pub least_rest_v: Option<f64>,
+    /// Greatest drop below the voltage at rest during the flight, V.
+    pub sag_v: f64,
+}
+
+impl Battery {
+    /// The battery of a simulated flight; `None` where the scene's drone has none.
+    ///
+    /// The flight's voltages tell its currents, and these, from another charge on, other voltages.
+    #[must_use]
+    pub fn of(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
+        if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
+            return None;
+        }
+        let times = flight.samples.iter().map(|sample| sample.time_s);
+        let voltages: Vec<(f64, f64)> =
+            times.zip(flight.extra.get(BATTERY_V)?.iter().copied()).collect();
+        let rest_v = |charge_frac: f64| {
+            options.open_circuit_v(charge_frac) - options.resistance_ohm * options.idle_current_a
+        };
+        // Charge spent and drop at the resistance at each sample.
+        let (mut spent_frac, mut before_s) = (0.0, voltages.first()?.0);
+        let loads = voltages.iter().map(|(time_s, voltage_v)| {
+            let open_v = options.open_circuit_v((options.charge_frac - spent_frac).max(0.0));
+            let drop_v = open_v - voltage_v;
+            let current_a = drop_v / options.resistance_ohm;
+            spent_frac += current_a * (time_s - before_s) / (3600.0 * options.capacity_ah);
+            before_s = *time_s;
+            (*time_s, spent_frac, drop_v)
+        });
+        let loads: Vec<(f64, f64, f64)> = loads.collect();
+        let is_enough = |charge_frac: f64| {
+            let voltage_v = |(time_s, spent_frac, drop_v): &(f64, f64, f64)| {
+                (*time_s, options.open_circuit_v((charge_frac - spent_frac).max(0.0)) - drop_v)
+            };
+            lasts(loads.iter().map(voltage_v), low_v)
+        };
+        let share = |step: u32| f64::from(step) / f64::from(CHARGE_STEPS);
+        let (mut low, mut high) = (0, CHARGE_STEPS);
+        while low < high {
+            let middle = low.midpoint(high);
+            if is_enough(share(middle)) { high = middle } else { low = middle + 1 }
+        }
+        let now_v = rest_v(options.charge_frac);
+        let lowest_v = voltages.iter().map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
+        Some(Self {
+            rest_v: now_v,
+            least_rest_v: is_enough(share(high)).then(|| rest_v(share(high))),
+            sag_v: now_v - lowest_v,
+        })
+    }
+
+    /// Whether the battery lasts as it is charged.
+    #[must_use]
+    pub fn lasts(&self) -> bool {
+        self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - 1e-9)
+    }
+}
+
+/// The facts behind a flight's checks that its files carry: what was checked is what flies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checks {
+    /// The drone; `None`: none that the script can tell.
+    pub platform: Option<Platform>,
+    /// Its positioning.
+    pub positioning: Positioning,
+    /// Least and greatest x, y, z of the volume in which `check` keeps the plans; in a room, within it.
+    pub volume_m: [[f64; 3]; 2],
+    /// Width, depth and height of the room, where it is known.
+    pub room_m: Option<[f64; 3]>,
+    /// What the flight of each plan takes of its battery; `None` where that was not simulated.
+    pub batteries: Vec<Option<Battery>>,
+    /// SHA-256 of the scene as it is printed.
+    pub scene_sha256: String,
+}
+
+/// Who checks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// `noctograph check`, and `export` with it.
+    Check,
+    /// The exported script for cflib.
+    Script,
+    /// The drone's firmware.
+    Firmware,
+}
+
+/// A row of the table: what is checked, by whom and when, at which limit, and where the limit is from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rule {
+    /// What is checked.
+    pub what: &'static str,
+    /// By whom.
+    pub by: &'static [By],
+    /// The limit.
+    pub limit: String,
+    /// Where it stands, or why.
+    pub source: &'static str,
+}
+
+/// The table of all checks, in the order in which they are made.
+#[must_use]
+pub fn rules() -> Vec<Rule> {
+    use By::{Check, Firmware, Script};
+    let rule = |what, by, limit, source| Rule { what, by, limit, source };
+    let degrees = |rad: f64| rad.to_degrees().round();
+    let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
+    let critical_v = Platform::Crazyflie2.critical_battery_v();
+    let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
+        .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
+    vec![
+        rule(
+            "the plan's volume, speed, acceleration, tilt, motors, lights",
+            &[Check],
+            "those of the profile, within the room".to_owned(),
+            "`src/preflight/profile.rs`",
+        ),
+        rule("cflib", &[Script], format!("{OLDEST_CFLIB} or newer"), "arming, protocol 8"),
+        rule(
+            "drone and positioning, lamp and card decks",
+            &[Script],
+            "those of the scene".to_owned(),
+            "version port, `deck.*`",
+        ),
+        rule(
+            "firmware",
+            &[Script],
+            format!(
+                "{OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE}"
+            ),
+            "`supervisor.c`, `usec_time.c`",
+        ),
+        rule(
+            "names of parameters and logs",
+            &[Script],
+            "all on the drone".to_owned(),
+            "tables of contents of the drone",
+        ),
+        rule(
+            "state: can fly, not locked, tumbled, crashed, deck fault",
+            &[Script, Firmware],
+            "`supervisor.info`, before take-off and in the air".to_owned(),
+            "`supervisor.c`",
+        ),
+        rule(
+            "position settled",
+            &[Script],
+            format!(
+                "σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband"
+            ),
+            "`kalman.varP*`",
+        ),
+        rule(
+            "place",
+            &[Script],
+            format!("{START_RADIUS_M} m from the plan's start"),
+            "the way to the first letter is that which was checked",
+        ),
+        rule(
+            "nose, roll and pitch",
+            &[Script],
+            format!("{:.0}°, {:.0}°", degrees(NOSE_RAD), degrees(LEVEL_RAD)),
+            "`stateEstimate.*`",
+        ),
+        rule(
+            "battery at rest",
+            &[Check, Script],
+            "with its sag in this flight above the low voltage".to_owned(),
+            "the simulated flight",
+        ),
+        rule(
+            "battery in the air",
+            &[Check, Script, Firmware],
+            format!(
+                "{cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; script: {critical_v:.1} V for {WRONG_S} s"
+            ),
+            "`platform_defaults_*.h`",
+        ),
+        rule(
+            "fence",
+            &[Script],
+            format!("{FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s"),
+            "half of what the volume keeps from walls",
+        ),
+        rule(
+            "distance from the target",
+            &[Script],
+            format!("{STRAY_M} m for {WRONG_S} s"),
+            "PID trails by 0.45 m at 0.8 m/s",
+        ),
+        rule(
+            "silence of the radio",
+            &[Firmware],
+            format!("{LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off"),
+            "`supervisor.c`",
+        ),
+        rule(
+            "geometry of Lighthouse (`--check-geometry`)",
+            &[Script],
+            format!("{:.0} cm at the corners of the canvas", 100.0 * CORNER_M),
+            "a student's hand and ruler",
+        ),
+    ]
+}
