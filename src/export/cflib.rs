@@ -8,17 +8,21 @@ use serde_json::{Value, json};
 
 use super::compressed::Compressed;
 use super::lights::{Command, commands, dark, preparation, timing};
-use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
+use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
+use super::safety::{self, OLDEST_CFLIB};
 use super::{Job, caution, gains, stem};
 use crate::crazyflie::RING_TIMING_ENTRIES;
+use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::light::LightOptions;
 use crate::plan::Plan;
+use crate::sensors::Positioning;
 use crate::settings::settings;
 use crate::sim::ControllerKind;
 
-/// The script, with `@DATA@`, `@LOG@` and `@OPTIONAL@` in place of the plan and the log's variables.
+/// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the log's
+/// variables, and `@CFLIB@` in that of the oldest cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// The script for several drones, with `@SCRIPTS@` in place of their scripts' names.
 const LAUNCHER: &str = include_str!("launcher.py");
@@ -50,6 +54,7 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
+    let script = script.replace("@WATCH@", &python(&WATCH_BLOCKS)).replace("@CFLIB@", OLDEST_CFLIB);
     Ok(with_caution(job, &script.replace("@DATA@", &literal)))
 }
 
@@ -92,7 +97,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         }),
         clock => {
             let wanted = "1 for a trajectory on board";
-            let hint = "plan with 1, and give the clock to the script (--clock)";
+            let hint = "plan with 1: the script finds the clock of the drone";
             Err(Error::input("plan.trajectory_clock", clock, wanted, hint))
         }
     };
@@ -108,6 +113,10 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
     Ok(json!({
         "word": job.word,
+        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": plan_sha256(plan) },
+        "limits": limits(job, drone),
+        "room_m": job.checks.room_m,
+        "corners_m": corners_m(job.plans),
         "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
         "mode": job.mode.name(),
         "controller": firmware_controller(job.sim.controller.kind),
@@ -137,9 +146,84 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     }))
 }
 
-/// Parameters that are set before the flight: estimator, high-level commander, lamps.
+/// Digest of the plan as `noctograph plan` writes it, so that a log finds its plan.
+fn plan_sha256(plan: &Plan) -> String {
+    let mut csv = Vec::new();
+    plan.write_csv(&mut csv).expect("memory takes it");
+    sha256(&csv)
+}
+
+/// What the script judges a drone by, from the one table of limits.
+fn limits(job: &Job<'_>, drone: usize) -> Value {
+    let checks = job.checks;
+    let platform = checks.platform;
+    let variance_m2 = safety::variance_m2(checks.positioning);
+    let battery = checks.batteries.get(drone).copied().flatten();
+    let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
+    let [low_m, high_m] = checks.volume_m;
+    json!({
+        "oldest_cflib": OLDEST_CFLIB,
+        "oldest_firmware": safety::OLDEST_FIRMWARE,
+        "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
+        "decks": decks(&job.plans[drone], checks.positioning),
+        "slow_release": safety::LAST_SLOW_RELEASE,
+        "slow_clock": safety::SLOW_CLOCK,
+        "start_radius_m": safety::START_RADIUS_M,
+        "nose_rad": safety::NOSE_RAD,
+        "level_rad": safety::LEVEL_RAD,
+        "corner_m": safety::CORNER_M,
+        "variance_m2": variance_m2,
+        "lost_m2": safety::LOST_FACTOR * variance_m2,
+        "rest_v": rest_v,
+        "low_v": platform.map_or(0.0, safety::Platform::low_battery_v),
+        "low_s": safety::LOW_BATTERY_S,
+        "critical_v": platform.map_or(0.0, safety::Platform::critical_battery_v),
+        "wrong_s": safety::WRONG_S,
+        "fence_m": [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)],
+        "stray_m": safety::STRAY_M,
+    })
+}
+
+/// Decks that a flight needs, each with the parameters in `deck.` of which one is to be set
+/// (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
+    let position = match positioning {
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+            vec!["bcLighthouse4"]
+        }
+        Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
+        Positioning::Gnss => vec!["bcGTGPS"],
+    };
+    let lit =
+        |channels: &[&str]| plan.lamps().any(|(channel, _)| channels.contains(&channel.as_str()));
+    let mut decks = vec![("positioning", position)];
+    if lit(&["headlights", "ring"]) {
+        decks.push(("the ring", vec!["bcLedRing"]));
+    }
+    if lit(&["color-led"]) {
+        decks.push(("the color LED", vec!["bcColorLedBot"]));
+    }
+    decks
+}
+
+/// Corners of the box of all letters.
+fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
+    let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
+    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
+    let places: Vec<_> = written.map(|setpoint| setpoint.position_m).collect();
+    let Some(first) = places.first() else { return Vec::new() };
+    let ends = |axis: usize| {
+        let values = places.iter().map(|place| place[axis]);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+    };
+    let ((left, right), (low, high)) = (ends(0), ends(2));
+    [(left, low), (right, low), (right, high), (left, high)].map(|(x, z)| [x, first.y, z]).into()
+}
+
+/// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already is
+/// not sent.
 fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
-    let mut parameters = vec![("stabilizer.estimator", 2), ("commander.enHighLevel", 1)];
+    let mut parameters = vec![("stabilizer.estimator", 2)];
     parameters.extend(preparation(plan, light));
     parameters
 }

@@ -33,8 +33,8 @@ pub(crate) mod zip;
 
 pub use cflib::Mode;
 use on_board::take_off_s;
-use safety::Checks;
 pub use on_board::{Form, Length, flown};
+use safety::Checks;
 
 settings! {
     /// Form of exported files.

@@ -29,6 +29,11 @@ pub const STRAY_M: f64 = 0.8;
 /// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
 /// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
+/// Voltage at rest that the script wants where the scene's drone has no battery, V: a Crazyflie's cell is
+/// then charged by a tenth or more (`pm_stm32f4.c`).
+pub const REST_V: f64 = 3.8;
+/// Variance of a coordinate at which its position is lost in the air, over that which is settled.
+pub const LOST_FACTOR: f64 = 10.0;
 /// Time below its low voltage after which the firmware says that the battery is low, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off empties no
 /// battery.
