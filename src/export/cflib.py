@@ -209,7 +209,7 @@ class Drone:
         self.cf, end_s = None, self.clock() + RECONNECT_S
         while self.cf is None:
             try:
-                self.cf = self.connect()
+                self.cf = self.connect(False)
             except Exception as error:
                 if self.clock() > end_s:
                     raise LinkLost(f"the radio link was lost for good: {error}") from None
@@ -510,7 +510,8 @@ def connected(drone, mode, controller, set_gains):
 def state(drone):
     """Rows of how the drone stands: (what, found, wanted, whether it is right)."""
     read = drone.latest.get
-    if any(name not in drone.latest for block in WATCH.values() for name in block):
+    names = [name for block in WATCH.values() for name in block]
+    if any(name not in drone.latest for name in names) or drone.clock() - drone.heard_s > SILENT_S:
         return [("log", "nothing or too little", "packets of the drone", False)]
     bad = [name for name, bit in (("locked", LOCKED), ("crashed", CRASHED), ("tumbled", TUMBLED),
                                   ("a deck's fault", DECK_FAULT)) if drone.has(bit)]
@@ -669,6 +670,7 @@ def prepare(drone, mode, controller=None, set_gains=False, accepted=()):
 
 def still_ready(drone, accepted=()):
     """Judges again how the drone stands: the key may come minutes later."""
+    drone.wait_until(drone.clock(), watching=False)
     rows = state(drone)
     if not all(ok or what in accepted for what, _, _, ok in rows):
         judge(rows, accepted)
@@ -685,8 +687,10 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
             raise Stopped("the drone does not arm")
         write(drone, mode, clock)
     except LinkLost as lost:
-        if drone.lifted_s is not None and mode == "trajectory" and drone.connect:
-            attempt("reconnecting", drone.reconnect)
+        if drone.lifted_s is None:
+            raise
+        if mode == "trajectory" and attempt("reconnecting", drone.reconnect):
+            raise Stopped(f"{lost}, and found again to land") from None
         raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
     finally:
         # However the flight ends: down first, and only then all that may fail as well.
@@ -697,7 +701,7 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
 
 WITHOUT_LINK = [
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s",
-    "the drone flies to the end of its trajectory and hovers there, unless the script reached it again",
+    "the drone flies to the end of its trajectory and hovers there until its battery is empty",
 ]
 
 
@@ -882,8 +886,8 @@ def need_cflib():
                          "pip install --upgrade cflib")
 
 
-def opened(links, uri):
-    """An open link, with all parameters read."""
+def opened(links, uri, wait=True):
+    """An open link, with all parameters read unless there is no time to wait for them."""
     from cflib.crazyflie import Crazyflie
     from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
@@ -893,7 +897,7 @@ def opened(links, uri):
     except Exception as error:
         raise Stopped(f"no link to {uri}: {error}") from None
     end_s = time.monotonic() + CONNECT_S
-    while not link.is_params_updated():
+    while wait and not link.is_params_updated():
         if time.monotonic() > end_s:
             raise Stopped(f"the parameters of {uri} could not be read")
         time.sleep(0.05)
@@ -929,8 +933,8 @@ def main():
     drone = None
     try:
         with contextlib.ExitStack() as links:
-            def connect():
-                return opened(links, args.uri)
+            def connect(wait=True):
+                return opened(links, args.uri, wait)
 
             drone = Drone(connect(), args.log, connect)
             drone.about["uri"] = args.uri

@@ -104,8 +104,8 @@ def main():
     try:
         with contextlib.ExitStack() as links:
             for script, uri, choice in zip(scripts, args.uris, chosen):
-                def connect(script=script, uri=uri):
-                    return script.opened(links, uri)
+                def connect(wait=True, script=script, uri=uri):
+                    return script.opened(links, uri, wait)
 
                 drone = script.Drone(connect(), script.DATA["log"], connect)
                 drone.about["uri"] = uri
