@@ -6,6 +6,7 @@ import math
 import os
 import struct
 import threading
+import time
 import types
 
 from cflib.crazyflie.commander import Commander
@@ -48,6 +49,27 @@ class Clock:
         self.due.append((self.now_s + s, action))
 
 
+class SharedClock(Clock):
+    """The same for several threads: time passes when all sleep, or when for a moment nobody else does."""
+
+    def __init__(self, n_threads):
+        super().__init__()
+        self.n_threads, self.asleep, self.turn = n_threads, [], threading.Condition()
+
+    def sleep(self, s):
+        with self.turn:
+            wake = (self.now_s + s, threading.get_ident())
+            self.asleep.append(wake)
+            self.turn.notify_all()
+            end_s = time.monotonic() + 0.02
+            while wake != min(self.asleep) or (
+                    len(self.asleep) < self.n_threads and time.monotonic() < end_s):
+                self.turn.wait(0.005)
+            self.asleep.remove(wake)
+            super().sleep(max(wake[0] - self.now_s, 0.0))
+            self.turn.notify_all()
+
+
 class Body:
     """A drone that is where it is told to be: the firmware's order of commanders, its watchdog and its
     clock. `fell` says from which height its motors stopped."""
@@ -63,7 +85,39 @@ class Body:
 
     def fly_leg(self, to, duration_s):
         """A leg of the commander on board, on its clock; it holds its end."""
-        self.leg = (self.clock.now_s, duration_s / self.clock_rate, list(self.at), list(to))
+        start, end = list(self.at), list(to)
+
+        def way(time_s):
+            u = min(max(time_s / duration_s, 0.0), 1.0)
+            share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+            return [a + share * (b - a) for a, b in zip(start, end)]
+
+        self.leg = (self.clock.now_s, way)
+
+    def fly_pieces(self, data):
+        """A compressed trajectory, as `pptraj_compressed.c` reads it."""
+        end, at, pieces = list(struct.unpack_from("<hhhh", data)), 8, []
+        while True:
+            header, duration_ms = struct.unpack_from("<BH", data, at)
+            at += 3
+            if duration_ms == 0:
+                break
+            curves = []
+            for axis in range(4):
+                n = [0, 1, 3, 7][header >> 2 * axis & 3]
+                curves.append([end[axis], *struct.unpack_from(f"<{n}h", data, at)])
+                at, end[axis] = at + 2 * n, curves[-1][-1]
+            pieces.append((duration_ms / 1000, curves[:3]))
+
+        def way(time_s):
+            for duration_s, curves in pieces:
+                if time_s < duration_s:
+                    break
+                time_s -= duration_s
+            u = min(max(time_s / duration_s, 0.0), 1.0)
+            return [casteljau(curve, u) / 1000 for curve in curves]
+
+        self.leg = (self.clock.now_s, way)
 
     def relax(self):
         self.low_s = None
@@ -82,12 +136,10 @@ class Body:
                 self.locked = True
                 return
         elif self.leg and not self.locked:
-            begin_s, duration_s, start, end = self.leg
-            u = min(max((now_s - begin_s) / duration_s, 0.0), 1.0)
-            share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-            self.target, self.on = [a + share * (b - a) for a, b in zip(start, end)], True
+            begin_s, way = self.leg
+            self.target, self.on = way((now_s - begin_s) * self.clock_rate), True
         if self.on:
-            self.at = list(self.target)
+            self.at = [*self.target[:2], max(self.target[2], 0.0)]
             self.top_m = max(self.top_m, self.at[2])
 
     def outcome(self):
@@ -96,6 +148,13 @@ class Body:
         if self.fell_m > 0.3:
             return "motors off by the firmware's watchdog" if self.locked else "fell"
         return "landed" if self.at[2] < 0.05 else "in the air"
+
+
+def casteljau(points, u):
+    """A Bézier curve at a share of its duration."""
+    while len(points) > 1:
+        points = [(1 - u) * a + u * b for a, b in zip(points, points[1:])]
+    return points[0]
 
 
 class Callbacks(list):
@@ -204,6 +263,8 @@ class Radio:
             self.body.fly_leg([*self.body.at[:2], 0.0], duration_s)
         elif data[0] == GO_TO:
             self.body.fly_leg(struct.unpack_from("<fff", data, 4), 3.0)
+        elif data[0] == START:
+            self.body.fly_pieces(self.upload)
 
     def answer(self, question):
         text = {1: self.firmware, 2: self.platform_name}[question]

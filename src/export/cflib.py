@@ -33,7 +33,7 @@ RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 SETTLE_S = 10.0  # for the position estimate
 ANSWER_S = 1.0  # for anything that the drone is asked
 SILENT_S = 1.0  # without a log packet: the script lands blindly
-RECONNECT_S = 20.0  # a drone on a trajectory of its own hovers at its end
+RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop 2 s after the last setpoint
 DOWN_M = 0.3  # below this it has landed
 LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
@@ -203,10 +203,10 @@ class Drone:
         self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
 
-    def reconnect(self):
-        """A new link to a drone that flies on by itself."""
+    def reconnect(self, within_s):
+        """A new link to a drone that is in the air by itself."""
         self.latest.clear()
-        self.cf, end_s = None, self.clock() + RECONNECT_S
+        self.cf, end_s = None, self.clock() + within_s
         while self.cf is None:
             try:
                 self.cf = self.connect(False)
@@ -689,7 +689,7 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
     except LinkLost as lost:
         if drone.lifted_s is None:
             raise
-        if mode == "trajectory" and attempt("reconnecting", drone.reconnect):
+        if drone.connect and attempt("reconnecting", drone.reconnect, RECONNECT_S.get(mode, 2.0)):
             raise Stopped(f"{lost}, and found again to land") from None
         raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
     finally:
@@ -701,7 +701,7 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
 
 WITHOUT_LINK = [
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s",
-    "the drone flies to the end of its trajectory and hovers there until its battery is empty",
+    "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself",
 ]
 
 
@@ -948,7 +948,7 @@ def main():
                 still_ready(drone, args.accept)
                 with landing_on_signals([drone]):
                     fly(drone, mode, controller)
-                with contextlib.suppress(EOFError):
+                with contextlib.suppress(EOFError, OSError):
                     input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
             finally:
                 if not drone.lost.is_set():

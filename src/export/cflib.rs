@@ -6,13 +6,13 @@
 
 use serde_json::{Value, json};
 
-use super::compressed::Compressed;
+use super::compressed::{Compressed, END};
 use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::{Job, caution, gains, stem};
-use crate::crazyflie::RING_TIMING_ENTRIES;
+use crate::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
 use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::light::LightOptions;
@@ -101,9 +101,14 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
             Err(Error::input("plan.trajectory_clock", clock, wanted, hint))
         }
     };
-    let (bytes, pieces, refused) = match trajectory {
+    let trajectory_end_s = end_s(plan, &stretch, &on_board);
+    let landing = |trajectory: Compressed| {
+        let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
+        Ok((and_lands(&trajectory, over_s)?, trajectory.n_pieces()))
+    };
+    let (bytes, pieces, refused) = match trajectory.and_then(landing) {
         // A byte of the command, which the firmware does not read of a compressed trajectory.
-        Ok(trajectory) => (trajectory.to_bytes(), trajectory.n_pieces().min(255), None),
+        Ok((bytes, n_pieces)) => (bytes, n_pieces.min(253) + 2, None),
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
         Err(error) => (Vec::new(), 0, Some(error.to_string())),
     };
@@ -141,9 +146,45 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
             "refused": refused,
             "lights": commands(&on_board),
             "timing": timing,
-            "end_s": end_s(plan, &stretch, &on_board),
+            "end_s": trajectory_end_s,
         },
     }))
+}
+
+/// A trajectory for the memory on board that hovers at its end, while a script sends the landing, and
+/// then lands by itself: without a link it would hover until the battery is empty. The script lands
+/// `over_s` after the trajectory's end.
+fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
+    /// Hover after the time at which the script lands, s.
+    const HOVER_S: f64 = 3.0;
+    /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it there, m.
+    const SINK_M_S: f64 = 0.3;
+    const BELOW_M: f64 = 0.1;
+    /// Header of a piece with a cubic curve along z, and nothing else (`pptraj_compressed.c`).
+    const ALONG_Z: u8 = 0x20;
+    let mut bytes = trajectory.to_bytes();
+    let end = bytes.split_off(bytes.len() - END.len());
+    let z_m = trajectory.end_m().z;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    let milliseconds = |s: f64| ((1e3 * s).round() as u16).to_le_bytes();
+    #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
+    let millimeters = |m: f64| ((1e3 * m).round() as i16).to_le_bytes();
+    bytes.push(0);
+    bytes.extend(milliseconds(over_s.max(0.0) + HOVER_S));
+    bytes.push(ALONG_Z);
+    bytes.extend(milliseconds((z_m + BELOW_M) / SINK_M_S));
+    bytes.extend([z_m, -BELOW_M, -BELOW_M].into_iter().flat_map(millimeters));
+    bytes.extend(end);
+    if bytes.len() > TRAJECTORY_MEMORY_BYTES {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{} bytes with the landing, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}",
+                bytes.len()
+            ),
+            hint: "share the word among more drones, or send setpoints over the radio".into(),
+        });
+    }
+    Ok(bytes)
 }
 
 /// Digest of the plan as `noctograph plan` writes it, so that a log finds its plan.
@@ -179,9 +220,14 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "low_s": safety::LOW_BATTERY_S,
         "critical_v": platform.map_or(0.0, safety::Platform::critical_battery_v),
         "wrong_s": safety::WRONG_S,
-        "fence_m": [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)],
+        "fence_m": [low_m.map(|m| rounded(m - safety::FENCE_M)), high_m.map(|m| rounded(m + safety::FENCE_M))],
         "stray_m": safety::STRAY_M,
     })
+}
+
+/// A length in whole micrometers.
+fn rounded(length_m: f64) -> f64 {
+    (1e6 * length_m).round() / 1e6
 }
 
 /// Decks that a flight needs, each with the parameters in `deck.` of which one is to be set

@@ -76,7 +76,7 @@ def fly_all(crew, args):
         part.still_ready(drone, args.accept)
     with script.landing_on_signals(drones):
         all_done(*together(fly, crew), drones)
-    with contextlib.suppress(EOFError):
+    with contextlib.suppress(EOFError, OSError):
         input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
 
 
