@@ -280,7 +280,7 @@ class Faults(unittest.TestCase):
         self.assertEqual((flight.error, flight.outcome), (None, LANDED))
 
     def test_every_name_of_the_script_is_in_the_firmware(self):
-        for name in ("I.py", "I_trajectory.py", "ring.py", "bl.py", "pid.py", "NOOR.py", "color.py"):
+        for name in ("I.py", "I_trajectory.py", "ring.py", "bl.py", "NOOR.py", "color.py"):
             script = load(name)
             data = script.DATA
             rows = data["parameters"] + data["gains"] + data["dark"]

@@ -356,20 +356,19 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 mod tests {
     use super::*;
     use crate::camera::CameraOptions;
-    use crate::export::safety::{Checks, Platform};
+    use crate::export::safety::{Battery, Checks, Platform};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
     use crate::sensors::Positioning;
     use crate::sim::SimOptions;
 
-    #[test]
-    fn a_word_never_becomes_code() {
+    /// The script of NO under a word, and the data in it.
+    fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
-        let word = "\"); import os\nimport os #'\\";
         let job = Job {
-            plans: &[plan],
-            flown: &[],
+            plans: std::slice::from_ref(&plan),
+            flown: std::slice::from_ref(&plan),
             unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
             light: &LightOptions::default(),
@@ -378,19 +377,73 @@ mod tests {
             tolerance_m: 0.002,
             mode: Mode::Position,
             trajectory_clock: 1.0,
-            checks: &Checks {
-                platform: Some(Platform::Crazyflie2),
-                positioning: Positioning::Sweeps,
-                volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
-                room_m: None,
-                batteries: Vec::new(),
-                scene_sha256: String::new(),
-            },
+            checks,
         };
         let script = script(&job, 0, 0.0).unwrap();
         let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
         let text: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
-        let data: Value = serde_json::from_str(&text).unwrap();
+        let data = serde_json::from_str(&text).unwrap();
+        (script, plan, data)
+    }
+
+    fn checks() -> Checks {
+        Checks {
+            platform: Some(Platform::Crazyflie2),
+            positioning: Positioning::Sweeps,
+            volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+            room_m: None,
+            batteries: Vec::new(),
+            scene_sha256: String::new(),
+        }
+    }
+
+    #[test]
+    fn a_script_judges_by_the_limits_of_the_checks() {
+        let battery = Battery { rest_v: 4.1, least_rest_v: Some(3.77), sag_v: 0.6 };
+        let checks = Checks {
+            platform: Some(Platform::Brushless),
+            positioning: Positioning::UwbTwr,
+            volume_m: [[-1.8, -1.3, 0.0], [1.8, 1.3, 2.3]],
+            room_m: Some([4.0, 3.0, 2.5]),
+            batteries: vec![Some(battery)],
+            ..checks()
+        };
+        let (_, plan, data) = exported("NO", &checks);
+        let limits = &data["limits"];
+        assert_eq!(limits["platforms"], json!(["Crazyflie 2.1 Brushless"]));
+        assert_eq!([&limits["low_v"], &limits["rest_v"]], [3.35, 3.77]);
+        assert_eq!(limits["fence_m"], json!([[-1.9, -1.4, -0.1], [1.9, 1.4, 2.4]]));
+        assert_eq!(limits["variance_m2"], 0.01);
+        assert_eq!(limits["decks"][0], json!(["positioning", ["bcLoco", "bcDWM1000"]]));
+        assert_eq!(data["room_m"], json!([4.0, 3.0, 2.5]));
+        let mut csv = Vec::new();
+        plan.write_csv(&mut csv).unwrap();
+        assert_eq!(data["digests"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
+        let full =
+            Checks { batteries: vec![Some(Battery { least_rest_v: None, ..battery })], ..checks };
+        assert_eq!(exported("NO", &full).2["limits"]["rest_v"], Value::Null, "no charge is enough");
+    }
+
+    #[test]
+    fn a_trajectory_on_board_ends_below_the_floor() {
+        let (_, plan, data) = exported("NO", &checks());
+        let hex = data["trajectory"]["hex"].as_str().unwrap();
+        let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+        let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
+        let (found, alone) =
+            (Compressed::from_bytes(&bytes).unwrap(), Compressed::encode(&plan, 0.002).unwrap());
+        assert_eq!(data["trajectory"]["pieces"], found.n_pieces());
+        assert_eq!(found.n_pieces(), alone.n_pieces() + 2);
+        assert_eq!(found.end_m().z, -0.1);
+        let longer_s = found.duration_s() - alone.duration_s();
+        let lands_s = 3.0 + (alone.end_m().z + 0.1) / 0.3;
+        assert!((longer_s - lands_s).abs() < 0.5, "{longer_s} s instead of {lands_s} s");
+    }
+
+    #[test]
+    fn a_word_never_becomes_code() {
+        let word = "\"); import os\nimport os #'\\";
+        let (script, _, data) = exported(word, &checks());
         assert_eq!(data["word"], word);
         assert_eq!(data["log"], "importosimportos_flight.json");
         let caution = script.lines().nth(1).unwrap();

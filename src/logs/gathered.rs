@@ -121,6 +121,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cfclient = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n0,1,2,3\n";
         for (name, text) in [
+            ("NOOR_flight.json", r#"{"noctograph": {"word": "NO", "serial": "1a2b"}, "stateEst"#),
             ("cf2-1.csv", "t,x,y,z\n"),
             ("cf10/log01", "\u{bc}"),
             ("cf10/20260101T19-00-00/Stabilizer.csv", cfclient),
@@ -135,8 +136,12 @@ mod tests {
         }
         let found = logs_in(folder.path()).unwrap();
         let named: Vec<[&str; 2]> = found.iter().map(|log| [&*log.drone, &*log.name]).collect();
-        let wanted =
-            [["cf10", "cf10/20260101T19-00-00"], ["cf10", "cf10/log01"], ["cf2", "cf2-1.csv"]];
+        let wanted = [
+            ["1a2b", "NOOR_flight.json"],
+            ["cf10", "cf10/20260101T19-00-00"],
+            ["cf10", "cf10/log01"],
+            ["cf2", "cf2-1.csv"],
+        ];
         assert_eq!(named, wanted);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
