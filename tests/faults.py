@@ -10,9 +10,11 @@ import importlib.util
 import io
 import json
 import os
+import signal
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 import cflib.crazyflie.log
 
@@ -146,7 +148,8 @@ class Faults(unittest.TestCase):
             gains = {gain for gain, _ in flight.script.DATA["gains"]}
             sent = {param for _, param, _ in flight.radio.params}
             self.assertEqual(gains & sent, set(), "what the drone has so already is not sent")
-            self.assertLessEqual({param.split(".")[0] for param in flight.radio.changed()}, {"led", "ring"})
+            changed = {param.split(".")[0] for param in flight.radio.changed()}
+            self.assertLessEqual(changed, {"led", "ring"})
             flight.drone.put_back(lamps=True)
             flight.clock.sleep(1.0)
             self.assertEqual(flight.radio.changed() - {"ring.headlightEnable", "ring.fadeColor"}, set())
@@ -235,7 +238,8 @@ class Faults(unittest.TestCase):
                     self.assertIn(f"{call} failed", said, f"{call} at {nth} of {n}")
 
     def test_a_link_lost_at_every_second_ends_on_the_floor(self):
-        # A trajectory ends on the floor by itself. With setpoints a new link has to come before the firmware stops the motors, 2 s after the last.
+        # A trajectory ends on the floor by itself. With setpoints a new link has to come before the
+        # firmware stops the motors, 2 s after the last.
         watchdog = "motors off by the firmware's watchdog"
         for name, mode, again_s, outcomes in (
                 ("I.py", "position", 1.5, (LANDED, STAYED)),
@@ -274,6 +278,29 @@ class Faults(unittest.TestCase):
             self.assertAlmostEqual(flight.drone.about["clock"], rate, msg=firmware)
         flight = Flight("I_trajectory.py", "trajectory", firmware="odd", clock_rate=0.97)
         self.judged("an unknown clock", flight, (LANDED,), "0.97")
+
+    def test_an_old_cflib_or_none_is_named_first(self):
+        script = load("I.py")
+        import importlib.metadata as metadata
+
+        def missing(name):
+            raise metadata.PackageNotFoundError(name)
+
+        for version, word in ((lambda name: "0.1.26", "0.1.26 is too old"), (missing, "is needed")):
+            with unittest.mock.patch("importlib.metadata.version", version):
+                with self.assertRaisesRegex(SystemExit, word):
+                    script.need_cflib()
+        script.need_cflib()
+
+    def test_signals_land_and_the_second_one_stops(self):
+        script, before = load("I.py"), signal.getsignal(signal.SIGTERM)
+        drone = script.Drone(Radio(Clock()), os.path.join(WORK, "signal.json"))
+        with script.landing_on_signals([drone]):
+            signal.raise_signal(signal.SIGTERM)
+            self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            signal.raise_signal(signal.SIGINT)
+            self.assertTrue(drone.killed.is_set())
+        self.assertEqual(signal.getsignal(signal.SIGTERM), before)
 
     def test_accepted_rows_fly(self):
         flight = Flight(decks=("bcLedRing",), accepted=("deck for positioning",))

@@ -33,7 +33,7 @@ RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 SETTLE_S = 10.0  # for the position estimate
 ANSWER_S = 1.0  # for anything that the drone is asked
 SILENT_S = 1.0  # without a log packet: the script lands blindly
-RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop 2 s after the last setpoint
+RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop after 2 s
 DOWN_M = 0.3  # below this it has landed
 LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
@@ -62,7 +62,7 @@ class LinkLost(Stopped):
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    now_s, lifted_s = 0.0, None
+    now_s, lifted_s, found_again = 0.0, None, False
 
     def clock(self):
         return self.now_s
@@ -96,7 +96,7 @@ class Drone:
         self.stamp_ms, self.stamped_s = None, 0.0
         self.stopped, self.why = threading.Event(), "stopped by Ctrl-C"
         self.killed = threading.Event()  # a second Ctrl-C
-        self.lost = threading.Event()
+        self.lost, self.found_again = threading.Event(), False
         self._listen()
 
     def _listen(self):
@@ -215,6 +215,7 @@ class Drone:
                     raise LinkLost(f"the radio link was lost for good: {error}") from None
                 time.sleep(0.2)
         self.lost.clear()
+        self.found_again = True
         self._listen()
 
     # Parameters and lamps
@@ -244,19 +245,22 @@ class Drone:
         for name, value in values:
             self.param(name, value)
 
-        def is_set():
-            found = {name: self.value(name) for name, _ in values}
-            return all(found[name] is None or same(found[name], v) for name, v in values)
-
-        if not self.wait_for(is_set, SETTLE_S):
+        if not self.wait_for(lambda: self.has_all(values), SETTLE_S):
             raise Stopped("parameters could not be set")
 
+    def has_all(self, values):
+        """Whether parameters are as they were set; what cannot be told counts as set."""
+        found = [(self.value(name), value) for name, value in values]
+        return all(value is None or same(value, wanted) for value, wanted in found)
+
     def put_back(self, lamps):
-        """Puts back what was changed: the lamps, or all else."""
-        for name, value in reversed(list(self.changed.items())):
-            if name.startswith(("led.", "ring.", "colorLed")) == lamps and value is not None:
-                attempt(f"putting {name} back", self.cf.param.set_value, name, value)
-                del self.changed[name]
+        """Puts back what was changed, the lamps or all else, and waits until the drone has it."""
+        values = [(name, value) for name, value in reversed(list(self.changed.items())) if
+                  name.startswith(("led.", "ring.", "colorLed")) == lamps and value is not None]
+        for name, value in values:
+            attempt(f"putting {name} back", self.cf.param.set_value, name, value)
+            del self.changed[name]
+        attempt("waiting for what was put back", self.wait_for, lambda: self.has_all(values), ANSWER_S)
 
     # What is connected
 
@@ -284,7 +288,8 @@ class Drone:
 
     def identify(self):
         """Reads platform, firmware and serial number into the log."""
-        self.about["platform"], self.about["firmware"] = self.ask(ASK_PLATFORM), self.ask(ASK_FIRMWARE)
+        self.about["platform"] = self.ask(ASK_PLATFORM)
+        self.about["firmware"] = self.ask(ASK_FIRMWARE)
         parts = [f"cpu.id{k}" for k in range(3)]
         if all(map(self.knows_param, parts)):
             self.about["serial"] = "".join(f"{int(self.value(part)):08x}" for part in parts)
@@ -487,8 +492,9 @@ def connected(drone, mode, controller, set_gains):
         rows.append(("drone", about["platform"] or "no answer", LIMITS["platforms"][0],
                      about["platform"] in LIMITS["platforms"]))
     firmware, oldest = about["firmware"], LIMITS["oldest_firmware"]
-    is_new = firmware is not None and (not release(firmware) or release(firmware) >= release(oldest))
-    rows.append(("firmware", firmware or "no answer", f"{oldest} or newer", is_new))
+    is_old = release(firmware) and release(firmware) < release(oldest)
+    rows.append(("firmware", firmware or "no answer", f"{oldest} or newer",
+                 firmware is not None and not is_old))
     if mode == "trajectory":
         rate = known_clock(firmware)
         rows.append(("clock on board", f"{rate:.5f}" if rate else "measured at take-off",
@@ -542,7 +548,7 @@ HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
     "names in the firmware": "fly the release for which this was made",
-    "gains": "export with the drone's gains, or fly with --set-gains, which puts them back afterwards",
+    "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
     "state": "set it upright; switch it off and on again",
     "position known within": "is the positioning system on, and its geometry on the drone?",
     "place": "carry it there",
@@ -776,7 +782,9 @@ def is_up(drone):
 
 
 def darken(drone, mode):
-    """All lamps off."""
+    """All lamps off, unless a new link knows no parameters yet and would wait for them."""
+    if drone.found_again:
+        return
     if on_board(mode):
         attempt("lamps", drone.param, "ring.effect", 0)
     for values in DATA["dark"]:
@@ -787,9 +795,11 @@ def tidy_up(drone):
     """Controller and gains as they were, and the log: on the floor, whatever fails."""
     if isinstance(drone, Paper):
         return drone.finish()
-    if not drone.lost.is_set():
-        drone.put_back(lamps=False)
-    drone.finish()
+    try:
+        if not drone.lost.is_set():
+            drone.put_back(lamps=False)
+    finally:
+        drone.finish()
 
 
 @contextlib.contextmanager
@@ -824,8 +834,8 @@ def check_geometry(drone):
     rows, most_m = [], LIMITS["corner_m"]
     for number, corner in enumerate(DATA["corners_m"], 1):
         place = ", ".join(f"{v:.2f}" for v in corner)
-        typed = input(f"Corner {number} of {len(DATA['corners_m'])}: the drone at ({place}) m, nose as in "
-                      "the flight? Enter reads; or type where it stands instead, as x, y, z: ")
+        typed = input(f"Corner {number} of 4: the drone at ({place}) m, nose as in the flight? "
+                      "Enter reads; or type where it stands instead, as x, y, z: ")
         if typed.strip():
             corner = [float(part) for part in typed.replace(",", " ").split()]
             if len(corner) != 3:
