@@ -1,37 +1,54 @@
 #!/usr/bin/env python3
 """Writes a word with light: flies a Crazyflie, switches its lights and records the flight.
 
-Made by noctograph. Needs: pip install cflib
-    python3 SCRIPT --dry-run      prints everything that would be sent, without a radio
+Made by noctograph. Needs Python 3.9 and cflib @CFLIB@ or newer: pip install cflib
+    python3 SCRIPT --dry-run           prints everything that would be sent, without a radio
+    python3 SCRIPT --check-geometry    compares what the drone reads at the canvas's corners
     python3 SCRIPT --uri radio://0/80/2M/E7E7E7E7E7
 
 The drone stands where the plan takes off, its nose along the world's x axis, or turned to the left as
-far as the script says, and the positioning system runs. Before you press Enter the script only reads, resets the position estimate and uploads.
-Ctrl-C lands where the drone is; a second Ctrl-C stops the motors.
+far as the script says, and the positioning system runs. Its origin is the middle of the floor of the
+room in which the flight was checked. Before you press Enter the script reads what is connected,
+resets the position estimate, uploads, and shows a table of what it found beside what was checked: it
+goes on only when all is right. Ctrl-C, a closed window and `kill` land where the drone is; a second
+Ctrl-C stops the motors. Whatever fails in the air, landing comes first.
 """
 
 import argparse
+import contextlib
+import datetime
 import json
 import math
 import os
+import re
+import signal
+import sys
+import tempfile
 import threading
 import time
 
-BATTERY_MIN_V = 3.8  # at rest; a full cell has 4.1 to 4.2 V
-BATTERY_EMPTY_V = 3.0  # in flight, over a second: lands
-START_RADIUS_M = 0.2  # largest distance of the drone from the plan's start
-VARIANCE_MAX_M2 = 1e-3  # of the estimated position, when it has settled
-SETTLE_S = 10.0
 TAKE_OFF_S = 3.0
 SINK_M_S = 0.3
 RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
-LOG_PERIOD_MS = 20
+SETTLE_S = 10.0  # for the position estimate
+ANSWER_S = 1.0  # for anything that the drone is asked
+SILENT_S = 1.0  # without a log packet: the script lands blindly
+RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop after 2 s
+DOWN_M = 0.3  # below this it has landed
+LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
+CONNECT_S = 60.0  # for all parameters, without a cache of their names
+LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
+VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
+# Bits of supervisor.info.
+CAN_BE_ARMED, CAN_FLY, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 5, 6, 7, 11
 
 # What noctograph's import, compare and learn read, by type; 26 bytes a block at most.
 LOG = @LOG@
 # The observer of the AE483 course, where the firmware has it.
 OPTIONAL = @OPTIONAL@
+# What the script judges by, on the ground and in the air.
+WATCH = @WATCH@
 
 
 class Stopped(Exception):
@@ -45,13 +62,16 @@ class LinkLost(Stopped):
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    now_s = 0.0
+    now_s, lifted_s, found_again = 0.0, None, False
 
     def clock(self):
         return self.now_s
 
     def wait_until(self, time_s, watching=True):
         self.now_s = max(self.now_s, time_s)
+
+    def is_down(self):
+        return True
 
     def __getattr__(self, command):
         if command.startswith("_"):
@@ -67,38 +87,52 @@ class Paper:
 class Drone:
     """A Crazyflie on the radio."""
 
-    def __init__(self, cf, log_file):
-        self.cf, self.log_file = cf, log_file
-        self.high = cf.high_level_commander
-        self.columns, self.blocks = {}, []
-        self.stamp_ms, self.stamped_s, self.low = None, 0.0, 0
-        self.stopped = threading.Event()  # set by the launcher when another drone ends early
-        self.lost = threading.Event()
-        cf.disconnected.add_callback(lambda uri: self.lost.set())
-        cf.connection_lost.add_callback(lambda uri, message: self.lost.set())
+    def __init__(self, cf, log_file, connect=None):
+        self.cf, self.log_file, self.connect = cf, log_file, connect
+        self.columns, self.blocks, self.changed = {}, [], {}
+        self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["digests"]}
+        self.latest, self.heard_s, self.wrong_since_s = {}, None, {}
+        self.lifted_s = None  # when the first command that lifts it was sent
+        self.stamp_ms, self.stamped_s = None, 0.0
+        self.stopped, self.why = threading.Event(), "stopped by Ctrl-C"
+        self.killed = threading.Event()  # a second Ctrl-C
+        self.lost, self.found_again = threading.Event(), False
+        self._listen()
+
+    def _listen(self):
+        self.cf.disconnected.add_callback(lambda uri: self.lost.set())
+        self.cf.connection_lost.add_callback(lambda uri, message: self.lost.set())
+
+    # Time
 
     def clock(self):
         return time.monotonic()
 
     def wait_until(self, time_s, watching=True):
         while True:
+            if self.killed.is_set():
+                raise KeyboardInterrupt
             if self.lost.is_set():
                 raise LinkLost("the radio link was lost")
             if watching and self.stopped.is_set():
-                raise Stopped("another drone ended early")
-            if watching and self.low * LOG_PERIOD_MS > 1000:
-                raise Stopped("the battery is empty")
+                raise Stopped(self.why)
+            if watching:
+                self._watch()
             left_s = time_s - self.clock()
             if left_s <= 0.0:
                 return
             time.sleep(min(left_s, 0.05))
 
-    def param(self, name, value):
-        self.cf.param.set_value(name, value)
+    def wait_for(self, condition, seconds):
+        """Waits for a condition; returns whether it came true."""
+        end_s = self.clock() + seconds
+        while not condition():
+            if self.clock() >= end_s:
+                return False
+            self.wait_until(self.clock() + 0.05, watching=False)
+        return True
 
-    def light(self, name, value, channel, level):
-        self.param(name, value)
-        self._note(channel, level)
+    # Commands
 
     def position(self, x, y, z):
         self.cf.commander.send_position_setpoint(x, y, z, math.degrees(DATA["yaw_rad"]))
@@ -111,9 +145,18 @@ class Drone:
         heading = [0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw)]
         self.cf.commander.send_full_state_setpoint(*rounded, heading, 0.0, 0.0, 0.0)
 
-    def lit(self, channel, level):
-        """A light that changes by the timing memory on board: nothing is sent."""
-        self._note(channel, level)
+    def upload(self, n_bytes, data, n_pieces):
+        from cflib.crazyflie.mem import MemoryElement
+
+        class Raw:
+            def pack(self):
+                return bytes.fromhex(data)
+
+        memory = self.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
+        memory.trajectory = [Raw()]
+        if not memory.write_data_sync():
+            raise Stopped("the trajectory could not be uploaded")
+        self.cf.high_level_commander.define_trajectory(1, 0, n_pieces, type=1)
 
     def upload_lights(self, entries):
         from cflib.crazyflie.mem import MemoryElement
@@ -126,51 +169,160 @@ class Drone:
         for duration, r, g, b in entries:
             memories[0].add(duration, {"r": r, "g": g, "b": b})
         memories[0].write_data(lambda memory, address: written.set())
-        end_s = self.clock() + SETTLE_S
-        while not written.is_set():
-            if self.clock() > end_s:
-                raise Stopped("the lights could not be uploaded")
-            self.wait_until(self.clock() + 0.05)
-
-    def upload(self, n_bytes, data, n_pieces):
-        from cflib.crazyflie.mem import MemoryElement
-
-        class Raw:
-            def pack(self):
-                return bytes.fromhex(data)
-
-        memory = self.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
-        memory.trajectory = [Raw()]
-        if not memory.write_data_sync():
-            raise Stopped("the trajectory could not be uploaded")
-        self.high.define_trajectory(1, 0, n_pieces, type=1)
+        if not self.wait_for(written.is_set, SETTLE_S):
+            raise Stopped("the lights could not be uploaded")
 
     def start_trajectory(self):
-        self.high.start_trajectory(1, 1.0)
+        self.cf.high_level_commander.start_trajectory(1, 1.0)
 
     def take_off(self, z, duration_s):
-        self.high.takeoff(z, duration_s, yaw=DATA["yaw_rad"])
+        self.cf.high_level_commander.takeoff(z, duration_s, yaw=DATA["yaw_rad"])
 
     def go_to(self, x, y, z, duration_s):
-        self.high.go_to(x, y, z, DATA["yaw_rad"], duration_s)
+        self.cf.high_level_commander.go_to(x, y, z, DATA["yaw_rad"], duration_s)
 
-    def arm(self):
-        self.cf.supervisor.send_arming_request(True)
+    def arm(self, armed=True):
+        # cflib before 0.1.32 has no supervisor.
+        (getattr(self.cf, "supervisor", None) or self.cf.platform).send_arming_request(armed)
+
+    def can_fly(self):
+        return self.has(CAN_FLY, True)
 
     def hand_over(self):
         """Lets the commander on board take over from the setpoints, at the last one."""
         self.cf.commander.send_notify_setpoint_stop()
 
     def land(self, duration_s):
-        self.high.land(0.0, duration_s, yaw=DATA["yaw_rad"])
+        self.cf.high_level_commander.land(0.0, duration_s, yaw=DATA["yaw_rad"])
+
+    def is_down(self):
+        """Whether it reads a height near the floor; a drone that reports nothing counts as down."""
+        return self.latest.get("stateEstimate.z", 0.0) < DOWN_M
 
     def stop(self):
-        self.high.stop()
+        self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
 
+    def reconnect(self, within_s):
+        """A new link to a drone that is in the air by itself."""
+        self.latest.clear()
+        self.cf, end_s = None, self.clock() + within_s
+        while self.cf is None:
+            try:
+                self.cf = self.connect(False)
+            except Exception as error:
+                if self.clock() > end_s:
+                    raise LinkLost(f"the radio link was lost for good: {error}") from None
+                time.sleep(0.2)
+        self.lost.clear()
+        self.found_again = True
+        self._listen()
+
+    # Parameters and lamps
+
+    def value(self, name):
+        """A parameter as the drone has it; None where it cannot be told."""
+        found = self.cf.param.get_value(name)
+        return None if found is None else float(found)
+
+    def param(self, name, value):
+        """Sets what is not so already, and keeps what it was."""
+        found = self.value(name)
+        if not same(found, value):
+            self.changed.setdefault(name, found)
+            self.cf.param.set_value(name, value)
+
+    def light(self, name, value, channel, level):
+        self.cf.param.set_value(name, value)
+        self._note(channel, level)
+
+    def lit(self, channel, level):
+        """A light that changes by the timing memory on board: nothing is sent."""
+        self._note(channel, level)
+
+    def set(self, values):
+        """Sets parameters before the flight, and reads them back."""
+        for name, value in values:
+            self.param(name, value)
+
+        if not self.wait_for(lambda: self.has_all(values), SETTLE_S):
+            raise Stopped("parameters could not be set")
+
+    def has_all(self, values):
+        """Whether parameters are as they were set; what cannot be told counts as set."""
+        found = [(self.value(name), value) for name, value in values]
+        return all(value is None or same(value, wanted) for value, wanted in found)
+
+    def put_back(self, lamps):
+        """Puts back what was changed, the lamps or all else, and waits until the drone has it."""
+        values = [(name, value) for name, value in reversed(list(self.changed.items())) if
+                  name.startswith(("led.", "ring.", "colorLed")) == lamps and value is not None]
+        for name, value in values:
+            attempt(f"putting {name} back", self.cf.param.set_value, name, value)
+            del self.changed[name]
+        attempt("waiting for what was put back", self.wait_for, lambda: self.has_all(values), ANSWER_S)
+
+    # What is connected
+
+    def ask(self, question):
+        """A text from the drone's version port; None where it does not answer."""
+        from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
+
+        answers = []
+
+        def received(packet):
+            data = bytes(packet.data)
+            if packet.channel == VERSION_CHANNEL and data[0] == question:
+                answers.append(data[1:].split(b"\0")[0].decode("ascii", "replace"))
+
+        self.cf.add_port_callback(CRTPPort.PLATFORM, received)
+        for _ in range(3):
+            packet = CRTPPacket()
+            packet.set_header(CRTPPort.PLATFORM, VERSION_CHANNEL)
+            packet.data = (question,)
+            self.cf.send_packet(packet)
+            if self.wait_for(lambda: answers, ANSWER_S):
+                break
+        self.cf.remove_port_callback(CRTPPort.PLATFORM, received)
+        return answers[0] if answers else None
+
+    def identify(self):
+        """Reads platform, firmware and serial number into the log."""
+        self.about["platform"] = self.ask(ASK_PLATFORM)
+        self.about["firmware"] = self.ask(ASK_FIRMWARE)
+        parts = [f"cpu.id{k}" for k in range(3)]
+        if all(map(self.knows_param, parts)):
+            self.about["serial"] = "".join(f"{int(self.value(part)):08x}" for part in parts)
+
+    def knows_param(self, name):
+        return self.cf.param.toc.get_element_by_complete_name(name) is not None
+
+    def knows_log(self, name):
+        return self.cf.log.toc.get_element_by_complete_name(name) is not None
+
+    def reset_estimate(self):
+        """Starts the position estimate anew, from the plan's heading."""
+        self.param("kalman.initialYaw", DATA["yaw_rad"])
+        self.cf.param.set_value("kalman.resetEstimation", 1)
+        self.wait_until(self.clock() + 0.1)
+        self.cf.param.set_value("kalman.resetEstimation", 0)
+        self.wait_until(self.clock() + 2.0)
+
+    def watch(self):
+        """Begins to read what the script judges by, and waits until the estimate has settled."""
+        for name, variables in WATCH.items():
+            self.blocks.append(self._block(name, WATCH_PERIOD_MS, variables, self._heard))
+        self.wait_for(lambda: self.sigma_m() < math.sqrt(LIMITS["variance_m2"]), SETTLE_S)
+
+    def sigma_m(self):
+        """Standard deviation of the worst coordinate."""
+        names = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
+        return math.sqrt(max(self.latest.get(name, 1e4) for name in names))
+
+    # Log
+
     def log(self):
-        known = self.cf.log.toc.get_element_by_complete_name
-        optional = {name: vs for name, vs in OPTIONAL.items() if all(known(v) for v in vs)}
+        optional = {name: vs for name, vs in OPTIONAL.items() if all(map(self.knows_log, vs))}
         for name, variables in {**LOG, **optional}.items():
             self.blocks.append(self._block(name, LOG_PERIOD_MS, variables, self._row))
 
@@ -185,16 +337,19 @@ class Drone:
         block.start()
         return block
 
+    def _heard(self, stamp_ms, values, block):
+        self.latest.update(values)
+        self.heard_s = self.clock()
+
     def _row(self, stamp_ms, values, block):
         if self.stamp_ms is None:
             self.stamp_ms = stamp_ms
             for channel in DATA["channels"]:
                 self._note(channel, 0.0, stamp_ms)
         self.stamp_ms, self.stamped_s = stamp_ms, self.clock()
+        self._heard(stamp_ms, values, block)
         for variable, value in values.items():
             self._add(variable, stamp_ms, value)
-        if "pm.vbat" in values:
-            self.low = self.low + 1 if values["pm.vbat"] < BATTERY_EMPTY_V else 0
 
     def _note(self, channel, level, stamp_ms=None):
         """Keeps a light command in the log, on the drone's clock."""
@@ -208,53 +363,258 @@ class Drone:
         column["time"].append(stamp_ms)
         column["data"].append(value)
 
-    def ready(self):
-        """Waits for a position that has settled; refuses a low battery and a wrong place."""
-        self.param("kalman.initialYaw", DATA["yaw_rad"])
-        self.param("kalman.resetEstimation", 1)
-        self.wait_until(self.clock() + 0.1)
-        self.param("kalman.resetEstimation", 0)
-        self.wait_until(self.clock() + 2.0)
-        latest = {}
-        names = ["stateEstimate.x", "stateEstimate.y", "pm.vbat",
-                 "kalman.varPX", "kalman.varPY", "kalman.varPZ"]
-        check = self._block("check", 100, dict.fromkeys(names, "float"),
-                            lambda stamp, values, block: latest.update(values))
-        end_s = self.clock() + SETTLE_S
-        while max(latest.get(name, 1.0) for name in names[3:]) >= VARIANCE_MAX_M2:
-            if self.clock() > end_s:
-                raise Stopped(f"no settled position after {SETTLE_S:.0f} s: is the positioning "
-                              "system on, and its geometry on the drone?")
-            self.wait_until(self.clock() + 0.2)
-        check.stop()
-        x, y, battery_v = (latest[name] for name in names[:3])
-        if battery_v < BATTERY_MIN_V:
-            raise Stopped(f"the battery has {battery_v:.2f} V, {BATTERY_MIN_V} V are wanted: "
-                          "charge it")
-        start_x, start_y = DATA["start_m"]
-        if math.hypot(x - start_x, y - start_y) > START_RADIUS_M:
-            raise Stopped(f"the drone stands at ({x:.2f}, {y:.2f}) m, the plan starts at "
-                          f"({start_x:.2f}, {start_y:.2f}) m: carry it there")
-        print(f"ready: battery {battery_v:.2f} V, at ({x:.2f}, {y:.2f}) m; nose "
-              f"{math.degrees(DATA['yaw_rad']):.0f}° to the left of world x")
-
     def finish(self):
+        """Ends the log and writes its file; elsewhere, where it cannot be written."""
         for block in self.blocks:
             if not self.lost.is_set():
-                block.stop()
-        stem, ending = os.path.splitext(self.log_file)
-        path, number = self.log_file, 2
+                attempt("ending a log block", block.stop)
+        if not attempt("writing the log", self._write, self.log_file):
+            folder = tempfile.gettempdir()
+            attempt("writing it elsewhere", self._write,
+                    os.path.join(folder, os.path.basename(self.log_file)))
+
+    def _write(self, log_file):
+        stem, ending = os.path.splitext(log_file)
+        path, number = log_file, 2
         while os.path.exists(path):
             path, number = f"{stem}-{number}{ending}", number + 1
         with open(path, "w", encoding="utf-8") as file:
-            json.dump(self.columns, file)
-        print(f"log: {path}")
+            json.dump({"noctograph": self.about, **self.columns}, file)
+        say(f"log: {path}")
+
+    # What ends a flight early
+
+    def has(self, bit, unknown=False):
+        """Whether the supervisor sets a bit."""
+        info = self.latest.get("supervisor.info")
+        return unknown if info is None else bool(int(info) >> bit & 1)
+
+    def _watch(self):
+        """Raises Stopped for what is wrong in the air for too long."""
+        if self.heard_s is None or "motor.m1" not in self.latest:
+            return  # the log of the flight has not begun
+        read, now_s = self.latest.get, self.clock()
+        place = [read(f"stateEstimate.{axis}", 0.0) for axis in "xyz"]
+        target = [read(f"ctrltarget.{axis}", 0.0) for axis in "xyz"]
+        low, high = LIMITS["fence_m"]
+        lasting = [  # what is wrong, whether it is, for how long it may be
+            ("the drone has crashed", self.has(CRASHED) or self.has(TUMBLED), 0.0),
+            ("the firmware has locked the drone", self.has(LOCKED), 0.0),
+            ("a deck has a fault", self.has(DECK_FAULT), 0.0),
+            ("the drone reports nothing", now_s - self.heard_s > SILENT_S, 0.0),
+            ("the battery is empty", read("pm.vbat", 9.0) < LIMITS["critical_v"], LIMITS["wrong_s"]),
+            ("the battery is low", read("pm.vbat", 9.0) < LIMITS["low_v"], LIMITS["low_s"]),
+            ("the position is lost", self.sigma_m() ** 2 > LIMITS["lost_m2"], LIMITS["wrong_s"]),
+            ("the drone is outside its fence",
+             any(p < a or p > b for p, a, b in zip(place, low, high)), LIMITS["wrong_s"]),
+            ("the drone is far from its target", self.lifted_s is not None
+             and now_s - self.lifted_s > 1.0 and math.dist(place, target) > LIMITS["stray_m"],
+             LIMITS["wrong_s"]),
+        ]
+        for what, is_wrong, most_s in lasting:
+            since_s = self.wrong_since_s.setdefault(what, now_s) if is_wrong else None
+            if not is_wrong:
+                self.wrong_since_s.pop(what, None)
+            elif now_s - since_s >= most_s:
+                raise Stopped(what)
+
+
+# Help
+
+
+def say(text):
+    """Prints, even to a window that is closed."""
+    with contextlib.suppress(OSError, ValueError):
+        print(text, flush=True)
+
+
+def attempt(what, action, *values, times=1):
+    """Does what must not keep the next step from being taken; returns whether it was done."""
+    for _ in range(times):
+        try:
+            action(*values)
+            return True
+        except Exception as error:
+            say(f"{what} failed: {error!r}")
+    return False
+
+
+def same(found, wanted):
+    """Whether a parameter has a value, in the 32 bits of the firmware."""
+    return found is not None and math.isclose(found, wanted, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def table(rows):
+    """Rows of text as aligned columns."""
+    widths = [max(len(str(row[k])) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join("  ".join(str(v).ljust(w) for v, w in zip(row, widths)).rstrip()
+                     for row in rows)
+
+
+# What is connected, beside what was checked
+
+
+def release(firmware):
+    """Year and month of a release; None of a build between releases or of one's own."""
+    found = re.fullmatch(r"(\d{4})\.(\d{2})(?:\.\d+)?", firmware or "")
+    return found and (int(found[1]), int(found[2]))
+
+
+def known_clock(firmware):
+    """Rate of the clock on board that paces trajectories; None where it is to be measured."""
+    number = release(firmware)
+    return LIMITS["slow_clock"] if number and number <= release(LIMITS["slow_release"]) else None
+
+
+def gains_apart(drone, controller):
+    """Gains that the drone has otherwise than they were checked: name, found, wanted."""
+    if controller != DATA["controller"]:
+        return []
+    found = [(name, drone.value(name), wanted)
+             for name, wanted in DATA["gains"] if drone.knows_param(name)]
+    return [row for row in found if not same(row[1], row[2])]
+
+
+def names_missing(drone, controller):
+    """Names of parameters and logs that the script uses and the firmware lacks."""
+    gains = DATA["gains"] if controller == DATA["controller"] else []
+    params = [name for name, _ in DATA["parameters"] + gains] + [light[0] for light in DATA["dark"]]
+    params += ["kalman.initialYaw", "kalman.resetEstimation", "stabilizer.controller"]
+    logs = [name for block in {**LOG, **WATCH}.values() for name in block]
+    return ([name for name in dict.fromkeys(params) if not drone.knows_param(name)]
+            + [name for name in dict.fromkeys(logs) if not drone.knows_log(name)])
+
+
+def connected(drone, mode, controller, set_gains):
+    """Rows of what is connected: (what, found, wanted, whether it is right)."""
+    about, rows = drone.about, []
+    if LIMITS["platforms"]:
+        rows.append(("drone", about["platform"] or "no answer", LIMITS["platforms"][0],
+                     about["platform"] in LIMITS["platforms"]))
+    firmware, oldest = about["firmware"], LIMITS["oldest_firmware"]
+    is_old = release(firmware) and release(firmware) < release(oldest)
+    rows.append(("firmware", firmware or "no answer", f"{oldest} or newer",
+                 firmware is not None and not is_old))
+    if mode == "trajectory":
+        rate = known_clock(firmware)
+        rows.append(("clock on board", f"{rate:.5f}" if rate else "measured at take-off",
+                     "known or measured", True))
+    for what, decks in LIMITS["decks"]:
+        found = [d for d in decks if drone.knows_param(f"deck.{d}") and drone.value(f"deck.{d}")]
+        rows.append((f"deck for {what}", " ".join(found) or "none", " or ".join(decks), bool(found)))
+    missing = names_missing(drone, controller)
+    rows.append(("names in the firmware", f"without {', '.join(missing[:4])}" if missing else "all",
+                 "all", not missing))
+    apart = gains_apart(drone, controller)
+    text = ", ".join(f"{name} {found:g} for {wanted:g}" for name, found, wanted in apart[:3])
+    more = f" and {len(apart) - 3} more" if len(apart) > 3 else ""
+    rows.append(("gains", text + more or "as checked",
+                 "as checked, or --set-gains", not apart or set_gains))
+    return rows
+
+
+def state(drone):
+    """Rows of how the drone stands: (what, found, wanted, whether it is right)."""
+    read = drone.latest.get
+    names = [name for block in WATCH.values() for name in block]
+    if any(name not in drone.latest for name in names) or drone.clock() - drone.heard_s > SILENT_S:
+        return [("log", "nothing or too little", "packets of the drone", False)]
+    bad = [name for name, bit in (("locked", LOCKED), ("crashed", CRASHED), ("tumbled", TUMBLED),
+                                  ("a deck's fault", DECK_FAULT)) if drone.has(bit)]
+    ready = drone.has(CAN_FLY) or drone.has(CAN_BE_ARMED)
+    rows = [("state", ", ".join(bad) or ("can fly" if ready else "cannot fly"), "can fly",
+             ready and not bad)]
+    sigma_m, most_m = drone.sigma_m(), math.sqrt(LIMITS["variance_m2"])
+    rows.append(("position known within", f"{100 * sigma_m:.1f} cm", f"{100 * most_m:.0f} cm",
+                 sigma_m < most_m))
+    x, y = read("stateEstimate.x"), read("stateEstimate.y")
+    start_x, start_y = DATA["start_m"]
+    rows.append(("place", f"({x:.2f}, {y:.2f}) m", f"({start_x:.2f}, {start_y:.2f}) m",
+                 math.hypot(x - start_x, y - start_y) <= LIMITS["start_radius_m"]))
+    nose, wanted = read("stateEstimate.yaw"), math.degrees(DATA["yaw_rad"])
+    turn = (nose - wanted + 180.0) % 360.0 - 180.0
+    rows.append(("nose, left of x", f"{nose:.0f}°", f"{wanted:.0f}°",
+                 abs(turn) <= math.degrees(LIMITS["nose_rad"])))
+    lean = max(abs(read("stateEstimate.roll")), abs(read("stateEstimate.pitch")))
+    most = math.degrees(LIMITS["level_rad"])
+    rows.append(("roll, pitch", f"up to {lean:.0f}°", f"up to {most:.0f}°", lean <= most))
+    volts, least_v = read("pm.vbat"), LIMITS["rest_v"]
+    rows.append(("battery at rest", f"{volts:.2f} V", f"{least_v:.2f} V" if least_v else "a larger one",
+                 least_v is not None and volts >= least_v))
+    return rows
+
+
+HINTS = {
+    "drone": "export for this drone: --scene cf21 or cf-brushless",
+    "firmware": "update it with cfclient",
+    "names in the firmware": "fly the release for which this was made",
+    "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
+    "state": "set it upright; switch it off and on again",
+    "position known within": "is the positioning system on, and its geometry on the drone?",
+    "place": "carry it there",
+    "nose, left of x": "turn it",
+    "roll, pitch": "put it on a level place",
+    "battery at rest": "charge it: the flight would take it below the firmware's low voltage",
+    "log": "is the radio too far away?",
+}
+
+
+def judge(rows, accepted=()):
+    """Prints the table; raises Stopped where something is not as it was checked."""
+    verdict = {True: "ok", False: "NO"}
+    shown = [(what, found, wanted, "accepted" if not ok and what in accepted else verdict[ok])
+             for what, found, wanted, ok in rows]
+    say(table([("what", "found", "wanted", ""), *shown]))
+    wrong = [row for row, line in zip(rows, shown) if line[3] == "NO"]
+    if wrong:
+        raise Stopped("; ".join(
+            f"{what}: {found}, wanted {wanted}" + (f" ({HINTS[what]})" if what in HINTS else "")
+            for what, found, wanted, _ in wrong))
+
+
+# The flight
 
 
 def paced(time_s, clock):
     """True time of a time in the plan, where the clock on board runs at another rate."""
     start_s = DATA["trajectory"]["start_s"]
     return start_s + (time_s - start_s) / clock
+
+
+def measured_clock(drone, since):
+    """Rate of the clock on board, from the targets of the take-off, which have the drone's own time.
+
+    The firmware goes up on a polynomial of degree 7 in time; the shares of the way that it has
+    reached tell how far it is in time, and a line through these the duration.
+    """
+    column = drone.columns.get("ctrltarget.z", {"time": [], "data": []})
+    stamps, heights = column["time"][since:], column["data"][since:]
+    start = next((z for t, z in zip(stamps, heights) if t >= stamps[0] + 150), None)
+    if start is None or heights[-1] - start < 0.1:
+        raise Stopped("the clock on board could not be measured: no targets in the log")
+    points = []
+    for stamp, z in zip(stamps, heights):
+        share = (z - start) / (heights[-1] - start)
+        if 0.1 < share < 0.9:
+            low, high = 0.0, 1.0
+            for _ in range(40):
+                u = (low + high) / 2
+                reached = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+                low, high = (u, high) if reached < share else (low, u)
+            points.append((low, stamp / 1000))
+    mean_u = sum(u for u, _ in points) / len(points)
+    mean_t = sum(t for _, t in points) / len(points)
+    took_s = (sum((u - mean_u) * (t - mean_t) for u, t in points)
+              / sum((u - mean_u) ** 2 for u, _ in points))
+    return known_rate(TAKE_OFF_S / took_s)
+
+
+def known_rate(rate):
+    """One of the rates that firmware has."""
+    for known in (1.0, LIMITS["slow_clock"]):
+        if abs(rate - known) < 0.004:
+            return known
+    raise Stopped(f"the clock on board runs at {rate:.4f} of true time: no firmware is known to")
 
 
 def on_board(mode):
@@ -292,9 +652,21 @@ def events(mode, clock):
     return sorted(listed, key=lambda event: event[0])
 
 
-def prepare(drone, mode):
-    """Checks the drone and loads its memory; nothing moves and no lamp changes."""
-    drone.ready()
+def prepare(drone, mode, controller=None, set_gains=False, accepted=()):
+    """Reads what is connected, judges it and loads the memory; nothing moves and no lamp changes."""
+    controller = DATA["controller"] if controller is None else controller
+    if isinstance(drone, Paper):
+        drone.reset_estimate()
+    else:
+        drone.identify()
+        rows = connected(drone, mode, controller, set_gains)
+        if not names_missing(drone, controller):
+            drone.reset_estimate()
+            drone.watch()
+            rows += state(drone)
+        drone.about.update(mode=mode, controller=controller,
+                           found={what: found for what, found, _, _ in rows})
+        judge(rows, accepted)
     if mode == "trajectory":
         trajectory = DATA["trajectory"]
         drone.upload(len(trajectory["hex"]) // 2, trajectory["hex"], trajectory["pieces"])
@@ -302,65 +674,188 @@ def prepare(drone, mode):
             drone.upload_lights(on_board(mode)["entries"])
 
 
-def fly(drone, mode, controller, clock, begin=lambda: None):
+def still_ready(drone, accepted=()):
+    """Judges again how the drone stands: the key may come minutes later."""
+    drone.wait_until(drone.clock(), watching=False)
+    rows = state(drone)
+    if not all(ok or what in accepted for what, _, _, ok in rows):
+        judge(rows, accepted)
+
+
+def fly(drone, mode, controller, clock=None, begin=lambda: None):
     """Takes off, writes and lands. `begin` returns when all drones may start."""
-    for name, value in DATA["parameters"] + [["stabilizer.controller", controller]]:
-        drone.param(name, value)
-    if controller == DATA["controller"]:
-        for name, value in DATA["gains"]:
-            drone.param(name, value)
-    if on_board(mode):
-        drone.param("ring.effect", 0)
-    drone.log()
-    drone.wait_until(drone.clock() + 0.5)
-    begin()
-    airborne = False
     try:
+        ready_to_fly(drone, mode, controller)
+        begin()
         drone.arm()
         drone.wait_until(drone.clock() + 0.5)
-        airborne = True
-        begin_s = 0.0
-        if mode == "trajectory":
-            x, y, z = DATA["trajectory"]["first_m"]
-            begin_s = DATA["before_s"]
-            for command, values in [("take_off", (z,)), ("go_to", (x, y, z))]:
-                getattr(drone, command)(*values, TAKE_OFF_S)
-                drone.wait_until(drone.clock() + TAKE_OFF_S + 0.5)
-        zero_s = drone.clock() - begin_s
-        for time_s, command, values in events(mode, clock):
-            drone.wait_until(zero_s + time_s)
-            getattr(drone, command)(*values)
-        end_s = (DATA["trajectory"] if mode == "trajectory" else DATA)["end_s"]
-        drone.wait_until(zero_s + paced(end_s, clock))
-    except LinkLost:
-        drone.finish()
-        raise
-    except BaseException:
-        end(drone, mode, airborne)
-        raise
-    end(drone, mode, airborne)
+        if not isinstance(drone, Paper) and not drone.wait_for(drone.can_fly, 3.0):
+            raise Stopped("the drone does not arm")
+        write(drone, mode, clock)
+    except LinkLost as lost:
+        if drone.lifted_s is None:
+            raise
+        if drone.connect and attempt("reconnecting", drone.reconnect, RECONNECT_S.get(mode, 2.0)):
+            raise Stopped(f"{lost}, and found again to land") from None
+        raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
+    finally:
+        # However the flight ends: down first, and only then all that may fail as well.
+        if not is_lost(drone):
+            come_down(drone, mode)
+        tidy_up(drone)
 
 
-def end(drone, mode, airborne):
-    """Lights off, down, motors off; the log is kept whatever happens."""
+WITHOUT_LINK = [
+    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s",
+    "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself",
+]
+
+
+def is_lost(drone):
+    return not isinstance(drone, Paper) and drone.lost.is_set()
+
+
+def ready_to_fly(drone, mode, controller):
+    """Sets controller, gains and lamps, and starts the log."""
+    wanted = DATA["parameters"] + [["stabilizer.controller", controller]]
+    if controller == DATA["controller"]:
+        wanted = wanted + DATA["gains"]
+    if on_board(mode):
+        wanted = [row for row in wanted if row[0] != "ring.effect"] + [["ring.effect", 0]]
+    if isinstance(drone, Paper):
+        for row in wanted:
+            drone.param(*row)
+    else:
+        drone.set(wanted)
+    drone.log()
+    drone.wait_until(drone.clock() + 0.5)
+
+
+def write(drone, mode, clock):
+    """From the floor to the last letter."""
+    begin_s = 0.0
+    if mode == "trajectory":
+        x, y, z = DATA["trajectory"]["first_m"]
+        begin_s = DATA["before_s"]
+        since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"]) if clock is None else 0
+        drone.lifted_s = drone.clock()
+        for command, values in [("take_off", (z,)), ("go_to", (x, y, z))]:
+            getattr(drone, command)(*values, TAKE_OFF_S)
+            drone.wait_until(drone.clock() + TAKE_OFF_S + 0.5)
+            if clock is None:
+                clock = known_clock(drone.about.get("firmware")) or measured_clock(drone, since)
+                drone.about["clock"] = clock
+    clock = clock or 1.0
+    zero_s = drone.clock() - begin_s
+    drone.lifted_s = drone.lifted_s or drone.clock()
+    for time_s, command, values in events(mode, clock):
+        drone.wait_until(zero_s + time_s)
+        getattr(drone, command)(*values)
+    end_s = (DATA["trajectory"] if mode == "trajectory" else DATA)["end_s"]
+    drone.wait_until(zero_s + paced(end_s, clock))
+
+
+def come_down(drone, mode):
+    """Lands where the drone is, if it is in the air. Nothing keeps the next step from being taken."""
+    duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
     try:
-        if airborne:
-            if on_board(mode):
-                drone.param("ring.effect", 0)
-            for values in DATA["dark"]:
-                drone.light(*values)
+        for _ in range(3 if is_up(drone) else 0):
             if mode != "trajectory":
-                drone.hand_over()
-            duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
-            drone.land(duration_s)
-            drone.wait_until(drone.clock() + duration_s + 0.5, watching=False)
-        drone.stop()
+                attempt("handing over", drone.hand_over, times=3)
+            attempt("landing", drone.land, duration_s, times=3)
+            darken(drone, mode)
+            end_s = drone.clock() + duration_s + 0.5
+            attempt("waiting", drone.wait_until, end_s, False)
+            if is_lost(drone):
+                return say("the link was lost while landing: the firmware lands by itself")
+            if drone.is_down():
+                break
     except KeyboardInterrupt:
-        drone.stop()
-    except LinkLost:
-        pass
+        say("motors stopped")
+    attempt("stopping the motors", drone.stop, times=3)
+    attempt("disarming", drone.arm, False)
+
+
+def is_up(drone):
+    """Whether it has been told to lift, for longer than a moment."""
+    return drone.lifted_s is not None and drone.clock() - drone.lifted_s >= LIFT_S
+
+
+def darken(drone, mode):
+    """All lamps off, unless a new link knows no parameters yet and would wait for them."""
+    if drone.found_again:
+        return
+    if on_board(mode):
+        attempt("lamps", drone.param, "ring.effect", 0)
+    for values in DATA["dark"]:
+        attempt("lamps", drone.light, *values, times=2)
+
+
+def tidy_up(drone):
+    """Controller and gains as they were, and the log: on the floor, whatever fails."""
+    if isinstance(drone, Paper):
+        return drone.finish()
+    try:
+        if not drone.lost.is_set():
+            drone.put_back(lamps=False)
     finally:
         drone.finish()
+
+
+@contextlib.contextmanager
+def landing_on_signals(drones):
+    """From here on Ctrl-C, a closed window and `kill` land; the second one stops the motors."""
+    def received(number, frame):
+        for drone in drones:
+            (drone.killed if drone.stopped.is_set() else drone.stopped).set()
+
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
+    before = [(getattr(signal, name), signal.signal(getattr(signal, name), received))
+              for name in names]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+
+
+# The geometry of the positioning
+
+
+def check_geometry(drone):
+    """What the drone reads on the corners of the canvas, beside where it stands."""
+    missing = names_missing(drone, DATA["controller"])
+    if missing:
+        raise Stopped(f"the firmware has no {', '.join(missing)}")
+    drone.reset_estimate()
+    drone.watch()
+    if "stateEstimate.x" not in drone.latest:
+        raise Stopped("the drone reports no position")
+    rows, most_m = [], LIMITS["corner_m"]
+    for number, corner in enumerate(DATA["corners_m"], 1):
+        place = ", ".join(f"{v:.2f}" for v in corner)
+        typed = input(f"Corner {number} of 4: the drone at ({place}) m, nose as in the flight? "
+                      "Enter reads; or type where it stands instead, as x, y, z: ")
+        if typed.strip():
+            corner = [float(part) for part in typed.replace(",", " ").split()]
+            if len(corner) != 3:
+                raise Stopped(f"{typed.strip()!r} is no place: three numbers in meters are wanted")
+        drone.wait_until(drone.clock() + 2.0, watching=False)
+        readings = []
+        for _ in range(10):
+            drone.wait_until(drone.clock() + 0.1, watching=False)
+            readings.append([drone.latest[f"stateEstimate.{axis}"] for axis in "xyz"])
+        read = [sum(values) / len(values) for values in zip(*readings)]
+        off_m = math.dist(read, corner)
+        rows.append((number, *(f"{r:.3f} ({w:.3f})" for r, w in zip(read, corner)),
+                     f"{100 * off_m:.1f} cm", "ok" if off_m <= most_m else "NO"))
+    say(table([("corner", "x read (wanted)", "y", "z", "off", ""), *rows]))
+    if any(row[-1] == "NO" for row in rows):
+        raise Stopped(f"the geometry is off by more than {100 * most_m:.0f} cm: estimate it again, "
+                      "with the origin in the middle of the room's floor")
+
+
+# From the command line
 
 
 def options(parser):
@@ -369,52 +864,117 @@ def options(parser):
     parser.add_argument("--controller", type=int, default=DATA["controller"], metavar="N",
                         help="stabilizer.controller: 1 PID, 2 Mellinger, 5 Lee, or the number of "
                              "your own in your firmware (default: %(default)s)")
-    parser.add_argument("--clock", type=float, default=1.0, metavar="RATE",
-                        help="rate of the clock on board that paces a trajectory: 0.98824 (84/85) "
-                             "on firmware before August 2026 (default: %(default)s)")
+    parser.add_argument("--set-gains", action="store_true",
+                        help="give the drone the gains that were checked, and put its own back")
+    parser.add_argument("--accept", action="append", default=[], metavar="WHAT",
+                        help="fly although this row of the table is not as wanted")
     parser.add_argument("--dry-run", action="store_true", help="print what would be sent")
 
 
 def settings(args, parser):
-    """Mode, controller and clock as they were typed."""
+    """Mode and controller as they were typed."""
     if args.controller is None:
         parser.error("this plan is for a controller of your own: say its number with --controller")
     mode = args.mode.replace("-", "_")
     if mode == "trajectory" and not DATA["trajectory"]["hex"]:
         parser.error(DATA["trajectory"]["refused"])
-    return mode, args.controller, args.clock if mode == "trajectory" else 1.0
+    return mode, args.controller
+
+
+def need_cflib():
+    """Says which cflib it takes, before anything else is done."""
+    oldest = LIMITS["oldest_cflib"]
+    try:
+        from importlib.metadata import version
+
+        found = version("cflib")
+    except ImportError:
+        raise SystemExit(f"error: cflib {oldest} or newer is needed: pip install cflib") from None
+    numbers = [[int(part) for part in re.findall(r"\d+", text)[:3]] for text in (found, oldest)]
+    if numbers[0] < numbers[1]:
+        raise SystemExit(f"error: cflib {found} is too old, {oldest} or newer is needed: "
+                         "pip install --upgrade cflib")
+
+
+def opened(links, uri, wait=True):
+    """An open link, with all parameters read unless there is no time to wait for them."""
+    from cflib.crazyflie import Crazyflie
+    from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+
+    link = SyncCrazyflie(uri, cf=Crazyflie(rw_cache="./cache"))
+    try:
+        links.enter_context(link)
+    except Exception as error:
+        raise Stopped(f"no link to {uri}: {error}") from None
+    end_s = time.monotonic() + CONNECT_S
+    while wait and not link.is_params_updated():
+        if time.monotonic() > end_s:
+            raise Stopped(f"the parameters of {uri} could not be read")
+        time.sleep(0.05)
+    return link.cf
+
+
+def room():
+    """The room in which the flight was checked, in words."""
+    if DATA["room_m"] is None:
+        return "The origin is where the positioning says; the flight was checked without a room."
+    w, d, h = DATA["room_m"]
+    return (f"The flight was checked in a room of {w:g} x {d:g} x {h:g} m. The origin of the "
+            f"positioning is the middle of its floor, {w / 2:g} m from the walls at left and right and "
+            f"{d / 2:g} m from those in front and behind; x to the right of the photographer.")
 
 
 def main():
     parser = argparse.ArgumentParser(description="Writes a word with light.")
     parser.add_argument("--uri", default=DATA["uri"], help="address (default: %(default)s)")
     parser.add_argument("--log", default=DATA["log"], help="file for the flight (%(default)s)")
+    parser.add_argument("--check-geometry", action="store_true",
+                        help="compare what the drone reads at the corners of the canvas, and end")
     options(parser)
     args = parser.parse_args()
-    mode, controller, clock = settings(args, parser)
+    mode, controller = settings(args, parser)
     if args.dry_run:
-        prepare(Paper(), mode)
-        return fly(Paper(), mode, controller, clock)
+        prepare(Paper(), mode, controller)
+        return fly(Paper(), mode, controller, 1.0)
+    need_cflib()
     import cflib.crtp
-    from cflib.crazyflie import Crazyflie
-    from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
     cflib.crtp.init_drivers()
+    drone = None
     try:
-        with SyncCrazyflie(args.uri, cf=Crazyflie(rw_cache="./cache")) as link:
-            link.wait_for_params()
-            drone = Drone(link.cf, args.log)
-            prepare(drone, mode)
-            input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
-            fly(drone, mode, controller, clock)
+        with contextlib.ExitStack() as links:
+            def connect(wait=True):
+                return opened(links, args.uri, wait)
+
+            drone = Drone(connect(), args.log, connect)
+            drone.about["uri"] = args.uri
+            try:
+                if args.check_geometry:
+                    return check_geometry(drone)
+                prepare(drone, mode, controller, args.set_gains, args.accept)
+                say(room())
+                input("Is that so, the shutter ready, everyone behind the net? Enter takes off, "
+                      "Ctrl-C ends. ")
+                still_ready(drone, args.accept)
+                with landing_on_signals([drone]):
+                    fly(drone, mode, controller)
+                with contextlib.suppress(EOFError, OSError):
+                    input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
+            finally:
+                if not drone.lost.is_set():
+                    drone.put_back(lamps=False)
+                    drone.put_back(lamps=True)
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
+    except EOFError:
+        raise SystemExit("error: no key can be pressed here: start it in a terminal") from None
     except Stopped as stopped:
         raise SystemExit(f"error: {stopped}") from None
 
 
 # The plan, as `noctograph export` made it.
 DATA = json.loads(@DATA@)
+LIMITS = DATA["limits"]
 
 if __name__ == "__main__":
     main()

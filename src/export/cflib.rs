@@ -6,19 +6,23 @@
 
 use serde_json::{Value, json};
 
-use super::compressed::Compressed;
+use super::compressed::{Compressed, END};
 use super::lights::{Command, commands, dark, preparation, timing};
-use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
+use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
+use super::safety::{self, OLDEST_CFLIB};
 use super::{Job, caution, gains, stem};
-use crate::crazyflie::RING_TIMING_ENTRIES;
+use crate::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
+use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::lamps::LightOptions;
 use crate::plan::Plan;
+use crate::sensors::Positioning;
 use crate::settings::settings;
 use crate::sim::ControllerKind;
 
-/// The script, with `@DATA@`, `@LOG@` and `@OPTIONAL@` in place of the plan and the log's variables.
+/// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the log's
+/// variables, and `@CFLIB@` in that of the oldest cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// The script for several drones, with `@SCRIPTS@` in place of their scripts' names.
 const LAUNCHER: &str = include_str!("launcher.py");
@@ -50,6 +54,7 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
+    let script = script.replace("@WATCH@", &python(&WATCH_BLOCKS)).replace("@CFLIB@", OLDEST_CFLIB);
     Ok(with_caution(job, &script.replace("@DATA@", &literal)))
 }
 
@@ -92,13 +97,18 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         }),
         clock => {
             let wanted = "1 for a trajectory on board";
-            let hint = "plan with 1, and give the clock to the script (--clock)";
+            let hint = "plan with 1: the script finds the clock of the drone";
             Err(Error::input("plan.trajectory_clock", clock, wanted, hint))
         }
     };
-    let (bytes, pieces, refused) = match trajectory {
+    let trajectory_end_s = end_s(plan, &stretch, &on_board);
+    let landing = |trajectory: Compressed| {
+        let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
+        Ok((and_lands(&trajectory, over_s)?, trajectory.n_pieces()))
+    };
+    let (bytes, pieces, refused) = match trajectory.and_then(landing) {
         // A byte of the command, which the firmware does not read of a compressed trajectory.
-        Ok(trajectory) => (trajectory.to_bytes(), trajectory.n_pieces().min(255), None),
+        Ok((bytes, n_pieces)) => (bytes, n_pieces.min(253) + 2, None),
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
         Err(error) => (Vec::new(), 0, Some(error.to_string())),
     };
@@ -108,6 +118,10 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
     Ok(json!({
         "word": job.word,
+        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": plan_sha256(plan) },
+        "limits": limits(job, drone),
+        "room_m": job.checks.room_m,
+        "corners_m": corners_m(job.plans),
         "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
         "mode": job.mode.name(),
         "controller": firmware_controller(job.sim.controller.kind),
@@ -132,14 +146,130 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
             "refused": refused,
             "lights": commands(&on_board),
             "timing": timing,
-            "end_s": end_s(plan, &stretch, &on_board),
+            "end_s": trajectory_end_s,
         },
     }))
 }
 
-/// Parameters that are set before the flight: estimator, high-level commander, lamps.
+/// A trajectory for the memory on board that hovers at its end, while a script sends the landing, and
+/// then lands by itself: without a link it would hover until the battery is empty. The script lands
+/// `over_s` after the trajectory's end.
+fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
+    /// Hover after the time at which the script lands, s.
+    const HOVER_S: f64 = 3.0;
+    /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it there, m.
+    const SINK_M_S: f64 = 0.3;
+    const BELOW_M: f64 = 0.1;
+    /// Header of a piece with a cubic curve along z, and nothing else (`pptraj_compressed.c`).
+    const ALONG_Z: u8 = 0x20;
+    let mut bytes = trajectory.to_bytes();
+    let end = bytes.split_off(bytes.len() - END.len());
+    let z_m = trajectory.end_m().z;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    let milliseconds = |s: f64| ((1e3 * s).round() as u16).to_le_bytes();
+    #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
+    let millimeters = |m: f64| ((1e3 * m).round() as i16).to_le_bytes();
+    bytes.push(0);
+    bytes.extend(milliseconds(over_s.max(0.0) + HOVER_S));
+    bytes.push(ALONG_Z);
+    bytes.extend(milliseconds((z_m + BELOW_M) / SINK_M_S));
+    bytes.extend([z_m, -BELOW_M, -BELOW_M].into_iter().flat_map(millimeters));
+    bytes.extend(end);
+    if bytes.len() > TRAJECTORY_MEMORY_BYTES {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{} bytes with the landing, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}",
+                bytes.len()
+            ),
+            hint: "share the word among more drones, or send setpoints over the radio".into(),
+        });
+    }
+    Ok(bytes)
+}
+
+/// Digest of the plan as `noctograph plan` writes it, so that a log finds its plan.
+fn plan_sha256(plan: &Plan) -> String {
+    let mut csv = Vec::new();
+    plan.write_csv(&mut csv).expect("memory takes it");
+    sha256(&csv)
+}
+
+/// What the script judges a drone by, from the one table of limits.
+fn limits(job: &Job<'_>, drone: usize) -> Value {
+    let checks = job.checks;
+    let platform = checks.platform;
+    let variance_m2 = safety::variance_m2(checks.positioning);
+    let battery = checks.batteries.get(drone).copied().flatten();
+    let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
+    let [low_m, high_m] = checks.volume_m;
+    json!({
+        "oldest_cflib": OLDEST_CFLIB,
+        "oldest_firmware": safety::OLDEST_FIRMWARE,
+        "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
+        "decks": decks(&job.plans[drone], checks.positioning),
+        "slow_release": safety::LAST_SLOW_RELEASE,
+        "slow_clock": safety::SLOW_CLOCK,
+        "start_radius_m": safety::START_RADIUS_M,
+        "nose_rad": safety::NOSE_RAD,
+        "level_rad": safety::LEVEL_RAD,
+        "corner_m": safety::CORNER_M,
+        "variance_m2": variance_m2,
+        "lost_m2": safety::LOST_FACTOR * variance_m2,
+        "rest_v": rest_v,
+        "low_v": platform.map_or(0.0, safety::Platform::low_battery_v),
+        "low_s": safety::LOW_BATTERY_S,
+        "critical_v": platform.map_or(0.0, safety::Platform::critical_battery_v),
+        "wrong_s": safety::WRONG_S,
+        "fence_m": [low_m.map(|m| rounded(m - safety::FENCE_M)), high_m.map(|m| rounded(m + safety::FENCE_M))],
+        "stray_m": safety::STRAY_M,
+    })
+}
+
+/// A length in whole micrometers.
+fn rounded(length_m: f64) -> f64 {
+    (1e6 * length_m).round() / 1e6
+}
+
+/// Decks that a flight needs, each with the parameters in `deck.` of which one is to be set
+/// (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
+    let position = match positioning {
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+            vec!["bcLighthouse4"]
+        }
+        Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
+        Positioning::Gnss => vec!["bcGTGPS"],
+    };
+    let lit =
+        |channels: &[&str]| plan.lamps().any(|(channel, _)| channels.contains(&channel.as_str()));
+    let mut decks = vec![("positioning", position)];
+    if lit(&["headlights", "ring"]) {
+        decks.push(("the ring", vec!["bcLedRing"]));
+    }
+    if lit(&["color-led"]) {
+        decks.push(("the color LED", vec!["bcColorLedBot"]));
+    }
+    decks
+}
+
+/// Corners of the box of all letters.
+fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
+    let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
+    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
+    let places: Vec<_> = written.map(|setpoint| setpoint.position_m).collect();
+    let Some(first) = places.first() else { return Vec::new() };
+    let ends = |axis: usize| {
+        let values = places.iter().map(|place| place[axis]);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+    };
+    let ((left, right), (low, high)) = (ends(0), ends(2));
+    [(left, low), (right, low), (right, high), (left, high)].map(|(x, z)| [x, first.y, z]).into()
+}
+
+/// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already is
+/// not sent.
 fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
-    let mut parameters = vec![("stabilizer.estimator", 2), ("commander.enHighLevel", 1)];
+    let mut parameters = vec![("stabilizer.estimator", 2)];
     parameters.extend(preparation(plan, light));
     parameters
 }
@@ -226,20 +356,19 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 mod tests {
     use super::*;
     use crate::camera::CameraOptions;
-    use crate::export::safety::{Checks, Platform};
+    use crate::export::safety::{Battery, Checks, Platform};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
     use crate::sensors::Positioning;
     use crate::sim::SimOptions;
 
-    #[test]
-    fn a_word_never_becomes_code() {
+    /// The script of NO under a word, and the data in it.
+    fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
-        let word = "\"); import os\nimport os #'\\";
         let job = Job {
-            plans: &[plan],
-            flown: &[],
+            plans: std::slice::from_ref(&plan),
+            flown: std::slice::from_ref(&plan),
             unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
             light: &LightOptions::default(),
@@ -248,19 +377,73 @@ mod tests {
             tolerance_m: 0.002,
             mode: Mode::Position,
             trajectory_clock: 1.0,
-            checks: &Checks {
-                platform: Some(Platform::Crazyflie2),
-                positioning: Positioning::Sweeps,
-                volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
-                room_m: None,
-                batteries: Vec::new(),
-                scene_sha256: String::new(),
-            },
+            checks,
         };
         let script = script(&job, 0, 0.0).unwrap();
         let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
         let text: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
-        let data: Value = serde_json::from_str(&text).unwrap();
+        let data = serde_json::from_str(&text).unwrap();
+        (script, plan, data)
+    }
+
+    fn checks() -> Checks {
+        Checks {
+            platform: Some(Platform::Crazyflie2),
+            positioning: Positioning::Sweeps,
+            volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+            room_m: None,
+            batteries: Vec::new(),
+            scene_sha256: String::new(),
+        }
+    }
+
+    #[test]
+    fn a_script_judges_by_the_limits_of_the_checks() {
+        let battery = Battery { rest_v: 4.1, least_rest_v: Some(3.77), sag_v: 0.6 };
+        let checks = Checks {
+            platform: Some(Platform::Brushless),
+            positioning: Positioning::UwbTwr,
+            volume_m: [[-1.8, -1.3, 0.0], [1.8, 1.3, 2.3]],
+            room_m: Some([4.0, 3.0, 2.5]),
+            batteries: vec![Some(battery)],
+            ..checks()
+        };
+        let (_, plan, data) = exported("NO", &checks);
+        let limits = &data["limits"];
+        assert_eq!(limits["platforms"], json!(["Crazyflie 2.1 Brushless"]));
+        assert_eq!([&limits["low_v"], &limits["rest_v"]], [3.35, 3.77]);
+        assert_eq!(limits["fence_m"], json!([[-1.9, -1.4, -0.1], [1.9, 1.4, 2.4]]));
+        assert_eq!(limits["variance_m2"], 0.01);
+        assert_eq!(limits["decks"][0], json!(["positioning", ["bcLoco", "bcDWM1000"]]));
+        assert_eq!(data["room_m"], json!([4.0, 3.0, 2.5]));
+        let mut csv = Vec::new();
+        plan.write_csv(&mut csv).unwrap();
+        assert_eq!(data["digests"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
+        let full =
+            Checks { batteries: vec![Some(Battery { least_rest_v: None, ..battery })], ..checks };
+        assert_eq!(exported("NO", &full).2["limits"]["rest_v"], Value::Null, "no charge is enough");
+    }
+
+    #[test]
+    fn a_trajectory_on_board_ends_below_the_floor() {
+        let (_, plan, data) = exported("NO", &checks());
+        let hex = data["trajectory"]["hex"].as_str().unwrap();
+        let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+        let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
+        let (found, alone) =
+            (Compressed::from_bytes(&bytes).unwrap(), Compressed::encode(&plan, 0.002).unwrap());
+        assert_eq!(data["trajectory"]["pieces"], found.n_pieces());
+        assert_eq!(found.n_pieces(), alone.n_pieces() + 2);
+        assert_eq!(found.end_m().z, -0.1);
+        let longer_s = found.duration_s() - alone.duration_s();
+        let lands_s = 3.0 + (alone.end_m().z + 0.1) / 0.3;
+        assert!((longer_s - lands_s).abs() < 0.5, "{longer_s} s instead of {lands_s} s");
+    }
+
+    #[test]
+    fn a_word_never_becomes_code() {
+        let word = "\"); import os\nimport os #'\\";
+        let (script, _, data) = exported(word, &checks());
         assert_eq!(data["word"], word);
         assert_eq!(data["log"], "importosimportos_flight.json");
         let caution = script.lines().nth(1).unwrap();

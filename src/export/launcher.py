@@ -4,11 +4,12 @@
     python3 LAUNCHER --dry-run
     python3 LAUNCHER radio://0/80/2M/E7E7E7E701 radio://0/80/2M/E7E7E7E702
 
-One radio serves up to four drones. All wait for one Enter. Ctrl-C lands all of them, and so does
-the end of one of them before its time.
+One radio serves up to four drones. Each is judged as its script does, and all wait for one Enter.
+Ctrl-C lands all of them, and so does the end of one of them before its time.
 """
 
 import argparse
+import contextlib
 import importlib.util
 import os
 import threading
@@ -31,14 +32,52 @@ def together(work, items):
 
     def guarded(item):
         try:
-            work(item)
-        except Exception as error:
+            work(*item)
+        except BaseException as error:
             errors.append(error)
 
     threads = [threading.Thread(target=guarded, args=(item,)) for item in items]
     for thread in threads:
         thread.start()
     return threads, errors
+
+
+def all_done(threads, errors, drones=()):
+    """Waits for threads; the first error ends the others' flights. Raises it in the end."""
+    while any(thread.is_alive() for thread in threads):
+        time.sleep(0.05)
+        for drone in drones if errors else ():
+            if not drone.stopped.is_set():
+                drone.why = "another drone ended early"
+                drone.stopped.set()
+    if errors:
+        raise errors[0]
+
+
+def fly_all(crew, args):
+    """From the checks to the floor, each drone in a thread of its own."""
+    script, drones = crew[0][0], [drone for _, drone, _ in crew]
+
+    def prepare(script, drone, choice):
+        script.prepare(drone, *choice, args.set_gains, args.accept)
+
+    def fly(script, drone, choice):
+        try:
+            script.fly(drone, *choice, begin=barrier.wait)
+        except BaseException:
+            barrier.abort()  # nobody waits for one that does not start
+            raise
+
+    all_done(*together(prepare, crew))
+    barrier = threading.Barrier(len(crew), timeout=20.0)
+    script.say(script.room())
+    input(f"Is that so, and are {len(crew)} drones ready? Enter takes off, Ctrl-C ends. ")
+    for part, drone, _ in crew:
+        part.still_ready(drone, args.accept)
+    with script.landing_on_signals(drones):
+        all_done(*together(fly, crew), drones)
+    with contextlib.suppress(EOFError, OSError):
+        input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
 
 
 def main():
@@ -52,47 +91,40 @@ def main():
         parser.error(f"{len(scripts)} addresses are wanted")
     chosen = [script.settings(args, parser) for script in scripts]
     if args.dry_run:
-        for script, name, (mode, controller, clock) in zip(scripts, SCRIPTS, chosen):
+        for script, name, (mode, controller) in zip(scripts, SCRIPTS, chosen):
             print(f"# {name}")
-            script.prepare(script.Paper(), mode)
-            script.fly(script.Paper(), mode, controller, clock)
+            script.prepare(script.Paper(), mode, controller)
+            script.fly(script.Paper(), mode, controller, 1.0)
         return
-    import contextlib
-
+    scripts[0].need_cflib()
     import cflib.crtp
-    from cflib.crazyflie import Crazyflie
-    from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
     cflib.crtp.init_drivers()
-    with contextlib.ExitStack() as links:
-        crew = []
-        for script, uri, choice in zip(scripts, args.uris, chosen):
-            link = links.enter_context(SyncCrazyflie(uri, cf=Crazyflie(rw_cache="./cache")))
-            link.wait_for_params()
-            crew.append((script, script.Drone(link.cf, script.DATA["log"]), choice))
-        threads, errors = together(lambda c: c[0].prepare(c[1], c[2][0]), crew)
-        for thread in threads:
-            thread.join()
-        if errors:
-            raise SystemExit(f"error: {errors[0]}")
-        input(f"{len(crew)} drones are ready. Enter takes off, Ctrl-C ends. ")
-        barrier = threading.Barrier(len(crew), timeout=10.0)
-        threads, errors = together(lambda c: c[0].fly(c[1], *c[2], begin=barrier.wait), crew)
-        reason = None
-        while any(thread.is_alive() for thread in threads):
+    crew = []
+    try:
+        with contextlib.ExitStack() as links:
+            for script, uri, choice in zip(scripts, args.uris, chosen):
+                def connect(wait=True, script=script, uri=uri):
+                    return script.opened(links, uri, wait)
+
+                drone = script.Drone(connect(), script.DATA["log"], connect)
+                drone.about["uri"] = uri
+                crew.append((script, drone, choice))
             try:
-                time.sleep(0.05)
-                reason = reason or (f"error: {errors[0]}" if errors else None)
-                if reason:
-                    for _, drone, _ in crew:
-                        drone.stopped.set()
-            except KeyboardInterrupt:
-                if reason:
-                    for _, drone, _ in crew:
-                        drone.stop()
-                reason = reason or "stopped by Ctrl-C"
-        if reason or errors:
-            raise SystemExit(reason or f"error: {errors[0]}")
+                fly_all(crew, args)
+            finally:
+                for _, drone, _ in crew:
+                    if not drone.lost.is_set():
+                        drone.put_back(lamps=False)
+                        drone.put_back(lamps=True)
+    except KeyboardInterrupt:
+        raise SystemExit("stopped by Ctrl-C") from None
+    except EOFError:
+        raise SystemExit("error: no key can be pressed here: start it in a terminal") from None
+    except SystemExit:
+        raise
+    except Exception as error:
+        raise SystemExit(f"error: {error}") from None
 
 
 if __name__ == "__main__":

@@ -11,8 +11,10 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as export;
-use noctograph_core::{camera, crazyflie, error, lamps, settings};
-use noctograph_flying::{plan, sim};
+use noctograph_core::{
+    camera, crazyflie, digest, error, flight, geometry, lamps, settings, srgb, statistics,
+};
+use noctograph_flying::{plan, sensors, sim, vehicle};
 #[cfg(test)]
 use noctograph_letters as letters;
 

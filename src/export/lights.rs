@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn a_show_has_the_colors_that_were_asked_for() {
-        use crate::light::{color_led_wrgb, ring_rgb};
+        use noctograph_picture::light::{color_led_wrgb, ring_rgb};
 
         let colors =
             [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3], [255, 128, 0], [255, 0, 255]];

@@ -59,6 +59,31 @@ pub(super) const OBSERVER_BLOCKS: [Block; 1] = [(
     ],
 )];
 
+/// Blocks by which the exported script judges the drone on the ground and in the air.
+pub(super) const WATCH_BLOCKS: [Block; 2] = [
+    (
+        "where",
+        &[
+            ("stateEstimate.x", "float"),
+            ("stateEstimate.y", "float"),
+            ("stateEstimate.z", "float"),
+            ("kalman.varPX", "float"),
+            ("kalman.varPY", "float"),
+            ("kalman.varPZ", "float"),
+        ],
+    ),
+    (
+        "state",
+        &[
+            ("stateEstimate.yaw", "float"),
+            ("stateEstimate.pitch", "float"),
+            ("stateEstimate.roll", "float"),
+            ("pm.vbat", "float"),
+            ("supervisor.info", "uint16_t"),
+        ],
+    ),
+];
+
 /// Period of the radio's blocks, ms.
 const PERIOD_MS: u32 = 20;
 /// Rate of the µSD log, Hz.
@@ -104,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_block_fits_its_packet() {
-        for (name, variables) in BLOCKS.iter().chain(&OBSERVER_BLOCKS) {
+        for (name, variables) in BLOCKS.iter().chain(&OBSERVER_BLOCKS).chain(&WATCH_BLOCKS) {
             let size = |kind: &str| if kind == "float" { 4 } else { 2 };
             let bytes: usize = variables.iter().map(|(_, kind)| size(kind)).sum();
             assert!(bytes <= 26, "{name}: {bytes} bytes");

@@ -23,8 +23,9 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The folder in which it lies within that of the evening; of a log in the latter itself, its name
-    /// up to the first `-`, `_`, `.` or space.
+    /// The serial number or the address that an exported script keeps in its log; else the folder in
+    /// which it lies within that of the evening; of a log in the latter itself, its name up to the first
+    /// `-`, `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
@@ -93,12 +94,22 @@ impl GatheredLog {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
         let first = parts.next().unwrap_or_default();
-        let drone = match parts.next() {
-            Some(_) => first,
-            None => first.split(['-', '_', '.', ' ']).next().unwrap_or_default().to_owned(),
+        let drone = match (named_drone(&path), parts.next()) {
+            (Some(drone), _) => drone,
+            (None, Some(_)) => first,
+            (None, None) => first.split(['-', '_', '.', ' ']).next().unwrap_or_default().to_owned(),
         };
         Self { path, drone, name: within.display().to_string() }
     }
+}
+
+/// The drone that an exported script names at the beginning of its log.
+fn named_drone(path: &Path) -> Option<String> {
+    let head = LIMIT.beginning(path, HEAD_BYTES).ok()?;
+    let about = head.trim_ascii_start().strip_prefix(br#"{"noctograph": "#)?;
+    let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
+    let about = values.next()?.ok()?;
+    ["serial", "uri"].iter().find_map(|key| Some(about.get(key)?.as_str()?.to_owned()))
 }
 
 #[cfg(test)]
@@ -110,6 +121,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cfclient = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n0,1,2,3\n";
         for (name, text) in [
+            ("NOOR_flight.json", r#"{"noctograph": {"word": "NO", "serial": "1a2b"}, "stateEst"#),
             ("cf2-1.csv", "t,x,y,z\n"),
             ("cf10/log01", "\u{bc}"),
             ("cf10/20260101T19-00-00/Stabilizer.csv", cfclient),
@@ -124,8 +136,12 @@ mod tests {
         }
         let found = logs_in(folder.path()).unwrap();
         let named: Vec<[&str; 2]> = found.iter().map(|log| [&*log.drone, &*log.name]).collect();
-        let wanted =
-            [["cf10", "cf10/20260101T19-00-00"], ["cf10", "cf10/log01"], ["cf2", "cf2-1.csv"]];
+        let wanted = [
+            ["1a2b", "NOOR_flight.json"],
+            ["cf10", "cf10/20260101T19-00-00"],
+            ["cf10", "cf10/log01"],
+            ["cf2", "cf2-1.csv"],
+        ];
         assert_eq!(named, wanted);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());

@@ -13,7 +13,7 @@ use super::Compressed;
 use crate::error::{Error, Result};
 
 /// What ends a trajectory.
-pub(super) const END: [u8; 3] = [0; 3];
+pub(in crate::export) const END: [u8; 3] = [0; 3];
 
 /// One piece.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -14,7 +14,8 @@ use crate::plan::Plan;
 
 mod form;
 
-use form::{Axis, END, Piece};
+pub(super) use form::END;
+use form::{Axis, Piece};
 
 /// Longest piece: the largest uint16, in s.
 const MAX_PIECE_S: f64 = 65.535;
@@ -102,6 +103,12 @@ impl Compressed {
     /// Its pieces as polynomials.
     pub(super) fn polynomials(&self) -> Vec<Polynomials> {
         self.pieces.iter().map(Piece::polynomials).collect()
+    }
+
+    /// Where it ends.
+    pub(super) fn end_m(&self) -> Vector3<f64> {
+        let end_mm = self.pieces.last().expect("a piece").end_mm();
+        Vector3::from(end_mm.map(f64::from)) / 1e3
     }
 
     /// Its pieces as Bézier curves: duration in s, and four control points in m.

@@ -190,7 +190,7 @@ mod tests {
     use super::super::Severity;
     use super::*;
     use crate::plan::PlanOptions;
-    use crate::sim::SimOptions;
+    use crate::scene::{Preset, Scene};
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {
@@ -219,7 +219,7 @@ mod tests {
             cap_height_m: Some(0.5),
             is_drawing: false,
             motor_max: 1.0,
-            battery: CF21.get_or_init(|| SimOptions::cf21().battery),
+            battery: CF21.get_or_init(|| Scene::preset(Preset::Cf21).battery),
             low_battery_v: 3.2,
         }
     }

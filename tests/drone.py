@@ -1,0 +1,371 @@
+"""A Crazyflie in virtual time for exported scripts: a clock, a body that obeys as the firmware does,
+and a link to it with cflib's own commanders, which can fail in every way."""
+
+import importlib.metadata
+import math
+import os
+import struct
+import threading
+import time
+import types
+
+from cflib.crazyflie.commander import Commander
+from cflib.crazyflie.high_level_commander import HighLevelCommander
+from cflib.crazyflie.mem import MemoryElement
+from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
+
+CFLIB = tuple(int(part) for part in importlib.metadata.version("cflib").split(".")[:3])
+COMMANDER, HIGH_LEVEL = 7, 8
+POSITION, FULL_STATE, STOP = 7, 6, 0
+TAKE_OFF, LAND, GO_TO, DEFINE, HIGH_STOP = 7, 8, 12, 6, 3
+START = 13 if CFLIB >= (0, 1, 29) else 5
+
+with open(os.path.join(os.path.dirname(__file__), "firmware-names.txt"), encoding="utf-8") as file:
+    NAMES = [line.split() for line in file if not line.startswith("#")]
+PARAMS = {name for kind, name in NAMES if kind == "param"}
+LOGS = {name for kind, name in NAMES if kind == "log"}
+
+
+class Clock:
+    """Time that passes only while somebody sleeps; runs what is due then."""
+
+    def __init__(self):
+        self.now_s, self.due, self.lock = 100.0, [], threading.RLock()
+
+    def monotonic(self):
+        return self.now_s
+
+    def sleep(self, s):
+        with self.lock:
+            end_s = self.now_s + s
+            while self.due and min(self.due, key=lambda event: event[0])[0] <= end_s:
+                event = min(self.due, key=lambda event: event[0])
+                self.due.remove(event)
+                self.now_s = max(self.now_s, event[0])
+                event[1]()
+            self.now_s = max(self.now_s, end_s)
+
+    def after(self, s, action):
+        self.due.append((self.now_s + s, action))
+
+
+class SharedClock(Clock):
+    """The same for several threads: time passes when all sleep, or when for a moment nobody else does."""
+
+    def __init__(self, n_threads):
+        super().__init__()
+        self.n_threads, self.asleep, self.turn = n_threads, [], threading.Condition()
+
+    def sleep(self, s):
+        with self.turn:
+            wake = (self.now_s + s, threading.get_ident())
+            self.asleep.append(wake)
+            self.turn.notify_all()
+            end_s = time.monotonic() + 0.02
+            while wake != min(self.asleep) or (
+                    len(self.asleep) < self.n_threads and time.monotonic() < end_s):
+                self.turn.wait(0.005)
+            self.asleep.remove(wake)
+            super().sleep(max(wake[0] - self.now_s, 0.0))
+            self.turn.notify_all()
+
+
+class Body:
+    """A drone that is where it is told to be: the firmware's order of commanders, its watchdog and its
+    clock. `fell` says from which height its motors stopped."""
+
+    def __init__(self, clock, place=(0.0, 0.0), clock_rate=84 / 85):
+        self.clock, self.clock_rate = clock, clock_rate
+        self.at, self.target, self.top_m, self.fell_m = [*place, 0.0], [0.0] * 3, 0.0, 0.0
+        self.low_s, self.leg, self.on, self.locked = None, None, False, False
+
+    def setpoint(self, place):
+        if not self.locked:
+            self.low_s, self.target, self.on = self.clock.now_s, list(place), True
+
+    def fly_leg(self, to, duration_s):
+        """A leg of the commander on board, on its clock; it holds its end."""
+        start, end = list(self.at), list(to)
+
+        def way(time_s):
+            u = min(max(time_s / duration_s, 0.0), 1.0)
+            share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+            return [a + share * (b - a) for a, b in zip(start, end)]
+
+        self.leg = (self.clock.now_s, way)
+
+    def fly_pieces(self, data):
+        """A compressed trajectory, as `pptraj_compressed.c` reads it."""
+        end, at, pieces = list(struct.unpack_from("<hhhh", data)), 8, []
+        while True:
+            header, duration_ms = struct.unpack_from("<BH", data, at)
+            at += 3
+            if duration_ms == 0:
+                break
+            curves = []
+            for axis in range(4):
+                n = [0, 1, 3, 7][header >> 2 * axis & 3]
+                curves.append([end[axis], *struct.unpack_from(f"<{n}h", data, at)])
+                at, end[axis] = at + 2 * n, curves[-1][-1]
+            pieces.append((duration_ms / 1000, curves[:3]))
+
+        def way(time_s):
+            for duration_s, curves in pieces:
+                if time_s < duration_s:
+                    break
+                time_s -= duration_s
+            u = min(max(time_s / duration_s, 0.0), 1.0)
+            return [casteljau(curve, u) / 1000 for curve in curves]
+
+        self.leg = (self.clock.now_s, way)
+
+    def relax(self):
+        self.low_s = None
+
+    def cut(self):
+        self.fell_m = max(self.fell_m, self.at[2] if self.on else 0.0)
+        self.on, self.leg, self.low_s = False, None, None
+        self.at[2] = self.target[2] = 0.0
+
+    def move(self):
+        """Brings it to the present: setpoints come before the commander on board."""
+        now_s = self.clock.now_s
+        if self.low_s is not None:
+            if now_s - self.low_s > 2.0:
+                self.cut()
+                self.locked = True
+                return
+        elif self.leg and not self.locked:
+            begin_s, way = self.leg
+            self.target, self.on = way((now_s - begin_s) * self.clock_rate), True
+        if self.on:
+            self.at = [*self.target[:2], max(self.target[2], 0.0)]
+            self.top_m = max(self.top_m, self.at[2])
+
+    def outcome(self):
+        if self.top_m < 0.05:
+            return "never took off"
+        if self.fell_m > 0.3:
+            return "motors off by the firmware's watchdog" if self.locked else "fell"
+        return "landed" if self.at[2] < 0.05 else "in the air"
+
+
+def casteljau(points, u):
+    """A Bézier curve at a share of its duration."""
+    while len(points) > 1:
+        points = [(1 - u) * a + u * b for a, b in zip(points, points[1:])]
+    return points[0]
+
+
+class Callbacks(list):
+    def add_callback(self, callback):
+        self.append(callback)
+
+
+class Counted:
+    """A part of a link, each call of which is counted and may be told to fail."""
+
+    def __init__(self, radio, name, part):
+        self._radio, self._name, self._part = radio, name, part
+
+    def __getattr__(self, verb):
+        value = getattr(self._part, verb)
+        if not callable(value) or isinstance(value, types.SimpleNamespace):
+            return value
+
+        def call(*args, **kwargs):
+            self._radio.touch(f"{self._name}.{verb}")
+            return value(*args, **kwargs)
+
+        return call
+
+
+class Radio:
+    """A link to a body: records packets and parameters with their times."""
+
+    def __init__(self, clock, body=None, battery_v=4.1, place=(0.0, 0.0), variance=1e-5, nose=0.0,
+                 lean=0.0, platform="Crazyflie 2.1", firmware="2026.08", clock_rate=84 / 85, gains=(),
+                 decks=("bcLighthouse4", "bcLedRing"), bits=0, missing=(), auto_arm=True):
+        self.clock, self.body = clock, body or Body(clock, place, clock_rate)
+        self.sent, self.params, self.blocks, self.calls, self.failing = [], [], [], {}, {}
+        self.platform_name, self.firmware, self.bits, self.missing = platform, firmware, bits, missing
+        self.armed, self.is_lost, self.drift = auto_arm, False, [0.0] * 3
+        self.values, self.fixed = {}, {
+            "pm.vbat": battery_v, "stateEstimate.yaw": nose, "stateEstimate.roll": lean,
+            "kalman.varPX": variance, "kalman.varPY": variance, "kalman.varPZ": variance}
+        self.memory_of_params = dict.fromkeys(PARAMS, 0.0)
+        self.memory_of_params.update({f"deck.{deck}": 1 for deck in decks})
+        self.memory_of_params.update({"ring.effect": 6, "cpu.id0": 0x1A2B3C4D, "stabilizer.controller": 1})
+        self.memory_of_params.update(dict(gains))
+        self.was = dict(self.memory_of_params)
+        self.disconnected, self.connection_lost, self.ports = Callbacks(), Callbacks(), []
+        self.commander = Counted(self, "commander", Commander(self))
+        self.high_level_commander = Counted(self, "high_level_commander", HighLevelCommander(self))
+        self.param = Counted(self, "param", types.SimpleNamespace(
+            set_value=self.set_value, get_value=self.get_value, toc=self.toc(PARAMS)))
+        arming = types.SimpleNamespace(send_arming_request=self.arm)
+        self.platform = types.SimpleNamespace(get_protocol_version=lambda: 12, **vars(arming))
+        if CFLIB >= (0, 1, 32):
+            self.supervisor = Counted(self, "supervisor", arming)
+        self.log = Counted(self, "log", types.SimpleNamespace(
+            add_config=self.add_block, toc=self.toc(LOGS)))
+        self.memory = types.SimpleNamespace(trajectory=[], write_data_sync=self.uploaded)
+        self.mem = Counted(self, "mem", types.SimpleNamespace(get_mems=lambda kind: [
+            self.memory if kind == MemoryElement.TYPE_TRAJ else self.led]))
+        self.upload, self.timings = None, None
+        self.led = types.SimpleNamespace(timings=[], add=self.add_timing, write_data=self.write_led)
+
+    def touch(self, call):
+        """Counts a call, and fails as it was told: at its nth time."""
+        self.calls[call] = self.calls.get(call, 0) + 1
+        if self.failing.get(call) == self.calls[call]:
+            raise OSError(f"{call} failed")
+
+    def toc(self, names):
+        return types.SimpleNamespace(get_element_by_complete_name=lambda name: (
+            name if name in names and name not in self.missing else None))
+
+    # Link
+
+    def lose(self):
+        self.is_lost = True
+        for callback in self.connection_lost:
+            callback("radio://", "lost")
+
+    def add_port_callback(self, port, callback):
+        self.ports.append((port, callback))
+
+    def remove_port_callback(self, port, callback):
+        self.ports.remove((port, callback))
+
+    def send_packet(self, packet, *_, **__):
+        if self.is_lost:
+            return
+        port, channel, data = packet.port, packet.channel, bytes(packet.data)
+        if port == CRTPPort.PLATFORM:
+            self.touch("version port")
+            return self.clock.after(0.02, lambda: self.answer(data[0]))
+        self.sent.append((self.clock.now_s, port, channel, data))
+        self.body.move()
+        if port == COMMANDER and channel == 1:
+            self.body.relax()
+        elif port == COMMANDER and data[0] == POSITION:
+            self.body.setpoint(struct.unpack_from("<fff", data, 1))
+        elif port == COMMANDER and data[0] == FULL_STATE:
+            self.body.setpoint([v / 1000 for v in struct.unpack_from("<hhh", data, 1)])
+        elif port == COMMANDER or data[0] == HIGH_STOP:
+            self.body.cut()
+        elif data[0] == TAKE_OFF:
+            height, _, _, duration_s = struct.unpack_from("<ff?f", data, 2)
+            self.body.fly_leg([*self.body.at[:2], height], duration_s)
+        elif data[0] == LAND:
+            _, _, _, duration_s = struct.unpack_from("<ff?f", data, 2)
+            self.body.fly_leg([*self.body.at[:2], 0.0], duration_s)
+        elif data[0] == GO_TO:
+            self.body.fly_leg(struct.unpack_from("<fff", data, 4), 3.0)
+        elif data[0] == START:
+            self.body.fly_pieces(self.upload)
+
+    def answer(self, question):
+        text = {1: self.firmware, 2: self.platform_name}[question]
+        if text is None or self.is_lost:
+            return
+        packet = CRTPPacket()
+        packet.set_header(CRTPPort.PLATFORM, 1)
+        packet.data = bytes([question]) + text.encode()
+        for _, callback in list(self.ports):
+            callback(packet)
+
+    def packets(self, port, kind):
+        return [(t, data) for t, p, c, data in self.sent if p == port and c == 0 and data[0] == kind]
+
+    # Parameters, arming, memory
+
+    def set_value(self, name, value):
+        assert isinstance(value, (int, float)), f"{name} = {value!r}"
+        if self.toc(PARAMS).get_element_by_complete_name(name) is None:
+            raise KeyError(f"{name} not in param TOC")
+        if not self.is_lost:
+            self.params.append((self.clock.now_s, name, value))
+            stored = struct.unpack("<f", struct.pack("<f", value))[0] if value % 1 else value
+            self.clock.after(0.02, lambda: self.memory_of_params.update({name: stored}))
+
+    def get_value(self, name):
+        if self.toc(PARAMS).get_element_by_complete_name(name) is None:
+            raise KeyError(name)
+        return str(self.memory_of_params[name])
+
+    def changed(self):
+        """Parameters that are not as they were before the script."""
+        return {name for name, value in self.memory_of_params.items()
+                if not math.isclose(value, self.was[name], rel_tol=1e-6)}
+
+    def arm(self, armed):
+        self.armed = armed
+
+    def add_timing(self, duration, rgb):
+        self.led.timings.append((duration, rgb["r"], rgb["g"], rgb["b"]))
+
+    def write_led(self, done):
+        self.timings = list(self.led.timings)
+        self.clock.after(0.2, lambda: done(self.led, 0))
+
+    def uploaded(self):
+        self.upload = b"".join(bytes(element.pack()) for element in self.memory.trajectory)
+        return True
+
+    # Log
+
+    def add_block(self, block):
+        for name, _ in block.variables:
+            if self.toc(LOGS).get_element_by_complete_name(name) is None:
+                raise KeyError(f"Variable {name} not in TOC")
+        block.radio = self
+        self.blocks.append(block)
+
+    def read(self, name):
+        """A logged variable now."""
+        self.body.move()
+        group, _, variable = name.partition(".")
+        default = self.fixed.get(name, 0.0)
+        if group == "stateEstimate" and variable in "xyz":
+            axis = "xyz".index(variable)
+            default = self.body.at[axis] + self.drift[axis]
+        elif group == "ctrltarget" and variable in "xyz":
+            default = self.body.target["xyz".index(variable)]
+        elif name == "supervisor.info":
+            can_fly = self.armed and not self.body.locked and not self.bits & 0xE0
+            default = self.bits | 1 | self.armed << 1 | can_fly << 3 | self.body.locked << 6
+        return self.values.get(name, default)
+
+
+class Block:
+    """Stands in for cflib's LogConfig; a started block sends a row when the clock moves."""
+
+    def __init__(self, name, period_in_ms):
+        self.name, self.variables, self.data_received_cb, self.on = name, [], Callbacks(), False
+        self.period_s = period_in_ms / 1000
+
+    def add_variable(self, name, kind):
+        self.variables.append((name, kind))
+        sizes = {"float": 4, "uint16_t": 2}
+        assert sum(sizes[kind] for _, kind in self.variables) <= 26, self.name
+
+    def start(self):
+        radio = self.radio
+        radio.touch("block.start")
+        self.on = True
+
+        def row():
+            if not self.on or radio.is_lost:
+                return
+            values = {name: radio.read(name) for name, _ in self.variables}
+            for callback in self.data_received_cb:
+                callback(round(1000 * (radio.clock.now_s - 50)), values, self)
+            radio.clock.after(self.period_s, row)
+
+        radio.clock.after(self.period_s, row)
+
+    def stop(self):
+        self.radio.touch("block.stop")
+        self.on = False

@@ -1,0 +1,461 @@
+"""Exported scripts with everything that can go wrong, in a folder of them: see tests/export.
+
+Each fault ends in a drone that has landed or never took off, and in a reason that is printed. Two are
+out of a script's hands: a link that is lost while setpoints are sent ends in the firmware's watchdog,
+and a second Ctrl-C stops the motors.
+"""
+
+import contextlib
+import importlib.util
+import io
+import json
+import os
+import signal
+import sys
+import tempfile
+import unittest
+import unittest.mock
+
+import cflib.crazyflie.log
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from drone import CFLIB, LOGS, PARAMS, START, Block, Clock, Radio, SharedClock  # noqa: E402
+
+WORK = sys.argv[1]
+cflib.crazyflie.log.LogConfig = Block
+SEEN = []  # (fault, outcome, reason) of all
+
+
+def load(name):
+    path = os.path.join(WORK, name)
+    spec = importlib.util.spec_from_file_location(os.path.basename(name)[:-3].replace("-", "_"), path)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
+class Flight:
+    """One flight of a script from the checks to the floor, with a fault on the way."""
+
+    def __init__(self, name="I.py", mode="position", at_s=None, do=None, on_ground=None, again_s=None,
+                 key=None, set_gains=False, accepted=(), log=None, **radio):
+        self.script, self.clock = load(name), Clock()
+        self.script.time = self.clock
+        data = self.script.DATA
+        radio.setdefault("place", data["start_m"])
+        radio.setdefault("gains", data["gains"])
+        self.radio = self.first = Radio(self.clock, **radio)
+        folder = tempfile.mkdtemp(dir=WORK)
+        self.again_s = again_s
+        self.drone = self.script.Drone(self.radio, log or os.path.join(folder, "log.json"),
+                                       self.connect if again_s else None)
+        self.error, self.begun_s, printed = None, None, io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            try:
+                if on_ground:
+                    on_ground(self)
+                self.script.prepare(self.drone, mode, data["controller"], set_gains, accepted)
+                if key:
+                    key(self)
+                self.script.still_ready(self.drone, accepted)
+                self.begun_s = self.clock.now_s
+                if do:
+                    self.clock.after(at_s, lambda: do(self))
+                self.script.fly(self.drone, mode, data["controller"])
+            except BaseException as error:
+                self.error = error
+            self.clock.sleep(60.0)  # what the drone does when the script has ended
+        self.printed = printed.getvalue()
+        self.body = self.radio.body
+        self.body.move()
+        self.outcome, self.reason = self.body.outcome(), str(self.error or "")
+
+    def connect(self, wait):
+        """A new link to the same drone, if there is one, which takes its time."""
+        self.clock.sleep(self.again_s)
+        if self.again_s > 5.0:
+            raise OSError("no drone answers")
+        self.radio = Radio(self.clock, body=self.first.body)
+        return self.radio
+
+
+def lose(flight):
+    flight.radio.lose()
+
+
+def interrupt(flight):
+    raise KeyboardInterrupt
+
+
+def empty(flight):
+    flight.radio.fixed["pm.vbat"] = 2.9
+
+
+def low(flight):
+    flight.radio.fixed["pm.vbat"] = 3.1
+
+
+def unsure(flight):
+    flight.radio.fixed["kalman.varPX"] = 1.0
+
+
+def drifts(flight):
+    def step():
+        flight.radio.drift[0] += 0.02
+        flight.clock.after(0.05, step)
+
+    step()
+
+
+def outside(flight):
+    flight.radio.drift = [0.0, 5.0, 0.0]
+
+
+def silent(flight):
+    for block in flight.radio.blocks:
+        block.on = False
+
+
+def bit(number):
+    def set_bit(flight):
+        flight.radio.bits = 1 << number
+
+    return set_bit
+
+
+LANDED, STAYED = "landed", "never took off"
+
+
+class Faults(unittest.TestCase):
+    def judged(self, fault, flight, outcomes=(LANDED, STAYED), reason=""):
+        """Notes a flight; it has an allowed outcome and says why."""
+        SEEN.append((fault, flight.outcome, flight.reason.split("\n")[0]))
+        self.assertIn(flight.outcome, outcomes, f"{fault}: {flight.printed}")
+        self.assertIsNotNone(flight.error, f"{fault}: not noticed")
+        self.assertIn(reason, flight.reason, fault)
+        self.assertTrue(flight.reason or isinstance(flight.error, KeyboardInterrupt), fault)
+        return flight
+
+    def test_a_sound_flight_lands_and_leaves_the_drone_as_it_was(self):
+        for name, mode in (("I.py", "position"), ("I.py", "full_state"),
+                           ("I_trajectory.py", "trajectory"), ("ring.py", "trajectory"),
+                           ("bl.py", "position")):
+            brushless = name == "bl.py"
+            flight = Flight(name, mode, platform="Crazyflie 2.1" + " Brushless" * brushless,
+                            auto_arm=not brushless)
+            self.assertIsNone(flight.error, f"{name}: {flight.error!r}\n{flight.printed}")
+            self.assertEqual(flight.outcome, LANDED)
+            gains = {gain for gain, _ in flight.script.DATA["gains"]}
+            sent = {param for _, param, _ in flight.radio.params}
+            self.assertEqual(gains & sent, set(), "what the drone has so already is not sent")
+            changed = {param.split(".")[0] for param in flight.radio.changed()}
+            self.assertLessEqual(changed, {"led", "ring"})
+            flight.drone.put_back(lamps=True)
+            flight.clock.sleep(1.0)
+            self.assertEqual(flight.radio.changed() - {"ring.headlightEnable", "ring.fadeColor"}, set())
+            with open(flight.drone.log_file, encoding="utf-8") as file:
+                about = json.load(file)["noctograph"]
+            self.assertEqual(about["serial"][:8], "1a2b3c4d")
+            self.assertEqual(about["firmware"], "2026.08")
+
+    def test_what_is_not_as_it_was_checked_never_takes_off(self):
+        wrong = {
+            "wrong platform": (dict(platform="Crazyflie 2.1 Brushless"), "drone"),
+            "no answer of the version port": (dict(platform=None, firmware=None), "no answer"),
+            "old firmware": (dict(firmware="2022.05"), "firmware"),
+            "no lamp deck": (dict(decks=("bcLighthouse4",)), "deck for the ring"),
+            "no positioning deck": (dict(decks=("bcLedRing",)), "deck for positioning"),
+            "wrong nose": (dict(nose=90.0), "nose"),
+            "tilted": (dict(lean=12.0), "roll, pitch"),
+            "wrong place": (dict(place=(3.0, 0.0)), "place"),
+            "no position": (dict(variance=1.0), "position known"),
+            "low battery": (dict(battery_v=3.6), "battery"),
+            "locked": (dict(bits=1 << 6), "locked"),
+            "tumbled": (dict(bits=1 << 5), "tumbled"),
+            "crashed": (dict(bits=1 << 7), "crashed"),
+            "deck fault": (dict(bits=1 << 11), "deck"),
+            "a parameter is missing": (dict(missing=("led.bitmask",)), "led.bitmask"),
+            "a log is missing": (dict(missing=("supervisor.info",)), "supervisor.info"),
+        }
+        for fault, (radio, reason) in wrong.items():
+            self.judged(fault, Flight(**radio), (STAYED,), reason)
+        gains = [(gain, 2 * value) for gain, value in load("I.py").DATA["gains"][:3]]
+        all_gains = {**dict(load("I.py").DATA["gains"]), **dict(gains)}
+        self.judged("other gains", Flight(gains=all_gains), (STAYED,), "--set-gains")
+
+    def test_gains_that_are_set_are_put_back_after_landing(self):
+        gain, value = load("I.py").DATA["gains"][0]
+        flight = Flight(gains={**dict(load("I.py").DATA["gains"]), gain: 2 * value}, set_gains=True)
+        self.assertIsNone(flight.error)
+        self.assertEqual([v for _, n, v in flight.radio.params if n == gain], [value, 2 * value])
+
+    def test_what_turns_wrong_before_the_key_never_takes_off(self):
+        def carried(flight):
+            flight.radio.body.at[0] += 1.0
+            flight.clock.sleep(1.0)
+
+        self.judged("carried away before Enter", Flight(key=carried), (STAYED,), "place")
+
+        def fails(flight):
+            flight.radio.lose()
+
+        self.judged("link lost before Enter", Flight(key=fails), (STAYED,), "link was lost")
+
+        def falls_silent(flight):
+            silent(flight)
+            flight.clock.sleep(2.0)
+
+        self.judged("silent before Enter", Flight(key=falls_silent), (STAYED,), "log")
+
+    def test_what_goes_wrong_in_the_air_lands(self):
+        in_the_air = {
+            "Ctrl-C": (interrupt, ""), "battery empty": (empty, "battery"),
+            "battery low": (low, "battery"), "position unsure": (unsure, "position"),
+            "estimator drifts": (drifts, "from its target"), "outside the fence": (outside, "fence"),
+            "no log": (silent, "reports nothing"), "tumbled": (bit(5), "crashed"),
+            "crashed": (bit(7), "crashed"), "locked": (bit(6), "locked"), "deck": (bit(11), "deck"),
+            "signal": (lambda flight: flight.drone.stopped.set(), "Ctrl-C"),
+        }
+        for name, mode in (("I.py", "position"), ("I_trajectory.py", "trajectory")):
+            for fault, (do, reason) in in_the_air.items():
+                at_s = 2.0 if do is low else 4.0
+                self.judged(f"{fault} in the air, {mode}", Flight(name, mode, at_s, do), (LANDED,), reason)
+
+    def test_every_call_that_fails_once_lands_or_never_takes_off(self):
+        for name, mode in (("I.py", "position"), ("I.py", "full_state"),
+                           ("I_trajectory.py", "trajectory"), ("ring.py", "trajectory")):
+            calls = Flight(name, mode).radio.calls
+            self.assertGreater(len(calls), 10)
+            for call, n in calls.items():
+                for nth in range(1, n + 1) if n < 16 else (1, 2, n // 2, n - 1, n):
+                    def on_ground(flight, call=call, nth=nth):
+                        flight.radio.failing[call] = nth
+
+                    flight = Flight(name, mode, on_ground=on_ground)
+                    SEEN.append((f"{call} fails at {nth} of {n}, {mode}", flight.outcome, flight.reason))
+                    self.assertIn(flight.outcome, (LANDED, STAYED), f"{call} {nth}: {flight.printed}")
+                    said = flight.reason + flight.printed
+                    self.assertIn(f"{call} failed", said, f"{call} at {nth} of {n}")
+
+    def test_a_link_lost_at_every_second_ends_on_the_floor(self):
+        # A trajectory ends on the floor by itself. With setpoints a new link has to come before the
+        # firmware stops the motors, 2 s after the last.
+        watchdog = "motors off by the firmware's watchdog"
+        for name, mode, again_s, outcomes in (
+                ("I.py", "position", 1.5, (LANDED, STAYED)),
+                ("I.py", "position", 60.0, (STAYED, watchdog)),
+                ("I_trajectory.py", "trajectory", 5.0, (LANDED, STAYED)),
+                ("I_trajectory.py", "trajectory", 60.0, (STAYED, LANDED))):
+            for second in range(20):
+                flight = Flight(name, mode, second + 0.3, lose, again_s=again_s)
+                if flight.error and "landing" not in flight.printed:
+                    fault = f"link lost at {second}.3 s, {mode}, a new one within {again_s} s"
+                    if mode == "trajectory" and again_s > 5.0 and not flight.radio.packets(8, START):
+                        self.assertIn(flight.outcome, (STAYED, "in the air"), "it waits for its trajectory")
+                        SEEN.append((fault, flight.outcome, flight.reason))
+                    else:
+                        self.judged(fault, flight, outcomes, "link was lost")
+
+    def test_a_second_ctrl_c_stops_the_motors(self):
+        def twice(flight):
+            flight.drone.stopped.set()
+            flight.clock.after(1.0, flight.drone.killed.set)
+
+        flight = Flight("I.py", "position", 6.0, twice)
+        self.assertEqual(flight.outcome, "fell")
+
+    def test_files_that_cannot_be_written_come_after_landing(self):
+        flight = Flight(log=os.path.join(WORK, "no", "such", "folder", "fault-log.json"))
+        self.assertIsNone(flight.error)
+        self.assertEqual(flight.outcome, LANDED)
+        self.assertIn("writing the log failed", flight.printed)
+
+    def test_the_clock_on_board_is_known_or_measured(self):
+        for firmware, rate in (("2026.08", 84 / 85), ("2025.12.1", 84 / 85), ("2026.08 +12", 1.0),
+                               ("2026.08 +12", 84 / 85), ("my own", 1.0)):
+            flight = Flight("I_trajectory.py", "trajectory", firmware=firmware, clock_rate=rate)
+            self.assertIsNone(flight.error, f"{flight.error!r}")
+            self.assertAlmostEqual(flight.drone.about["clock"], rate, msg=firmware)
+        flight = Flight("I_trajectory.py", "trajectory", firmware="odd", clock_rate=0.97)
+        self.judged("an unknown clock", flight, (LANDED,), "0.97")
+
+    def test_the_fence_and_the_question_are_of_the_room_that_was_checked(self):
+        script = load("bl.py")
+        self.assertIn("room of 4 x 3 x 2.5 m", script.room())
+        self.assertEqual(script.LIMITS["fence_m"], [[-1.9, -1.4, -0.1], [1.9, 1.4, 2.4]])
+        self.assertIn("without a room", load("I.py").room())
+
+    def test_an_old_cflib_or_none_is_named_first(self):
+        script = load("I.py")
+        import importlib.metadata as metadata
+
+        def missing(name):
+            raise metadata.PackageNotFoundError(name)
+
+        for version, word in ((lambda name: "0.1.26", "0.1.26 is too old"), (missing, "is needed")):
+            with unittest.mock.patch("importlib.metadata.version", version):
+                with self.assertRaisesRegex(SystemExit, word):
+                    script.need_cflib()
+        script.need_cflib()
+
+    def test_signals_land_and_the_second_one_stops(self):
+        script, before = load("I.py"), signal.getsignal(signal.SIGTERM)
+        drone = script.Drone(Radio(Clock()), os.path.join(WORK, "signal.json"))
+        with script.landing_on_signals([drone]):
+            signal.raise_signal(signal.SIGTERM)
+            self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            signal.raise_signal(signal.SIGINT)
+            self.assertTrue(drone.killed.is_set())
+        self.assertEqual(signal.getsignal(signal.SIGTERM), before)
+
+    def test_accepted_rows_fly(self):
+        flight = Flight(decks=("bcLedRing",), accepted=("deck for positioning",))
+        self.assertEqual((flight.error, flight.outcome), (None, LANDED))
+
+    def test_every_name_of_the_script_is_in_the_firmware(self):
+        for name in ("I.py", "I_trajectory.py", "ring.py", "bl.py", "NOOR.py", "color.py"):
+            script = load(name)
+            data = script.DATA
+            rows = data["parameters"] + data["gains"] + data["dark"]
+            rows += [row[1:] for row in data["lights"] + data["trajectory"]["lights"]]
+            params = {row[0] for row in rows}
+            decks = {f"deck.{deck}" for _, decks in data["limits"]["decks"] for deck in decks}
+            self.assertGreater(len(params), 4)
+            self.assertEqual((params | decks) - PARAMS, set(), name)
+            logs = {v for block in {**script.LOG, **script.WATCH}.values() for v in block}
+            self.assertEqual(logs - LOGS, set(), name)
+            self.assertNotIn("commander.enHighLevel", params)
+            with open(os.path.join(WORK, name), encoding="utf-8") as file:
+                text = file.read().split("DATA = json.loads")[0]
+            for word in ("kalman.initialYaw", "kalman.resetEstimation", "stabilizer.controller"):
+                self.assertIn(word, text)
+                self.assertIn(word, PARAMS)
+
+    def test_the_geometry_is_compared_at_four_corners(self):
+        def run(off_m):
+            script, clock = load("I.py"), Clock()
+            script.time = clock
+            radio = Radio(clock, place=script.DATA["start_m"])
+            drone, corners = script.Drone(radio, os.path.join(WORK, "geometry.json")), []
+
+            def pressed(prompt):
+                corner = script.DATA["corners_m"][len(corners)]
+                corners.append(corner)
+                radio.body.at = [corner[0] + off_m, *corner[1:]]
+                return ""
+
+            script.input = pressed
+            printed, error = io.StringIO(), None
+            with contextlib.redirect_stdout(printed):
+                try:
+                    script.check_geometry(drone)
+                except script.Stopped as stopped:
+                    error = stopped
+            self.assertEqual((len(corners), radio.sent), (4, []))
+            return printed.getvalue(), error
+
+        table, error = run(0.01)
+        self.assertEqual((table.count(" ok"), error), (4, None))
+        table, error = run(0.03)
+        self.assertEqual(table.count(" NO"), 4)
+        self.assertIn("2 cm", str(error))
+
+
+class Fleet(unittest.TestCase):
+    """Several drones by their launcher: what ends one of them ends all."""
+
+    def fly(self, fault=None, refuse=False):
+        """Runs the launcher; `fault` is done to the radios when the first drone is at 0.3 m."""
+        import cflib.crazyflie.syncCrazyflie
+        import cflib.crtp
+
+        launcher, clock, radios = load("fleet/fly_NOOR.py"), SharedClock(2), []
+        parts = [load("fleet/" + part) for part in launcher.SCRIPTS]
+        launcher.load = lambda part: parts[launcher.SCRIPTS.index(part)]
+        for part in parts:
+            part.time = clock
+
+        class Link:
+            def __init__(self, uri, cf):
+                data = parts[len(radios)].DATA
+                self.cf = Radio(clock, place=data["start_m"], gains=data["gains"])
+                radios.append(self.cf)
+
+            def __enter__(self):
+                return self
+
+            def __exit__(self, *_):
+                return None
+
+            def is_params_updated(self):
+                return True
+
+        def watch():
+            if radios[0].body.at[2] > 0.3:
+                fault(radios)
+            else:
+                clock.after(0.1, watch)
+
+        def pressed(prompt):
+            if "Enter takes off" in prompt and fault:
+                clock.after(0.1, watch)
+            if refuse:
+                radios[1].fixed["pm.vbat"] = 3.0
+                clock.sleep(1.0)
+            return ""
+
+        cflib.crtp.init_drivers = lambda: None
+        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = Link
+        launcher.input, before = pressed, (sys.argv, os.getcwd())
+        sys.argv = ["fly_NOOR.py"]
+        os.chdir(tempfile.mkdtemp(dir=WORK))
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit) as ended:
+                launcher.main()
+                raise SystemExit("flown")
+        finally:
+            sys.argv = before[0]
+            os.chdir(before[1])
+        clock.sleep(30.0)
+        for radio in radios:
+            radio.body.move()
+        return [radio.body.outcome() for radio in radios], str(ended.exception)
+
+    def test_all_land_when_one_ends_early(self):
+        self.assertEqual(self.fly(), ([LANDED] * 2, "flown"))
+
+        def crash(radios):
+            radios[1].bits = 1 << 7
+
+        def raises(radios):
+            radios[0].failing["commander.send_position_setpoint"] = (
+                radios[0].calls["commander.send_position_setpoint"] + 1)
+
+        for fault, reason in ((crash, "crashed"), (raises, "send_position_setpoint failed")):
+            outcomes, ended = self.fly(fault)
+            SEEN.append((f"one of two: {reason}", outcomes[0], ended))
+            self.assertEqual(outcomes, [LANDED] * 2)
+            self.assertIn(reason, ended)
+
+    def test_none_takes_off_when_one_is_not_ready(self):
+        outcomes, ended = self.fly(refuse=True)
+        self.assertEqual(outcomes, [STAYED] * 2)
+        self.assertIn("battery", ended)
+
+
+def summary():
+    """How many of the faults ended how, with the reasons of one of each."""
+    counts = {}
+    for _, outcome, _ in SEEN:
+        counts[outcome] = counts.get(outcome, 0) + 1
+    told = ", ".join(f"{n} {outcome}" for outcome, n in sorted(counts.items()))
+    print(f"cflib {'.'.join(map(str, CFLIB))}: {len(SEEN)} faults: {told}")
+    if os.environ.get("NOCTOGRAPH_FAULTS"):
+        for fault, outcome, reason in SEEN:
+            print(f"  {fault:60} {outcome:16} {reason}")
+
+
+if __name__ == "__main__":
+    ran = unittest.main(argv=["faults", *sys.argv[2:]], exit=False)
+    summary()
+    sys.exit(not ran.result.wasSuccessful())
