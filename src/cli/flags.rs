@@ -12,7 +12,9 @@ use super::relit::relit_where_dark;
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
+use crate::logs::{
+    self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
+};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
@@ -312,6 +314,18 @@ pub(super) struct FlightFlags {
     /// Recover the undamaged part of a broken µSD log, instead of refusing it
     #[arg(long)]
     pub(super) recover: bool,
+    /// Seconds between two rows of a table without times
+    #[arg(long, value_name = "S")]
+    pub(super) period: Option<f64>,
+    /// Unit of a log's stamps
+    #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<TimeUnit>())]
+    pub(super) time_unit: TimeUnit,
+    /// Unit of a table's angles whose titles name none
+    #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<AngleUnit>())]
+    pub(super) angles: AngleUnit,
+    /// Axes of a table's world
+    #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
+    pub(super) axes: Axes,
 }
 
 /// A number, or a fraction of two.
@@ -332,6 +346,10 @@ impl FlightFlags {
             sample_rate_hz: self.rate,
             clock_ratio: self.clock_ratio,
             damaged: if self.recover { Damaged::Recover } else { Damaged::Refuse },
+            period_s: self.period,
+            time_unit: self.time_unit,
+            angle_unit: self.angles,
+            axes: self.axes,
         }
     }
 

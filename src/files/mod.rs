@@ -14,9 +14,11 @@ mod lines;
 mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
+mod text;
 
 pub(crate) use budget::{Budget, push};
 pub(crate) use folder::OutputFolder;
 pub(crate) use input::{Limit, entries_in, files_in};
 pub(crate) use lines::Lines;
 pub(crate) use output::{Output, STANDARD_OUTPUT};
+pub(crate) use text::{decoded, plain_text};

@@ -5,6 +5,7 @@
 //! explains most of their variance is taken.
 
 use super::PositionSource;
+use super::clock::SLOW_CLOCK_RATIO;
 use super::recording::{Channel, Clock, Recording};
 use super::sources::quantities;
 use crate::flight::Quantity;
@@ -73,10 +74,14 @@ impl Shift {
     fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if (self.ratio - 1.0).abs() > 0.003 {
+            let is_slow = (self.ratio - SLOW_CLOCK_RATIO).abs() < 0.002;
+            let ratio = match is_slow {
+                true => format!("84/85 = {SLOW_CLOCK_RATIO:.4}"),
+                false => format!("{:.4}", self.ratio),
+            };
+            let of = if is_slow { ", as in firmware before August 2026" } else { "" };
             warnings.push(format!(
-                "the drone's clock counts {:.4} s per second of the motion capture's (84/85 = \
-                 0.9882 in firmware before August 2026)",
-                self.ratio
+                "the drone's clock counts {ratio} s per second of the motion capture's{of}"
             ));
         }
         let [x, y, z] = self.frame_offset_m;
