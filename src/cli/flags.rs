@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use super::letters::LetterFlags;
 use super::message;
 use super::names::{named, names};
-use super::relit::relit_where_dark;
+use super::relit::{light_all_along, relit_where_dark};
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -296,7 +296,7 @@ fn plans_in(input: &str) -> Vec<String> {
 }
 
 /// Flights from files: flights of ours, or logs of real ones.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
     /// Position (and attitude) of a log that counts as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
@@ -368,22 +368,27 @@ impl FlightFlags {
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
-    /// has those of the scene's word.
+    /// has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
         word: Option<&str>,
         paths: &[PathBuf],
+        lit: bool,
     ) -> Result<Shoot> {
         if let Some(word) = word {
             set_word(&mut scene, word)?;
         }
         let mut recordings = Vec::new();
         for path in paths {
-            let mut recording = Recording::read(path, &self.options())?;
-            if let Recording::Flight(flight) = &mut recording {
-                warn_of(path, &flight.warnings);
-                relit_where_dark(flight, &mut scene, path)?;
+            let (mut recording, warnings) = Recording::read(path, &self.options())?;
+            warn_of(path, &warnings);
+            match &mut recording {
+                Recording::Flight(flight) if lit && flight.lights.is_empty() => {
+                    light_all_along(flight, &scene);
+                }
+                Recording::Flight(flight) => relit_where_dark(flight, &mut scene, path)?,
+                Recording::Light(_) => {}
             }
             recordings.push(recording);
         }

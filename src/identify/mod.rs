@@ -31,9 +31,20 @@ use crate::vehicle::VehicleOptions;
 pub const MODEL_STATES: [&str; 9] =
     ["o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z"];
 
-/// The logged Lighthouse position and vertical acceleration of the AE483 firmware.
-const LIGHTHOUSE: [&str; 3] = ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"];
-const ACCELERATION: &str = "ae483log.a_z";
+/// Logged raw positions of the Lighthouse, in order of preference.
+const LIGHTHOUSE: [[&str; 3]; 2] = [
+    ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
+    ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
+];
+/// Logged vertical accelerations with that of gravity, in order of preference, and their units in m/s²:
+/// the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), by itself and as the
+/// controllers log it.
+const ACCELERATIONS: [(&str, f64); 4] = [
+    ("ae483log.a_z", 1.0),
+    ("acc.z", GRAVITY_M_S2),
+    ("controller.accelz", GRAVITY_M_S2),
+    ("ctrlMel.accelz", GRAVITY_M_S2),
+];
 
 /// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
@@ -90,6 +101,8 @@ pub struct Identified {
     /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
     /// attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
+    /// What was logged and is not used, and why.
+    pub left_out: Vec<String>,
 }
 
 impl Identified {
@@ -153,15 +166,38 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         return Err(Error::input("flight", found, wanted, hint));
     }
     let samples = &flight.samples[air.clone()];
+    if is_frozen(samples) {
+        let found = "motor commands that never change in the air";
+        return Err(Error::input("flight", found, "those of a flight", hint));
+    }
+    let mut left_out = Vec::new();
     let column = |name: &str| flight.extra.get(name).map(|column| &column[air.clone()]);
-    let accelerations = column(ACCELERATION);
-
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let k_f_n = thrust_per_command_n(samples, accelerations, assumed.mass_kg);
+    let mut accelerations = accelerations(column, &mut left_out);
+    let mut k_f_n = thrust_per_command_n(samples, accelerations.as_deref(), assumed.mass_kg);
+    if k_f_n.is_nan() || k_f_n <= 0.0 {
+        left_out
+            .push("the acceleration points down on average: the drone is taken to hover".into());
+        accelerations = None;
+        k_f_n = thrust_per_command_n(samples, None, assumed.mass_kg);
+    }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    let lighthouse = LIGHTHOUSE.map(column);
-    let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
+    let mut lives = |quantity: Quantity, of: fn(&FlightSample) -> Vector3<f64>| {
+        let lives = logged(quantity) && samples.iter().any(|s| of(s) != of(&samples[0]));
+        if logged(quantity) && !lives {
+            left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
+        }
+        lives
+    };
+    let leans = |s: &FlightSample| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0);
+    let turns = lives(Quantity::Rate, |s| s.rate_body_rad_s);
+    let moves = turns
+        & lives(Quantity::Attitude, leans)
+        & lives(Quantity::Velocity, |s| s.velocity_body_m_s);
+    let measurement_sigma_m = measurement_sigma_m(samples, column, &mut left_out);
+    let accelerations = accelerations.as_deref();
+    let model = || Some(model_sigma(flight, samples, accelerations)).filter(|s| are_figures(s));
     Ok(Identified {
         n_samples,
         mean_motors: mean_motors.into(),
@@ -169,15 +205,42 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        lag: logged(Quantity::Rate).then(|| lag::lag(flight, samples)).flatten(),
-        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m),
-        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, assumed)).flatten(),
-        measurement_sigma_m: match lighthouse {
-            [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
-            _ => None,
-        },
-        model_sigma: moves.then(|| model_sigma(flight, samples, accelerations)),
+        lag: if turns { lag::lag(flight, samples) } else { None }.filter(|lag| {
+            [lag.lag_s, lag.half_width_s, lag.explained].iter().all(|x| x.is_finite())
+        }),
+        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
+            .filter(|air| air.torque_sigma_n_m.iter().all(|sigma| sigma.is_finite())),
+        reaction: if turns { yaw::reaction(flight, samples, assumed) } else { None }
+            .filter(|r| [r.k_m_n_m, r.half_width_n_m, r.correlation].iter().all(|x| x.is_finite())),
+        measurement_sigma_m,
+        model_sigma: if moves { model() } else { None },
+        left_out,
     })
+}
+
+/// Whether no motor command of these samples differs from the first: one row, repeated.
+pub(crate) fn is_frozen(samples: &[FlightSample]) -> bool {
+    samples.iter().all(|sample| sample.motors == samples[0].motors)
+}
+
+/// Whether spreads are those of something: a frozen one has none, and its weight no bound.
+fn are_figures(sigma: &[f64]) -> bool {
+    sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
+}
+
+/// The vertical acceleration in m/s² of the first source that changes.
+fn accelerations<'a>(
+    column: impl Fn(&str) -> Option<&'a [f64]>,
+    left_out: &mut Vec<String>,
+) -> Option<Vec<f64>> {
+    for (name, unit) in ACCELERATIONS {
+        let Some(values) = column(name) else { continue };
+        if values.iter().any(|value| *value != values[0]) {
+            return Some(values.iter().map(|value| value * unit).collect());
+        }
+        left_out.push(format!("{name}: frozen at {}, as if it was not logged", values[0]));
+    }
+    None
 }
 
 /// Least squares of `m a = k ΣM`; without an accelerometer the drone is taken to hover.
@@ -195,11 +258,25 @@ fn thrust_per_command_n(
     product / square
 }
 
-fn measurement_sigma_m(samples: &[FlightSample], measured_m: [&[f64]; 3]) -> [f64; 3] {
-    let [x, y, z] = measured_m;
-    let places = samples.iter().zip(x).zip(y).zip(z);
-    let errors = places.map(|(((sample, x), y), z)| Vector3::new(*x, *y, *z) - sample.position_m);
-    spread(errors.collect::<Vec<_>>().as_slice()).into()
+/// Spread of the first raw position that changes about the estimate.
+fn measurement_sigma_m<'a>(
+    samples: &[FlightSample],
+    column: impl Fn(&str) -> Option<&'a [f64]>,
+    left_out: &mut Vec<String>,
+) -> Option<[f64; 3]> {
+    for names in LIGHTHOUSE {
+        let [Some(x), Some(y), Some(z)] = names.map(&column) else { continue };
+        if [x, y, z].iter().all(|values| values.iter().all(|value| *value == values[0])) {
+            left_out.push(format!("{}: frozen, as if it was not logged", names.join(", ")));
+            continue;
+        }
+        let places = samples.iter().zip(x).zip(y).zip(z);
+        let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
+        let sigma: [f64; 3] = spread(errors.collect::<Vec<_>>().as_slice()).into();
+        // A position that is this raw one has no spread about itself.
+        return Some(sigma).filter(|sigma| are_figures(sigma));
+    }
+    None
 }
 
 /// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors that no
@@ -279,6 +356,7 @@ mod tests {
             reaction: None,
             measurement_sigma_m: Some([0.003, 0.004, 0.002]),
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
+            left_out: Vec::new(),
         };
         // As printed in the paper's observer, Q rounded to whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());

@@ -15,10 +15,10 @@ use std::collections::BTreeMap;
 
 use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
-use super::units::SLOWEST_PERIOD_S;
 use super::{ImportOptions, MAX_VARIABLES, TimeUnit, plain_csv};
 use crate::error::{Error, Result};
 use crate::files::Budget;
+use crate::flight::stamps::SLOWEST_PERIOD_S;
 use crate::statistics::median;
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
@@ -217,8 +217,7 @@ impl Reader<'_> {
                     }
                     continue;
                 }
-                Node::Object(inner) if is_metadata(&name) => {
-                    drop(inner);
+                Node::Object(inner) if is_metadata(&name) && !inner.contains_key("time") => {
                     continue;
                 }
                 Node::Object(inner) => inner,
@@ -356,7 +355,7 @@ impl Reader<'_> {
 /// Whether a member says of a log whose it is and when it was made, which changes nothing: those of the
 /// course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
-    const NAMES: [&str; 12] = [
+    const NAMES: [&str; 13] = [
         "start_time",
         "end_time",
         "uri",

@@ -118,8 +118,9 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     match (down, y_up) {
         (true, true) => {
             let found = "a flight that rises along -z and along y";
-            let hint = "say which axes its world has: --axes z-down or --axes y-up";
-            Err(Error::input(&recording.file, found, "one axis that points up", hint))
+            let place = format!("{}: axes", recording.file);
+            let hint = "say which axes its world has: z-down or y-up";
+            Err(Error::input(place, found, "one axis that points up", hint))
         }
         (true, false) => {
             let why =

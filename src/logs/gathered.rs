@@ -23,8 +23,9 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The folder in which it lies within that of the evening; of a log in the latter itself, its name
-    /// up to the first `-`, `_`, `.` or space.
+    /// The drone that an exported script wrote into the log, by its address; else the folder in which
+    /// it lies within that of the evening; of a log in the latter itself, its name up to the first `-`,
+    /// `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
@@ -93,12 +94,36 @@ impl GatheredLog {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
         let first = parts.next().unwrap_or_default();
-        let drone = match parts.next() {
-            Some(_) => first,
-            None => first.split(['-', '_', '.', ' ']).next().unwrap_or_default().to_owned(),
+        let drone = match (written_drone(&path), parts.next()) {
+            (Some(drone), _) => drone,
+            (None, Some(_)) => first,
+            (None, None) => first.split(['-', '_', '.', ' ']).next().unwrap_or_default().to_owned(),
         };
         Self { path, drone, name: within.display().to_string() }
     }
+}
+
+/// Address of a drone that was given none of its own.
+const ANY_ADDRESS: &str = "E7E7E7E7E7";
+
+/// The drone of a log that an exported script wrote: its address in `noctograph.uri`, before the
+/// variables; of the address that all drones come with, its channel, too.
+fn written_drone(path: &Path) -> Option<String> {
+    if path.is_dir() {
+        return None;
+    }
+    let head = LIMIT.beginning(path, HEAD_BYTES).ok()?;
+    let head = String::from_utf8_lossy(&head);
+    let about = head.trim_start_matches('\u{feff}').trim_start().strip_prefix('{')?.trim_start();
+    let about = about.strip_prefix("\"noctograph\"")?.split_once('}')?.0;
+    let uri = about.split_once("\"uri\"")?.1.split('"').nth(1)?.trim();
+    let (before, address) = uri.rsplit_once('/').unwrap_or(("", uri));
+    let address = address.split('?').next().unwrap_or_default();
+    if address != ANY_ADDRESS {
+        return (!address.is_empty()).then(|| address.to_owned());
+    }
+    let channel = before.split("://").nth(1).and_then(|link| link.split('/').nth(1));
+    Some(channel.map_or_else(|| address.to_owned(), |channel| format!("{channel}/{address}")))
 }
 
 #[cfg(test)]
@@ -129,6 +154,29 @@ mod tests {
         assert_eq!(named, wanted);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
+        let about = |uri: &str| {
+            format!(
+                "{{\"noctograph\": {{\"word\": \"NO\", \"uri\": \"{uri}\"}}, \"stateEstimate.x\": {{}}}}"
+            )
+        };
+        let evening = tempfile::tempdir().unwrap();
+        for (name, uri) in [
+            ("NO-1.json", "radio://0/80/2M/E7E7E7E701"),
+            ("NO-2.json", "radio://0/80/2M/E7E7E7E702"),
+            ("NO-3.json", "radio://0/80/2M/E7E7E7E7E7"),
+            ("NO-4.json", "radio://0/90/2M/E7E7E7E7E7"),
+            ("other/NO-5.json", "radio://0/80/2M/E7E7E7E701?rate_limit=100"),
+        ] {
+            let path = evening.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, about(uri)).unwrap();
+        }
+        let drones: Vec<String> =
+            logs_in(evening.path()).unwrap().into_iter().map(|log| log.drone).collect();
+        assert_eq!(
+            drones,
+            ["E7E7E7E701", "E7E7E7E702", "80/E7E7E7E7E7", "90/E7E7E7E7E7", "E7E7E7E701"]
+        );
         let empty = tempfile::tempdir().unwrap();
         assert!(logs_in(empty.path()).unwrap_err().to_string().contains("found 0 logs"));
     }

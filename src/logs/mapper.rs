@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, VelocityFrame, quantities};
-use super::units::SLOWEST_PERIOD_S;
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
+use crate::flight::stamps::SLOWEST_PERIOD_S;
 use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 

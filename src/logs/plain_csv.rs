@@ -19,10 +19,11 @@ use std::collections::BTreeMap;
 
 use super::recording::{Block, Column, Recording, shortened};
 use super::sheet::{self, Sheet};
-use super::{AngleUnit, ImportOptions, TimeUnit, mocap_csv, units};
+use super::{AngleUnit, ImportOptions, TimeUnit, mocap_csv};
 use crate::error::{Error, Result};
 use crate::files::{Budget, plain_text};
 use crate::flight::csv::is_standard_column;
+use crate::flight::stamps::unit_of;
 
 /// Names of the columns where a file has no header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
@@ -232,10 +233,10 @@ pub(super) fn read(
         (Some((_, time_s)), _) => time_s,
         (None, Some(period_s)) => rows(&named, captured.is_some(), period_s),
         (None, None) => {
-            let place = format!("{file}:1");
-            let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the time between \
-                          two rows";
-            let hint = "name the column of times t, or give the period of the rows: --period 0.01";
+            let place = format!("{file}:1: times");
+            let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
+                          between two rows";
+            let hint = "name the column of times t, or give the period of the rows";
             return Err(Error::input(place, header, wanted, hint));
         }
     };
@@ -381,7 +382,7 @@ fn times(
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
         return (values, (wraps > 0).then_some(text));
     }
-    let found = units::found(&values);
+    let found = unit_of(&values);
     let unit_s = wanted.seconds().or(unit).unwrap_or(found.unit_s);
     let is_guess = wanted.seconds().is_none() && unit.is_none();
     let note = if is_guess && unit_s != 1.0 {
