@@ -30,6 +30,8 @@ pub(crate) fn unit_of(stamps: &[f64]) -> FoundUnit {
         step if whole && step > 0.0 && (step > 1.0 || is_rising) => 1e-3,
         _ => 1.0,
     };
+    // As it is shown.
+    let step = (step * 1e6).round() / 1e6;
     let in_doubt = unit_s == 1.0 && !whole && step > 0.5;
     FoundUnit { unit_s, step, in_doubt }
 }

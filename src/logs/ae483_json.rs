@@ -356,6 +356,7 @@ impl Reader<'_> {
 /// course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
     const NAMES: [&str; 13] = [
+        "noctograph",
         "start_time",
         "end_time",
         "uri",

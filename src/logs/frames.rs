@@ -42,7 +42,8 @@ pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Resu
         (Axes::Auto, axes, None) | (axes, ..) => (axes, None),
     };
     if matches!(axes, Axes::Auto | Axes::ZUp) {
-        recording.warnings.extend(why);
+        // A format whose z points up needs no word.
+        recording.warnings.extend(why.filter(|_| axes == Axes::Auto));
         return Ok(());
     }
     for block in &mut recording.blocks {

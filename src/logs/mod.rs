@@ -225,9 +225,9 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     } else {
         parse(bytes, file, options)?
     };
-    // A flight file with ranges is an imported log.
-    let is_ours = header.first().is_some_and(|name| name == OWN[0]);
-    if is_ours && header.iter().any(|name| name.starts_with("ranging.")) {
+    // A flight file with ranges is an imported log; a table of ranges with times in s is none.
+    let has = |wanted: &str| header.iter().any(|name| name == wanted);
+    if has(OWN[0]) && has("letter") && header.iter().any(|name| name.starts_with("ranging.")) {
         found.zero_stamp_s = None;
     }
     Ok(found)

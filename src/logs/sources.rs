@@ -31,6 +31,9 @@ const ALIVE_SHARE: f64 = 0.1;
 /// Least way of a drone that moves: more than the noise of a resting one's position.
 const MOVES_M: f64 = 0.1;
 
+/// Beginning of what is said of a log with a heading and no attitude.
+const YAW_ALONE: &str = "of the attitude, the yaw alone is logged";
+
 /// Zeros of all three axes are no place where the drone would have come there this fast, and this far.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
@@ -230,9 +233,7 @@ fn attitude(
     let mut angles = angles.or_else(|| {
         let yaw = recording.channel("yaw_rad")?;
         search.used.insert("yaw_rad".to_owned());
-        search
-            .left_out
-            .push("of the attitude, the yaw alone is logged: the drone counts as level".into());
+        search.left_out.push(format!("{YAW_ALONE}: the drone counts as level"));
         let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
         Some(vec![yaw, level.clone(), level])
     })?;
@@ -280,6 +281,9 @@ fn why_dead(
         && last(yaw).abs() > 1e-6
         && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
     {
+        if left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
+            return None;
+        }
         left_out.push(format!(
             "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were not logged; \
              the yaw, {:.3} rad throughout, is kept",
