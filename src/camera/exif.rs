@@ -440,6 +440,162 @@ mod tests {
         assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{}", width_m(&tags));
     }
 
+    fn taken(tags: &[(Tag, Value)]) -> (CameraOptions, Vec<String>) {
+        CameraOptions::default().taken_as(tiff(tags).path()).unwrap()
+    }
+
+    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of an inch.
+    fn compact(pixels: [u32; 2]) -> Vec<(Tag, Value)> {
+        let mut tags = telephone();
+        tags.retain(|(tag, _)| {
+            ![Tag::FocalLengthIn35mmFilm, Tag::PixelXDimension, Tag::PixelYDimension].contains(tag)
+        });
+        tags.extend([
+            (Tag::Make, Value::Ascii(vec![b"Canon".to_vec()])),
+            (Tag::PixelXDimension, Value::Long(vec![pixels[0]])),
+            (Tag::PixelYDimension, Value::Long(vec![pixels[1]])),
+            (Tag::FocalPlaneXResolution, ratio(4_000_000, 291)),
+            (Tag::FocalPlaneResolutionUnit, Value::Short(vec![2])),
+        ]);
+        tags
+    }
+
+    #[test]
+    fn the_sensor_of_an_edited_picture_is_of_one_age_or_not_said() {
+        for pixels in [[4000, 3000], [2560, 1920], [640, 480]] {
+            let (camera, said) = taken(&compact(pixels));
+            let width_mm = 1e3 * camera.body.sensor_width_m();
+            assert!((width_mm - 7.391).abs() < 0.001 && said.is_empty(), "{pixels:?}: {width_mm}");
+        }
+        // Another maker's resolution tells no age.
+        let mut other = compact([2560, 1920]);
+        other.retain(|(tag, _)| *tag != Tag::Make);
+        let (camera, said) = taken(&other);
+        assert!((1e3 * camera.body.sensor_width_m() - 4.73).abs() < 0.01, "{said:?}");
+        assert!(said[0].contains("4.73 mm") && said[0].contains("resized"), "{said:?}");
+        for (tag, text, why) in [
+            (Tag::Software, "Adobe Photoshop 25.1 (Windows)", "edited with Adobe"),
+            (Tag::DateTime, "2024:05:06 10:00:00", "changed at 2024:05:06"),
+        ] {
+            let mut edited = other.clone();
+            let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
+            edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
+            let error = CameraOptions::default().taken_as(tiff(&edited).path()).unwrap_err();
+            let found = error.to_string();
+            assert!(found.contains("FocalLengthIn35mmFilm"), "{found}");
+            assert!(found.contains(why) || found.ends_with("lens and exposure"), "{found}");
+        }
+    }
+
+    #[test]
+    fn sentinels_are_what_the_standard_says() {
+        let with = |tag: Tag, value: Value| {
+            let mut tags = telephone();
+            tags.retain(|(other, _)| *other != tag);
+            tags.push((tag, value));
+            taken(&tags).0
+        };
+        assert_eq!(with(Tag::SubjectDistance, ratio(u32::MAX, 1)).focus_m, Some(INFINITY_M));
+        assert_eq!(with(Tag::SubjectDistance, ratio(0, 1)).focus_m, None, "unknown");
+        assert_eq!(with(Tag::SubjectDistance, ratio(5, 2)).focus_m, Some(2.5));
+        let mut fast = telephone();
+        fast.retain(|(tag, _)| *tag != Tag::PhotographicSensitivity);
+        fast.extend([
+            (Tag::PhotographicSensitivity, Value::Short(vec![65_535])),
+            (Tag::RecommendedExposureIndex, Value::Long(vec![102_400])),
+        ]);
+        assert_eq!(taken(&fast).0.iso, 102_400.0, "more than 16 bits hold");
+        let mut apex = telephone();
+        apex.retain(|(tag, _)| ![Tag::FNumber, Tag::ExposureTime].contains(tag));
+        let signed = |num| Value::SRational(vec![exif::SRational { num, denom: 1 }]);
+        apex.extend([(Tag::ApertureValue, ratio(3, 1)), (Tag::ShutterSpeedValue, signed(-5))]);
+        let camera = taken(&apex).0;
+        assert!((camera.f_number - 8_f64.sqrt()).abs() < 1e-9, "{camera:?}");
+        assert_eq!(camera.shutter_close_s, Some(32.0));
+    }
+
+    #[test]
+    fn an_impossible_number_stands_at_the_file_and_its_tag() {
+        for (tag, value, name) in [
+            (Tag::FNumber, ratio(1, 1000), "FNumber"),
+            (
+                Tag::PhotographicSensitivity,
+                Value::Long(vec![4_000_000_000]),
+                "PhotographicSensitivity",
+            ),
+        ] {
+            let mut tags = telephone();
+            tags.retain(|(other, _)| *other != tag);
+            tags.push((tag, value));
+            let file = tiff(&tags);
+            let error = CameraOptions::default().taken_as(file.path()).unwrap_err().to_string();
+            assert!(error.starts_with(&file.path().display().to_string()), "{error}");
+            assert!(error.contains(name) && !error.contains("camera."), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_directory_that_is_not_needed_may_be_broken() {
+        let file = tiff(&telephone());
+        let mut bytes = std::fs::read(file.path()).unwrap();
+        let long = |bytes: &[u8], at: usize| {
+            u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+        };
+        let entries = |bytes: &[u8], at: usize| {
+            usize::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()))
+        };
+        // The directory of EXIF, and the pointer after it, which is to be 0.
+        let first = long(&bytes, 4);
+        let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
+        let tag = tag.clone().find(|at| bytes[*at..*at + 2] == [0x87, 0x69]).unwrap();
+        let inner = long(&bytes, tag + 8);
+        let next = inner + 2 + 12 * entries(&bytes, inner);
+        bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        let camera = CameraOptions::default().taken_as(file.path()).unwrap().0;
+        assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
+        // And the one after the first, of the thumbnail.
+        let next = first + 2 + 12 * entries(&bytes, first);
+        bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        assert_eq!(CameraOptions::default().taken_as(file.path()).unwrap().0.iso, 50.0);
+    }
+
+    /// A JPEG of a size with these tags: markers alone.
+    fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
+        let exif = std::fs::read(tiff(tags).path()).unwrap();
+        let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();
+        let mut bytes = [&b"\xff\xd8\xff\xe1"[..], &length, b"Exif\0\0", &exif].concat();
+        bytes.extend([0xff, 0xc0, 0, 11, 8]);
+        bytes.extend([height.to_be_bytes(), width.to_be_bytes()].concat());
+        bytes.extend([1, 1, 0x11, 0, 0xff, 0xd9]);
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        file
+    }
+
+    #[test]
+    fn a_picture_is_turned_once_and_a_cropped_one_is_named() {
+        let mut turned = telephone();
+        turned.push((Tag::Orientation, Value::Short(vec![6])));
+        for (tags, size_px, wanted) in [
+            (&turned, [4000, 3000], (1440, 1920)),
+            // A program turned the pixels, and left the tag.
+            (&turned, [3000, 4000], (1440, 1920)),
+            (&telephone(), [3000, 4000], (1440, 1920)),
+            (&telephone(), [400, 300], (1920, 1440)),
+        ] {
+            let (camera, said) =
+                CameraOptions::default().taken_as(jpeg(tags, size_px).path()).unwrap();
+            assert_eq!((camera.width_px, camera.height_px), wanted, "{size_px:?}");
+            assert!(said.is_empty(), "{said:?}");
+        }
+        let cropped = jpeg(&telephone(), [2000, 2000]);
+        let (camera, said) = CameraOptions::default().taken_as(cropped.path()).unwrap();
+        assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
+        assert!(said[0].contains("cropped"), "{said:?}");
+    }
+
     #[test]
     fn missing_tags_are_named() {
         let error = |path: &Path| CameraOptions::default().taken_as(path).unwrap_err();

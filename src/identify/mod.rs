@@ -399,6 +399,52 @@ mod tests {
         assert!(found.model_sigma.unwrap()[0] < 0.05, "{:?}", found.model_sigma);
     }
 
+    /// A hover of 20 s whose motors answer a slow sway.
+    fn sway(acceleration: (&str, f64)) -> Flight {
+        let wave = |i: u32, rate: f64| libm::sin(rate * f64::from(i));
+        let sample = |i: u32| FlightSample {
+            time_s: f64::from(i) * 0.01,
+            position_m: Vector3::new(wave(i, 0.01), 0.0, 1.0),
+            motors: [0.0, 1.0, 2.0, 3.0]
+                .map(|motor| 40_000.0 + 100.0 * wave(i, 0.02 + 0.01 * motor)),
+            ..FlightSample::default()
+        };
+        let (name, value) = acceleration;
+        let column = (0..2000).map(|i| value * (1.0 + 1e-3 * wave(i, 0.5))).collect();
+        let extra = [(name.to_owned(), column)].into();
+        Flight { samples: (0..2000).map(sample).collect(), extra, ..Flight::default() }
+    }
+
+    #[test]
+    fn a_figure_of_what_is_frozen_is_none_and_never_not_a_number() {
+        let assumed = assumed_of(&SimOptions::default());
+        let hover = assumed.mass_kg * GRAVITY_M_S2 / 160_000.0;
+        for (name, value) in [("acc.z", 1.0), ("ae483log.a_z", GRAVITY_M_S2), ("other", 0.0)] {
+            let found = identify(&sway((name, value)), &assumed).unwrap();
+            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{name}: {found:?}");
+        }
+        for value in [0.0, -5.0] {
+            let found = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
+            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {found:?}");
+            assert!(found.left_out.iter().any(|text| text.contains("a")), "{found:?}");
+        }
+        let mut flight = sway(("ae483log.a_z", 0.0));
+        for axis in ["x", "y", "z"] {
+            flight.extra.insert(format!("ae483log.lh_{axis}"), vec![0.25; 2000]);
+        }
+        let found = identify(&flight, &assumed).unwrap();
+        // Attitude, velocity and rates are zero throughout.
+        assert_eq!((found.measurement_sigma_m, found.model_sigma, found.lag), (None, None, None));
+        let said = found.left_out.join("\n");
+        for name in ["ae483log.a_z", "ae483log.lh_x", "attitude", "velocity", "body rate"] {
+            assert!(said.contains(name), "{name}: {said}");
+        }
+        assert!(!format!("{found:?}").contains("NaN"), "{found:?}");
+        flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4]);
+        let error = identify(&flight, &assumed).unwrap_err().to_string();
+        assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");
+    }
+
     #[test]
     fn a_flight_without_motors_or_air_is_refused() {
         let assumed = assumed_of(&SimOptions::default());

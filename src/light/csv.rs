@@ -348,6 +348,50 @@ mod tests {
     }
 
     #[test]
+    fn light_logs_of_other_programs_are_traces_in_their_colors() {
+        let body = |separator: &str, unit: f64| -> String {
+            let row = |i: u32| {
+                let t = f64::from(i) * 0.2 * unit;
+                let cells = [format!("{t:.3}"), "0.5".into(), "0.1".into(), "1.2".into()];
+                cells.join(separator) + separator + &["255", "128", "0"].join(separator) + "\n"
+            };
+            (0..5).map(row).collect()
+        };
+        let logs = [
+            format!("# time,X,Y,Z,R,G,B\n{}", body(",", 1.0)),
+            format!("Time (s);x;y;z;Red;Green;Blue\n{}", body(";", 1.0).replace('.', ",")),
+            format!("timestamp\tx\ty\tz\tr\tg\tb\r{}", body("\t", 1e3).replace('\n', "\r")),
+            format!("# light painting\n# t x y z R G B\n{}", body(" ", 1.0)),
+        ];
+        for log in &logs {
+            assert!(is_light_trace(log.as_bytes()), "{log}");
+            let (trace, said) = read(log.as_bytes(), "log").unwrap();
+            let said = said.join(" ");
+            assert!(said.contains("0 to 255"), "{said}");
+            let lamp = &trace.lamps[0];
+            assert_eq!(trace.lamps.len(), 1, "one color");
+            assert_eq!(lamp.emitter.intensity_cd, 1.0);
+            let green = lamp.emitter.rgb[1];
+            assert!((green - 128.0 / 255.0).abs() < 1e-6 && lamp.emitter.rgb[2] == 0.0, "{lamp:?}");
+            assert_eq!(lamp.samples.last().unwrap().time_s, 0.8, "{log}");
+        }
+        let own = "t,x,y,z,r,g,b\n0,0,0,1,255,0,0\n1,0,0,1,255,0,0\n";
+        let (trace, said) = read(own.as_bytes(), "log").unwrap();
+        assert_eq!(trace, LightTrace::parse_csv(own.as_bytes(), "log").unwrap(), "candela");
+        assert!(said[0].contains("candela"), "{said:?}");
+        assert!(!is_light_trace(b"t,x,y,z,yaw\n0,0,0,0,0\n"));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn a_column_that_is_not_read_is_named(title in "[a-z]{4,9}q") {
+            let log = format!("time,x,y,z,R,G,B,{title}\n0,0,0,1,9,9,9,7\n1,0,0,1,9,9,9,7\n");
+            let (_, said) = read(log.as_bytes(), "log").unwrap();
+            proptest::prop_assert!(said.join(" ").contains(&title), "{said:?}");
+        }
+    }
+
+    #[test]
     fn a_broken_cell_is_named_by_line_and_column() {
         let cases = [
             ("t,x,y,z,r,g,b\n0,0,0,1,1,1,1\n1,0,NaN,1,1,1,1\n", ":3: column y"),

@@ -384,6 +384,31 @@ mod tests {
     }
 
     #[test]
+    fn a_world_that_is_turned_and_far_away_is_laid_onto_the_drones() {
+        let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
+        let (sin, cos) = (libm::sin(0.7), libm::cos(0.7));
+        let straight = path(3000, 0.01, |t| t + 4097.3, 0.0);
+        let [x, y, z] = <[Channel; 3]>::try_from(straight).unwrap();
+        let turned = |to: &dyn Fn(f64, f64) -> f64| {
+            let values = x.values.iter().zip(&y.values).map(|(x, y)| to(*x, *y)).collect();
+            Channel { values, ..x.clone() }
+        };
+        let mocap = vec![
+            turned(&|x, y| cos * x + sin * y + 2.0),
+            turned(&|x, y| -sin * x + cos * y - 1.0),
+            z.clone(),
+        ];
+        let search = Search { mocap, path: drone, free: false };
+        assert!(search.shift().is_none(), "as it is, it is another path");
+        let shift = Search { free: true, ..search }.shift().unwrap();
+        assert!(shift.is_elsewhere() && shift.left_m < 0.01, "{shift:?}");
+        assert!((shift.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
+        assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
+        let said = shift.warnings(false).join(" ");
+        assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");
+    }
+
+    #[test]
     fn other_paths_have_no_shift() {
         let drone = path(1000, 0.02, |t| t, 0.0);
         let still = vec![Channel::new(vec![0.0, 30.0], vec![1.0; 2]); 3];

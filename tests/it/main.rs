@@ -14,6 +14,7 @@ mod coverage;
 mod dialects;
 mod digests;
 mod faults;
+mod foreign;
 mod golden;
 mod hostile;
 mod json;
