@@ -1,8 +1,8 @@
 //! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV, or a flight
-//! file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
+//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive, Vicon,
+//! rosbag, PlotJuggler, EuRoC, TUM and PX4, range CSV, or a flight file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
 //! file's name.
 //!
 //! Method: the reader of the format makes a recording (blocks of named columns, each with its own
@@ -12,7 +12,8 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is frozen while others change is skipped. `estimate_m` is the custom observer, else the firmware's.
+//!   that is frozen while others change, or diverged, is skipped, whichever quantity it is of, and a
+//!   quantity that is frozen while the drone moves was not logged; both are warnings. `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
 //!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
@@ -24,8 +25,10 @@
 //! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
 //!   [`PositionSource::Estimate`] alone applies.
 //!
-//! Not done: conversion between the motion capture's frame and the drone's (a warning states their
-//! distance), positions from ranges, more than one drone in a file.
+//! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with their
+//!   reason, options of [`ImportOptions`], and errors where two fit. Columns without a meaning are named.
+//!
+//! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
 
 use std::path::Path;
 
@@ -138,7 +141,7 @@ settings! {
         "best" => Best,
         /// Motion capture.
         ///
-        /// Its own block, its echo in the drone's log, or `locSrv`.
+        /// Its own block, its echo in the drone's log, or `locSrv`. A plain table's position comes after it.
         "mocap" => Mocap,
         /// The observer of the AE483 course.
         ///
