@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
 use crate::flight::stamps::SLOWEST_PERIOD_S;
-use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
+use crate::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 
 /// Most samples of a flight: an hour at 1 kHz.
@@ -57,7 +57,6 @@ pub(super) fn flight(
     warnings.extend(warn_of_size(&samples));
     let mut extra = extra(&recording, &found.used, &axis);
     check_numbers(&recording.file, &samples)?;
-    warnings.extend(without_wild(&mut extra));
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
     let warnings = recording.warnings.into_iter().chain(warnings).map(Warning::File).collect();
@@ -185,16 +184,6 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Takes out further columns with numbers beyond those of a file, and names them.
-fn without_wild(extra: &mut BTreeMap<String, Vec<f64>>) -> Option<String> {
-    let beyond = |column: &[f64]| column.iter().any(|v| v.is_nan() || v.abs() > MAX_NUMBER);
-    let wild: Vec<String> =
-        extra.iter().filter(|(_, column)| beyond(column)).map(|(name, _)| name.clone()).collect();
-    extra.retain(|name, _| !wild.contains(name));
-    let text = format!("numbers beyond ±{MAX_NUMBER:e}: left out is {}", shortened(&wild));
-    (!wild.is_empty()).then_some(text)
 }
 
 /// Names further columns that are a part of a quantity whose other parts are missing.

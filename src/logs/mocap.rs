@@ -8,7 +8,7 @@
 //! laid onto the drone's by the rigid transform that fits best, if that leaves centimeters; else its
 //! columns are left out, since a distance across two worlds says nothing.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 use super::PositionSource;
 use super::clock::SLOW_CLOCK_RATIO;
@@ -323,11 +323,17 @@ impl Search {
             cos += from.x * to.x + from.y * to.y;
             spread += to.norm_squared() / n;
         }
-        let turn_rad = libm::atan2(sin, cos);
-        let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-        let apart =
-            |(to, from): &(Vector3<f64>, Vector3<f64>)| (to - to_m) - turn * (from - from_m);
-        let left = pairs.iter().map(|pair| apart(pair).norm_squared() / n).sum::<f64>();
+        let left = |turn_rad: f64| {
+            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+            let apart =
+                |to: &Vector3<f64>, from: &Vector3<f64>| (to - to_m) - turn * (from - from_m);
+            pairs.iter().map(|(to, from)| apart(to, from).norm_squared() / n).sum::<f64>()
+        };
+        let turned_rad = libm::atan2(sin, cos);
+        // A path that is nearly upright, or an error of its own, tells no turn.
+        let turn_rad = if left(turned_rad) < 0.25 * left(0.0) { turned_rad } else { 0.0 };
+        let (left, turn) =
+            (left(turn_rad), Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad));
         let (offset_m, move_m) = ((to_m - from_m).into(), (to_m - turn * from_m).into());
         let left_m = left.sqrt();
         (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m, turn_rad, move_m, left_m })

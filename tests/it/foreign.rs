@@ -78,11 +78,11 @@ fn a_light_log_is_exposed_in_its_colors_without_a_word_and_a_bare_log_lit_all_al
 #[test]
 fn what_is_guessed_of_a_log_is_in_json() {
     let folder = tempfile::tempdir().unwrap();
-    let down = table(1.0).replacen("t,x,y,z", "t,x,y,mood", 1);
-    std::fs::write(folder.path().join("log.csv"), down).unwrap();
+    let more = table(1.0).replace('\n', ",7,9\n").replacen("z,7,9", "z,mood,m1", 1);
+    std::fs::write(folder.path().join("log.csv"), more).unwrap();
     let found = run_json(folder.path(), &["import", "log.csv"]);
     let said = found["warnings"].to_string();
-    assert!(said.contains("mood (column 4)") && said.contains("x_m, y_m without"), "{said}");
+    assert!(said.contains("mood (column 5)") && said.contains("m1 without"), "{said}");
     let n = found["warnings"].as_array().unwrap().len();
     let said: std::collections::BTreeSet<String> =
         found["warnings"].as_array().unwrap().iter().map(ToString::to_string).collect();
