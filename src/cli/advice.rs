@@ -46,13 +46,14 @@ pub(super) fn typed(changes: &[Change]) -> String {
 }
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 16] = [
+const FLAGS: [(&str, &str, &str); 19] = [
     (
         "a letter of the word",
         "font",
         "names another font: simplex, or a file *.ttf, *.otf or *.strokes",
     ),
     ("camera", "corners", "names the corners of the line instead of a camera"),
+    ("axes", "axes", "says which axes the log's world has"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
     (
         "camera.framing.position_m",
@@ -67,10 +68,12 @@ const FLAGS: [(&str, &str, &str); 16] = [
     ("letters.font", "font", "names another font"),
     ("letters.font", "trust", "opens the file"),
     ("lights of the flight", "word", "infers lights and letters of a log from its setpoints"),
+    ("lights of the flight", "lit", "shows a log lit all along"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),
     ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
+    ("times", "period", "gives a table without times its seconds from row to row"),
 ];
 
 /// Flags and keys that mend an error of a verb.
@@ -87,7 +90,12 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
     };
-    let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag));
+    // What was typed is no advice.
+    let typed = |flag: &str| {
+        let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
+        std::env::args().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
+    };
+    let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag) && !typed(flag));
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
     if let Error::Letter { letter, .. } = error

@@ -11,14 +11,16 @@ use super::flags::FlightFlags;
 use super::names::named;
 use super::outcome::{Report, line};
 use super::output::OutputFolder;
-use super::show;
 use super::table::table;
-use crate::error::Result;
-use crate::flight::Flight;
-use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
+use super::{message, show};
+use crate::error::{Error, Result};
+use crate::flight::comparison::{
+    Alignment, Comparison, ComparisonOptions, Discrepancy, Placement, compare,
+};
 use crate::flight::tracking::{Part, Tracking, track};
+use crate::flight::{Flight, Quantity};
 use crate::geometry::Attitude;
-use crate::logs::PositionSource;
+use crate::logs::{PositionSource, import};
 use crate::report::{NamedFlight, error_over_time, front_view, top_view};
 
 #[derive(Debug, Args)]
@@ -65,9 +67,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         },
         max_gap_s: args.flights.max_gap,
     };
-    let a = args.flights.read(&args.a)?;
-    let position = args.position_b.unwrap_or(args.flights.position);
-    let b = FlightFlags { position, ..args.flights }.read(&args.b)?;
+    let [a, b] = read(args, &options)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
     let tracking = [&a, &b].map(|flight| track(flight, options.part).ok());
@@ -80,6 +80,59 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     Ok(Report::new(text_of(args, &comparison, &tracking) + gap, json).with_files(&files))
 }
 
+/// Reads both flights. A clock ratio is that of the drone's clock: the other log keeps its own.
+fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
+    let position = args.position_b.unwrap_or(args.flights.position);
+    let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
+    let both = [flags[0].read(&args.a)?, flags[1].read(&args.b)?];
+    if args.flights.clock_ratio == 1.0 {
+        return Ok(both);
+    }
+    let as_stamped = |flags: &FlightFlags, path: &Path| {
+        import(path, &FlightFlags { clock_ratio: 1.0, ..flags.clone() }.options())
+    };
+    let stamped = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
+    let [a, b] = both;
+    let [a_stamped, b_stamped] = stamped;
+    // A flight file is not stretched, and only a drone logs what is in it.
+    let of_drone = |flight: &Flight| {
+        let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
+        inside.iter().any(|quantity| !flight.unlogged.contains(quantity))
+    };
+    if a == a_stamped || b == b_stamped || of_drone(&a) && of_drone(&b) {
+        return Ok([a, b]);
+    }
+    let is_a = match (of_drone(&a), of_drone(&b)) {
+        (true, false) => true,
+        (false, true) => false,
+        _ => {
+            let apart_m = |a: &Flight, b: &Flight| {
+                compare(a, b, options).map_or(f64::INFINITY, |found| found.rmse_m.norm())
+            };
+            let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
+            if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
+                let found = "two logs without motors, rates, estimates and setpoints";
+                let hint =
+                    "import the drone's log by itself with the ratio, and compare its flight";
+                return Err(Error::input("clock_ratio", found, "one log of a drone", hint));
+            }
+            of_a < of_b
+        }
+    };
+    let (name, flights) = match is_a {
+        true => ("A", [a, b_stamped]),
+        false => ("B", [a_stamped, b]),
+    };
+    message(
+        "note: ",
+        &format!("{name} is the drone's log: the clock ratio is that of its clock alone"),
+    );
+    Ok(flights)
+}
+
+/// By this much a log fits better with its own clock stretched than with the other's.
+const CLEARLY: f64 = 1.5;
+
 fn plots(
     folder: OutputFolder,
     args: &CompareArgs,
@@ -91,6 +144,9 @@ fn plots(
     for (flight, (path, letter, offset_s)) in flights.into_iter().zip(clocks) {
         let mut samples = comparison.part.samples(flight)?;
         samples.iter_mut().for_each(|sample| sample.time_s += offset_s);
+        if let Some(placement) = comparison.placement.filter(|_| letter == 'B') {
+            samples.iter_mut().for_each(|sample| placement.place(sample));
+        }
         let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         traces.push(NamedFlight { name: format!("{letter} {file}"), samples });
     }
@@ -136,6 +192,17 @@ fn text_of(
     let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
     text += &line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
 
+    if let Some(Placement { turn_rad, shift_m: m, left_m }) = comparison.placement {
+        let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
+        text += &line(
+            "frame",
+            &format!(
+                "B is in another frame: turned by {degrees:+.1}° and shifted by {:+.3}, {:+.3}, {:+.3} m \
+                 onto A, which leaves {left_cm:.1} cm",
+                m.x, m.y, m.z
+            ),
+        );
+    }
     let rmse = std::iter::once(row("A against B", comparison.rmse_m))
         .chain(rows(tracking, |side, t| Some(row(&format!("{side} against its design"), t.rmse_m))))
         .chain(rows(tracking, |side, t| {

@@ -21,7 +21,8 @@ use crate::shoot::{Format, Judging, Shoot};
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
-    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b)
+    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b; the colors of other
+    /// programs' light logs also as 0 to 255)
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
     #[command(flatten)]
@@ -30,6 +31,9 @@ pub(super) struct ExposeArgs {
     /// lights has its [default: the scene's, or the letters of the flights]
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
+    /// Show a log without lights lit all along, from take-off to landing
+    #[arg(long, conflicts_with = "word")]
+    lit: bool,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
@@ -49,14 +53,15 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     args.picture.apply(&mut scene)?;
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
-    let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights)?;
+    let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
-    if !shot.scene.has_strokes() {
+    // A light trace alone needs no word: its colors are its own.
+    if !shot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         message(
             "note: ",
             "the photo names no word: name one with --word, or after the photo in `score`",

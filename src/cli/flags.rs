@@ -8,11 +8,13 @@ use clap::builder::PossibleValuesParser;
 use super::letters::LetterFlags;
 use super::message;
 use super::names::{named, names};
-use super::relit::relit_where_dark;
+use super::relit::{light_all_along, relit_where_dark};
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
+use crate::logs::{
+    self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
+};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
@@ -300,7 +302,7 @@ fn plans_in(input: &str) -> Vec<String> {
 }
 
 /// Flights from files: flights of ours, or logs of real ones.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
     /// Position (and attitude) of a log that counts as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
@@ -318,6 +320,18 @@ pub(super) struct FlightFlags {
     /// Recover the undamaged part of a broken µSD log, instead of refusing it
     #[arg(long)]
     pub(super) recover: bool,
+    /// Seconds between two rows of a table without times
+    #[arg(long, value_name = "S")]
+    pub(super) period: Option<f64>,
+    /// Unit of a log's stamps
+    #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<TimeUnit>())]
+    pub(super) time_unit: TimeUnit,
+    /// Unit of a table's angles whose titles name none
+    #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<AngleUnit>())]
+    pub(super) angles: AngleUnit,
+    /// Axes of a table's world
+    #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
+    pub(super) axes: Axes,
 }
 
 /// A number, or a fraction of two.
@@ -338,6 +352,10 @@ impl FlightFlags {
             sample_rate_hz: self.rate,
             clock_ratio: self.clock_ratio,
             damaged: if self.recover { Damaged::Recover } else { Damaged::Refuse },
+            period_s: self.period,
+            time_unit: self.time_unit,
+            angle_unit: self.angles,
+            axes: self.axes,
         }
     }
 
@@ -356,22 +374,27 @@ impl FlightFlags {
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
-    /// has those of the scene's word.
+    /// has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
         word: Option<&str>,
         paths: &[PathBuf],
+        lit: bool,
     ) -> Result<Shoot> {
         if let Some(word) = word {
             set_word(&mut scene, word)?;
         }
         let mut recordings = Vec::new();
         for path in paths {
-            let mut recording = Recording::read(path, &self.options())?;
-            if let Recording::Flight(flight) = &mut recording {
-                warn_of(path, &flight.warnings);
-                relit_where_dark(flight, &mut scene, path)?;
+            let (mut recording, warnings) = Recording::read(path, &self.options())?;
+            warn_of(path, &warnings);
+            match &mut recording {
+                Recording::Flight(flight) if lit && flight.lights.is_empty() => {
+                    light_all_along(flight, &scene);
+                }
+                Recording::Flight(flight) => relit_where_dark(flight, &mut scene, path)?,
+                Recording::Light(_) => {}
             }
             recordings.push(recording);
         }

@@ -8,6 +8,7 @@ use serde_json::json;
 use super::flags::{FlightFlags, SceneFlags};
 use super::outcome::{Report, wrapped};
 use super::table::table;
+use super::warn;
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
@@ -39,6 +40,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let flight = args.log.as_deref().map(|log| args.flight.read(log)).transpose()?;
     let found =
         flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
+    warn(found.iter().flat_map(|found| &found.left_out));
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
     let assumed = assumed(&vehicle);
     let text =
@@ -144,6 +146,7 @@ fn to_json(
         "model_sigma": found.and_then(|found| found.model_sigma),
         "observer_q": found.and_then(Identified::observer_q),
         "observer_r": found.and_then(Identified::observer_r),
+        "left_out": found.map(|found| &found.left_out),
         "inertia_kg_m2": inertia_kg_m2,
     })
 }

@@ -44,7 +44,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         paths => {
             let mut scene = args.subject.scene()?;
             args.picture.apply(&mut scene)?;
-            args.flights.shoot(scene, args.subject.typed_word(), paths)?
+            args.flights.shoot(scene, args.subject.typed_word(), paths, false)?
         }
     };
     let scene = shoot.scene.clone();

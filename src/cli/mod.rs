@@ -216,7 +216,7 @@ pub fn main() -> ExitCode {
         Ok(args) => args,
         Err(error) => return usage(&error),
     };
-    let done = on_threads(args.threads, || run(&args.verb)).and_then(|report| {
+    let done = on_threads(args.threads, || run_warned(&args.verb)).and_then(|report| {
         let json =
             args.json.then(|| escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")));
         let text = json.unwrap_or_else(|| printable(&report.text));
@@ -254,7 +254,7 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| Args::from_arg_matches(&matches)) {
-        Ok(args) => on_threads(args.threads, || run(&args.verb)),
+        Ok(args) => on_threads(args.threads, || run_warned(&args.verb)),
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), serde_json::Value::Null))
         }
@@ -371,14 +371,45 @@ fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
 }
 
+/// Head of a warning.
+const WARNING: &str = "warning: ";
+
+thread_local! {
+    /// Warnings that the running verb has printed.
+    static WARNED: std::cell::RefCell<Vec<String>> = const { std::cell::RefCell::new(Vec::new()) };
+}
+
+/// Runs a verb. The warnings that it prints are in its object, too, for programs.
+fn run_warned(verb: &Verb) -> Result<Report> {
+    WARNED.take();
+    let mut report = run(verb)?;
+    let mut warned = WARNED.take();
+    if let Some(object) = report.json.as_object_mut()
+        && !warned.is_empty()
+    {
+        let said = object.entry("warnings").or_insert_with(|| serde_json::json!([]));
+        if let Some(said) = said.as_array_mut() {
+            // Those of a file are there without its name.
+            let is_there =
+                |text: &String| said.iter().filter_map(|s| s.as_str()).any(|s| text.ends_with(s));
+            warned.retain(|text| !is_there(text));
+            said.extend(warned.into_iter().map(serde_json::Value::from));
+        }
+    }
+    Ok(report)
+}
+
 /// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
 fn message(head: &str, text: &str) {
+    if head == WARNING {
+        WARNED.with_borrow_mut(|warned| warned.push(text.to_owned()));
+    }
     let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }
 
 /// Prints warnings.
 fn warn(warnings: impl IntoIterator<Item: ToString>) {
-    warnings.into_iter().for_each(|warning| message("warning: ", &warning.to_string()));
+    warnings.into_iter().for_each(|warning| message(WARNING, &warning.to_string()));
 }
 
 #[cfg(test)]

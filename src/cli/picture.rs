@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::flags::find_scene;
 use super::names::{named, numbers};
+use super::warn;
 use crate::camera::{FixedPose, Framing};
 use crate::error::Result;
 use crate::expose::BackendChoice;
@@ -46,8 +47,9 @@ impl CameraFlags {
             Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
         }
         if let Some(path) = &self.camera_from {
-            scene.camera = std::mem::take(&mut scene.camera).taken_as(path)?;
-            scene.camera.check()?;
+            let (camera, warnings) = std::mem::take(&mut scene.camera).taken_as(path)?;
+            warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
+            scene.camera = camera;
         }
         Ok(())
     }

@@ -6,13 +6,23 @@ use std::path::Path;
 use super::message;
 use super::outcome::typed;
 use crate::error::{Error, Result};
-use crate::flight::{Flight, Quantity};
+use crate::flight::{Flight, Quantity, airborne};
 use crate::plan::relight;
 use crate::scene::{Preset, Scene};
 
 /// Gives a flight what [`relit`] infers, if it lacks its lights and the scene has a word.
 pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
     if is_unlit(flight) && scene.has_strokes() { relit(flight, scene, path) } else { Ok(()) }
+}
+
+/// Gives a flight the light of its lamps in the air, from take-off to landing, in the place of letters.
+pub(super) fn light_all_along(flight: &mut Flight, scene: &Scene) {
+    let air = airborne(flight).unwrap_or_default();
+    let levels = (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i)))).collect();
+    let levels: Vec<f64> = levels;
+    for channel in &scene.plan.lights {
+        flight.lights.insert(channel.clone(), levels.clone());
+    }
 }
 
 /// Whether a flight lacks its lights, and has the setpoints that they can be inferred from.

@@ -493,7 +493,7 @@ mod tests {
         }
 
         /// Where strokes meet.
-        pub(crate) enum Joint {
+        pub enum Joint {
             /// Rounded.
             "round" => Round,
             /// A full stop.

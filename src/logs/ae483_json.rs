@@ -14,10 +14,11 @@
 use std::collections::BTreeMap;
 
 use super::json_tree::{self, List, Node, joined};
-use super::recording::{Block, Clock, Column, Recording};
-use super::{MAX_VARIABLES, plain_csv};
+use super::recording::{Block, Clock, Column, Recording, shortened};
+use super::{ImportOptions, MAX_VARIABLES, TimeUnit, plain_csv};
 use crate::error::{Error, Result};
 use crate::files::Budget;
+use crate::flight::stamps::SLOWEST_PERIOD_S;
 use crate::statistics::median;
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
@@ -27,7 +28,12 @@ const WRAP_S: f64 = 16_777.216;
 const STEPS: usize = 3;
 
 /// Reads a JSON log.
-pub(super) fn read(bytes: &[u8], file: &str, budget: &Budget) -> Result<Recording> {
+pub(super) fn read(
+    bytes: &[u8],
+    file: &str,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Recording> {
     budget.steps(STEPS * bytes.len())?;
     budget.bytes(bytes.len())?;
     let mut text = bytes.to_vec();
@@ -50,7 +56,14 @@ pub(super) fn read(bytes: &[u8], file: &str, budget: &Budget) -> Result<Recordin
         Err(source) => return Err(broken(source)),
     };
     drop(text);
-    let mut reader = Reader { file, budget, blocks: Vec::new(), warnings };
+    let mut reader = Reader {
+        file,
+        budget,
+        blocks: Vec::new(),
+        warnings,
+        skipped: Vec::new(),
+        open: Vec::new(),
+    };
     let in_seconds = match value {
         Node::Object(top) => {
             let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
@@ -64,16 +77,66 @@ pub(super) fn read(bytes: &[u8], file: &str, budget: &Budget) -> Result<Recordin
             return Err(Error::input(file, "JSON of another shape", wanted, HINT));
         }
     };
-    let Reader { mut blocks, warnings, .. } = reader;
+    let Reader { mut blocks, mut warnings, skipped, open, .. } = reader;
+    if !skipped.is_empty() {
+        warnings.push(format!("not read: {}", shortened(&skipped)));
+    }
+    settle_units(&mut blocks, in_seconds, options.time_unit, &mut warnings);
     for block in &mut blocks {
-        if stamps_are_ms(&block.time_s, in_seconds) {
-            for time_s in &mut block.time_s {
-                *time_s /= 1000.0;
-            }
-        }
+        plain_csv::settle_angles(block, &open, options.angle_unit, &mut warnings);
     }
     let file = file.to_owned();
     Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
+}
+
+/// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of events
+/// have steps of any length.
+fn settle_units(
+    blocks: &mut [Block],
+    in_seconds: bool,
+    wanted: TimeUnit,
+    warnings: &mut Vec<String>,
+) {
+    for clock in [Clock::Drone, Clock::Mocap] {
+        let of_clock = |block: &&mut Block| block.clock == clock;
+        let steps = blocks.iter_mut().filter(of_clock).filter_map(|block| {
+            let steps = block.time_s.windows(2).map(|pair| pair[1] - pair[0]);
+            median(steps.filter(|step| *step > 0.0))
+        });
+        let step = steps.fold(f64::INFINITY, f64::min);
+        let unit_s = wanted.seconds().unwrap_or_else(|| unit_s(step, in_seconds));
+        if wanted.seconds().is_none() && in_seconds && unit_s != 1.0 && step.is_finite() {
+            warnings.push(format!(
+                "stamps {step} apart are taken as {unit_s} s a unit: no Crazyflie logs so slowly in \
+                 seconds"
+            ));
+        }
+        // By the number that a unit is of a second, so that 10 ms are 0.01 s to the last bit.
+        let per_s = (1.0 / unit_s).round();
+        for time_s in blocks.iter_mut().filter(of_clock).flat_map(|block| &mut block.time_s) {
+            *time_s /= per_s;
+        }
+    }
+}
+
+/// Seconds of a unit of stamps by their steps. Log periods are 10 ms to 2.55 s, so that longer steps are
+/// ms, and those below 0.5 are s; in between, the dialect decides.
+fn unit_s(step: f64, in_seconds: bool) -> f64 {
+    match step {
+        step if step.is_infinite() => {
+            if in_seconds {
+                1.0
+            } else {
+                1e-3
+            }
+        }
+        step if step > 1e3 * SLOWEST_PERIOD_S * 1e3 => 1e-9,
+        step if step > 1e3 * SLOWEST_PERIOD_S => 1e-6,
+        step if step > SLOWEST_PERIOD_S => 1e-3,
+        step if step < 0.5 => 1.0,
+        _ if in_seconds => 1.0,
+        _ => 1e-3,
+    }
 }
 
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
@@ -82,17 +145,6 @@ const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x
 fn broken(file: &str, source: &serde_json::Error) -> Error {
     let place = format!("{file}:{}:{}", source.line(), source.column());
     Error::input(place, source, "JSON", HINT)
-}
-
-/// Whether stamps are in milliseconds. Log periods are 10 ms to 2.55 s, so that steps above 5 are ms
-/// and steps below 0.5 are s; in between, the dialect decides.
-fn stamps_are_ms(stamps: &[f64], in_seconds: bool) -> bool {
-    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
-    match median(steps) {
-        Some(step) if step > 5.0 => true,
-        Some(step) if step < 0.5 => false,
-        _ => !in_seconds,
-    }
 }
 
 /// Replaces Python's NaN and infinities by `""` and spaces of the same length.
@@ -148,6 +200,10 @@ struct Reader<'a> {
     budget: &'a Budget,
     blocks: Vec<Block>,
     warnings: Vec<String>,
+    /// Members that are no part of a log.
+    skipped: Vec<String>,
+    /// Angles of rows without a unit.
+    open: Vec<String>,
 }
 
 impl Reader<'_> {
@@ -156,11 +212,21 @@ impl Reader<'_> {
             let name = joined(prefix, &key, self.budget)?;
             let mut inner = match value {
                 Node::List(list) => {
-                    self.rows(&name, &list)?;
+                    if !self.rows(&name, &list)? {
+                        self.skipped.push(format!("{name} (a list without times)"));
+                    }
+                    continue;
+                }
+                Node::Object(inner) if is_metadata(&name) && !inner.contains_key("time") => {
                     continue;
                 }
                 Node::Object(inner) => inner,
-                Node::Missing | Node::Text(_) | Node::Number(_) => continue,
+                Node::Missing => continue,
+                Node::Text(_) | Node::Number(_) if is_metadata(&name) => continue,
+                value => {
+                    self.skipped.push(format!("{name} ({})", value.text()));
+                    continue;
+                }
             };
             let timed_list = matches!(inner.get("time"), Some(Node::List(_)));
             if inner.contains_key("data") && inner.contains_key("time") {
@@ -234,7 +300,13 @@ impl Reader<'_> {
         let mut columns = Vec::new();
         for (key, cells) in list.cells.iter().filter(|(key, _)| *key != time) {
             let (name, unit) = match name {
-                "" => plain_csv::meaning(key),
+                "" => {
+                    let (name, unit) = plain_csv::meaning(key);
+                    if unit.is_none() {
+                        self.open.push(name.clone());
+                    }
+                    (name, unit)
+                }
                 folder => (joined(folder, key, self.budget)?, None),
             };
             let mut values = vec![f64::NAN; rows.len()];
@@ -280,6 +352,30 @@ impl Reader<'_> {
     }
 }
 
+/// Whether a member says of a log whose it is and when it was made, which changes nothing: those of the
+/// course's client, and those that an exported script writes.
+fn is_metadata(name: &str) -> bool {
+    const NAMES: [&str; 13] = [
+        "noctograph",
+        "start_time",
+        "end_time",
+        "uri",
+        "address",
+        "drone_id",
+        "word",
+        "scene",
+        "plan",
+        "date",
+        "program",
+        "version",
+        "metadata",
+    ];
+    let ends = ["_sha256", "_digest", "_version"];
+    NAMES.contains(&name)
+        || ends.iter().any(|end| name.ends_with(end))
+        || name.starts_with("metadata.")
+}
+
 /// The clock of a block by its name.
 fn clock_of(name: &str) -> Clock {
     if name == "mocap" || name.starts_with("mocap.") { Clock::Mocap } else { Clock::Drone }
@@ -290,7 +386,7 @@ mod tests {
     use super::*;
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-        super::read(bytes, file, &Budget::of(file, HINT))
+        super::read(bytes, file, &ImportOptions::default(), &Budget::of(file, HINT))
     }
 
     #[test]

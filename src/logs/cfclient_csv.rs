@@ -6,7 +6,7 @@
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
 use crate::error::Result;
-use crate::files::Budget;
+use crate::files::{Budget, plain_text};
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -22,7 +22,10 @@ pub(super) fn is_header(header: &[String]) -> bool {
 
 /// Reads a file, which is a block of a recording; `recording` is the name of that in messages.
 pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) -> Result<Recording> {
-    let Sheet { header, columns, warnings } = Sheet::read(text, file, &[], budget)?;
+    let plain = plain_text(text);
+    let sheet = Sheet::read(&plain.text, file, &[], &|_| true, budget)?;
+    let Sheet { header, columns, mut warnings, .. } = sheet;
+    warnings.splice(0..0, plain.notes);
     let mut columns = columns.into_iter();
     let time_s = columns.next().unwrap_or_default().into_iter().map(|ms| ms / 1000.0).collect();
     let named = header.into_iter().skip(1).zip(columns);

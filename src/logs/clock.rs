@@ -52,8 +52,17 @@ fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Strin
     let mut outside = 0;
     let stretches = stretches(&block.time_s, &kept);
     if stretches.len() > 1 {
-        let longest = stretches.iter().max_by_key(|stretch| stretch.len()).cloned();
-        let stretch = longest.unwrap_or_default();
+        // Stamps that repeat take no time: zeros after the end of a log are no flight.
+        let lasts_s = |stretch: &std::ops::Range<usize>| {
+            let latest_s = stretch.clone().map(|k| block.time_s[kept[k]]);
+            latest_s.fold(f64::NEG_INFINITY, f64::max) - block.time_s[kept[stretch.start]]
+        };
+        let rank = |stretch: &&std::ops::Range<usize>| (lasts_s(stretch), stretch.len());
+        let longest = stretches.iter().max_by(|a, b| {
+            let [(a_s, a), (b_s, b)] = [rank(a), rank(b)];
+            a_s.total_cmp(&b_s).then(a.cmp(&b))
+        });
+        let stretch = longest.cloned().unwrap_or_default();
         warnings.push(format!(
             "block {}: the clock starts again {} time(s); only the longest stretch, samples {} to \
              {} of {n}, is kept",
@@ -157,11 +166,11 @@ fn warn_of_slow_clock(recording: &mut Recording) {
         let ratios = PERIODS_S.iter().map(|nominal_s| period_s / nominal_s);
         ratios.into_iter().find(|ratio| (ratio - SLOW_CLOCK_RATIO).abs() < 0.004)
     };
-    let found = recording.blocks.iter().find_map(|block| Some((block, slow(period_s(block)?)?)));
-    if let Some((block, ratio)) = found {
+    let found = recording.blocks.iter().find(|block| period_s(block).and_then(slow).is_some());
+    if let Some(block) = found {
         let text = format!(
-            "block {}: the clock runs at {ratio:.4} of true time, the 84/85 of firmware before \
-             August 2026; import with a clock ratio of 84/85 to have true seconds",
+            "block {}: the clock runs at 84/85 = {SLOW_CLOCK_RATIO:.4} of true time, as in firmware \
+             before August 2026; import with that clock ratio to have true seconds",
             block.name,
         );
         recording.warnings.push(text);
@@ -203,6 +212,19 @@ mod tests {
     }
 
     #[test]
+    fn zeros_after_the_end_are_no_stretch_however_many_they_are() {
+        let flight = (0..100).map(|i| 40.0 + 0.02 * f64::from(i));
+        let stamps: Vec<f64> = flight.chain(std::iter::repeat_n(0.0, 500)).collect();
+        let (time_s, _, warnings) = settled(&stamps, None);
+        assert_eq!((time_s.len(), time_s[0]), (100, 40.0));
+        assert!(warnings > 0, "and they are named");
+        // Fewer samples over a longer time are the flight.
+        let slow = (0..20).map(|i| 40.0 + 0.5 * f64::from(i));
+        let stamps: Vec<f64> = slow.chain((0..200).map(|i| 0.01 * f64::from(i))).collect();
+        assert_eq!(settled(&stamps, None).0.len(), 20);
+    }
+
+    #[test]
     fn a_block_that_starts_after_the_wrap_joins_the_others() {
         let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
         let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
@@ -220,7 +242,10 @@ mod tests {
             settle(&mut log, 1.0);
             log.warnings.join("\n")
         };
-        assert!(log(0.01 * SLOW_CLOCK_RATIO).contains("84/85"), "{}", log(0.00988));
+        // Whatever was measured, the ratio is the firmware's, and is said once.
+        let said = log(0.00988);
+        assert_eq!((said.matches("84/85").count(), said.matches("0.98").count()), (1, 1), "{said}");
+        assert!(said.contains("84/85 = 0.9882"), "{said}");
         assert_eq!(log(0.01), "");
         let blocks = vec![Block { time_s: vec![84.0, 168.0], ..Block::default() }];
         let mut slow = Recording { blocks, ..Recording::default() };

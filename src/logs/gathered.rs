@@ -23,7 +23,7 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The serial number or the address that an exported script keeps in its log; else the folder in
+    /// The serial number, or else the address, that an exported script keeps in its log; else the folder in
     /// which it lies within that of the evening; of a log in the latter itself, its name up to the first
     /// `-`, `_`, `.` or space.
     pub drone: String,
@@ -106,10 +106,27 @@ impl GatheredLog {
 /// The drone that an exported script names at the beginning of its log.
 fn named_drone(path: &Path) -> Option<String> {
     let head = LIMIT.beginning(path, HEAD_BYTES).ok()?;
-    let about = head.trim_ascii_start().strip_prefix(br#"{"noctograph": "#)?;
+    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head).trim_ascii_start();
+    let key = head.strip_prefix(b"{")?.trim_ascii_start().strip_prefix(b"\"noctograph\"")?;
+    let about = key.trim_ascii_start().strip_prefix(b":")?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
     let about = values.next()?.ok()?;
-    ["serial", "uri"].iter().find_map(|key| Some(about.get(key)?.as_str()?.to_owned()))
+    let text = |key| about.get(key).and_then(serde_json::Value::as_str);
+    text("serial").map(str::to_owned).or_else(|| text("uri").map(address))
+}
+
+/// Address of a drone that was given none of its own.
+const ANY_ADDRESS: &str = "E7E7E7E7E7";
+
+/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`); where it is the one that all drones
+/// come with, after the radio's channel.
+fn address(uri: &str) -> String {
+    let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
+    let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));
+    match channel {
+        Some(channel) if address == ANY_ADDRESS => format!("{channel}/{address}"),
+        _ => address.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -145,6 +162,29 @@ mod tests {
         assert_eq!(named, wanted);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
+        let about = |uri: &str| {
+            format!(
+                "{{\"noctograph\": {{\"word\": \"NO\", \"uri\": \"{uri}\"}}, \"stateEstimate.x\": {{}}}}"
+            )
+        };
+        let evening = tempfile::tempdir().unwrap();
+        for (name, uri) in [
+            ("NO-1.json", "radio://0/80/2M/E7E7E7E701"),
+            ("NO-2.json", "radio://0/80/2M/E7E7E7E702"),
+            ("NO-3.json", "radio://0/80/2M/E7E7E7E7E7"),
+            ("NO-4.json", "radio://0/90/2M/E7E7E7E7E7"),
+            ("other/NO-5.json", "radio://0/80/2M/E7E7E7E701?rate_limit=100"),
+        ] {
+            let path = evening.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, about(uri)).unwrap();
+        }
+        let drones: Vec<String> =
+            logs_in(evening.path()).unwrap().into_iter().map(|log| log.drone).collect();
+        assert_eq!(
+            drones,
+            ["E7E7E7E701", "E7E7E7E702", "80/E7E7E7E7E7", "90/E7E7E7E7E7", "E7E7E7E701"]
+        );
         let empty = tempfile::tempdir().unwrap();
         assert!(logs_in(empty.path()).unwrap_err().to_string().contains("found 0 logs"));
     }

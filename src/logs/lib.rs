@@ -1,8 +1,8 @@
 //! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV, or a flight
-//! file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
+//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive, Vicon,
+//! rosbag, PlotJuggler, EuRoC, TUM and PX4, range CSV, or a flight file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
 //! file's name.
 //!
 //! Method: the reader of the format makes a recording (blocks of named columns, each with its own
@@ -12,7 +12,8 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is frozen while others change is skipped. `estimate_m` is the custom observer, else the firmware's.
+//!   that is frozen while others change, or diverged, is skipped, whichever quantity it is of, and a
+//!   quantity that is frozen while the drone moves was not logged; both are warnings. `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
 //!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
@@ -24,8 +25,10 @@
 //! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
 //!   [`PositionSource::Estimate`] alone applies.
 //!
-//! Not done: conversion between the motion capture's frame and the drone's (a warning states their
-//! distance), positions from ranges, more than one drone in a file.
+//! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with their
+//!   reason, options of [`ImportOptions`], and errors where two fit. Columns without a meaning are named.
+//!
+//! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -45,23 +48,27 @@ pub mod identify;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Budget, Limit, files_in};
+use crate::files::{Budget, Limit, decoded, files_in, plain_text};
 use crate::flight::{Flight, Quantity};
 use crate::settings::{Described, settings};
 
 mod ae483_json;
 mod cfclient_csv;
 mod clock;
+mod foreign;
+mod frames;
 mod gathered;
 mod json_tree;
 mod mapper;
 mod mocap;
+mod mocap_csv;
 mod plain_csv;
 mod recording;
 mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
+mod units;
 mod usd;
 
 pub use gathered::{GatheredLog, is_one_log, logs_in};
@@ -97,6 +104,50 @@ settings! {
         clock_ratio: f64 = 1.0, in 0.5..=2.0;
         /// Treatment of a µSD log whose CRC does not match.
         damaged: Damaged = Damaged::Refuse;
+        /// Time between two rows of a table without times.
+        period_s: Option<f64> = None, in 1e-5..=10.0;
+        /// Unit of the stamps of a table or of JSON.
+        time_unit: TimeUnit = TimeUnit::Auto;
+        /// Unit of the angles and angular velocities of a table whose titles name none.
+        angle_unit: AngleUnit = AngleUnit::Auto;
+        /// Axes of a table's world.
+        axes: Axes = Axes::Auto;
+    }
+
+    /// Unit of stamps.
+    pub enum TimeUnit {
+        /// That of the title; else by the steps, since a drone is logged every 0.1 ms to 2.55 s.
+        "auto" => Auto,
+        /// Seconds.
+        "s" => Seconds,
+        /// Milliseconds.
+        "ms" => Milliseconds,
+        /// Microseconds.
+        "us" => Microseconds,
+        /// Nanoseconds.
+        "ns" => Nanoseconds,
+    }
+
+    /// Unit of angles.
+    pub enum AngleUnit {
+        /// That of the title; else radians, unless no drone leans or turns so.
+        "auto" => Auto,
+        /// Radians.
+        "rad" => Radians,
+        /// Degrees.
+        "deg" => Degrees,
+    }
+
+    /// Axes of a world.
+    pub enum Axes {
+        /// Those of the format; else z up, unless the drone can only have taken off along another.
+        "auto" => Auto,
+        /// z up.
+        "z-up" => ZUp,
+        /// x forward, y right, z down, as north, east and down.
+        "z-down" => ZDown,
+        /// y up, z toward the viewer, as motion captures have it.
+        "y-up" => YUp,
     }
 
     /// Source of the true position.
@@ -105,7 +156,7 @@ settings! {
         "best" => Best,
         /// Motion capture.
         ///
-        /// Its own block, its echo in the drone's log, or `locSrv`.
+        /// Its own block, its echo in the drone's log, or `locSrv`. A plain table's position comes after it.
         "mocap" => Mocap,
         /// The observer of the AE483 course.
         ///
@@ -181,8 +232,9 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 }
 
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
+    foreign::refuse(bytes, file)?;
     let header = sheet::header(bytes).unwrap_or_default();
-    let mut found = if header.starts_with(&OWN.map(str::to_owned)) {
+    let mut found = if is_own(&header) {
         let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
@@ -191,12 +243,21 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     } else {
         parse(bytes, file, options)?
     };
-    // A flight file with ranges is an imported log.
-    let is_ours = header.first().is_some_and(|name| name == OWN[0]);
-    if is_ours && header.iter().any(|name| name.starts_with("ranging.")) {
+    // A flight file with ranges is an imported log; a table of ranges with times in s is none.
+    let has = |wanted: &str| header.iter().any(|name| name == wanted);
+    if has(OWN[0]) && has("letter") && header.iter().any(|name| name.starts_with("ranging.")) {
         found.zero_stamp_s = None;
     }
     Ok(found)
+}
+
+/// Whether a header is that of a flight file: it begins with a pose, or it has the column of letters,
+/// which every flight file has.
+fn is_own(header: &[String]) -> bool {
+    header.starts_with(&OWN.map(str::to_owned))
+        || header.first().is_some_and(|name| name == OWN[0])
+            && header.iter().any(|name| name == "letter")
+            && !header.iter().any(|name| name.starts_with("ranging."))
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -213,18 +274,28 @@ fn use_estimate(flight: &mut Flight) {
 
 /// Imports a log from its bytes; `file` is its name in messages.
 fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let budget = Budget::of(file, HINT);
     budget.bytes(bytes.len())?;
-    let format = Format::detect(bytes, file)?;
-    let recording = match format {
-        Format::Usd => usd::read(bytes, file, options.damaged, &budget),
-        Format::Json => ae483_json::read(bytes, file, &budget),
-        Format::Cfclient => cfclient_csv::read(bytes, file, file, &budget),
-        Format::Plain => plain_csv::read(bytes, file, &budget),
+    let recording = if bytes.first() == Some(&usd::MAGIC) {
+        usd::read(bytes, file, options.damaged, &budget)
+    } else {
+        let text = decoded(bytes);
+        match Format::detect(&text, file)? {
+            Format::Json => ae483_json::read(&text, file, options, &budget),
+            Format::Cfclient => cfclient_csv::read(&text, file, file, &budget),
+            Format::Plain => return plain(&text, file, options, &budget),
+        }
     };
-    let (flight, zero_s) = flight(recording?, options, &budget)?;
-    Ok(OnClock { flight, zero_stamp_s: (format == Format::Plain).then_some(zero_s) })
+    let (flight, _) = flight(recording?, options, &budget)?;
+    Ok(OnClock { flight, zero_stamp_s: None })
+}
+
+/// Imports a plain table; its stamps may be those of a clock that others share.
+fn plain(text: &[u8], file: &str, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
+    let recording = plain_csv::read(text, file, options, budget)?;
+    let shared = recording.is_stamped;
+    let (flight, zero_s) = flight(recording, options, budget)?;
+    Ok(OnClock { flight, zero_stamp_s: shared.then_some(zero_s) })
 }
 
 fn flight(
@@ -233,8 +304,11 @@ fn flight(
     budget: &Budget,
 ) -> Result<(Flight, f64)> {
     recording.check(budget)?;
+    // An event that never came has no claim to the names of its variables.
+    recording.blocks.retain(|block| !block.time_s.is_empty());
     recording.name_apart();
     clock::settle(&mut recording, options.clock_ratio);
+    frames::settle(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
     mapper::flight(recording, options, budget)
@@ -243,7 +317,6 @@ fn flight(
 /// A format of logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
-    Usd,
     Json,
     Cfclient,
     Plain,
@@ -252,22 +325,21 @@ enum Format {
 impl Format {
     /// Recognizes a format from its content.
     fn detect(bytes: &[u8], file: &str) -> Result<Self> {
-        if bytes.first() == Some(&usd::MAGIC) {
-            return Ok(Self::Usd);
-        }
         let text = bytes.trim_ascii_start();
         match text.first() {
             None => return Err(unknown(file, "an empty file")),
             Some(b'{' | b'[') => return Ok(Self::Json),
             Some(_) => {}
         }
+        let plain = plain_text(text);
         let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
-        let first = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+        let mut lines = plain.text.split(|byte| *byte == b'\n');
+        let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
         if first.contains(&0) || !separated(first) || std::str::from_utf8(first).is_err() {
             let start: String = String::from_utf8_lossy(&text[..text.len().min(24)]).into();
             return Err(unknown(file, format!("a file that begins with {start:?}")));
         }
-        Ok(match sheet::header(text) {
+        Ok(match sheet::header(&plain.text) {
             Some(header) if cfclient_csv::is_header(&header) => Self::Cfclient,
             _ => Self::Plain,
         })

@@ -8,7 +8,8 @@ use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
-use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
+use crate::flight::stamps::SLOWEST_PERIOD_S;
+use crate::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 
 /// Most samples of a flight: an hour at 1 kHz.
@@ -16,9 +17,6 @@ const MAX_SAMPLES: f64 = 4e6;
 
 /// Steps of finding a channel's value at a stamp.
 const STEPS: usize = 50;
-
-/// The firmware's slowest log block: its period has one byte, in units of 10 ms.
-const SLOWEST_PERIOD_S: f64 = 2.55;
 
 /// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
 pub(super) fn flight(
@@ -41,7 +39,7 @@ pub(super) fn flight(
             "choose another source of position, or the best",
         ));
     }
-    let mut warnings = Vec::new();
+    let mut warnings = found.left_out.clone();
     let axis = axis(&recording, &found, options, budget, &mut warnings)?;
     let n_channels = found.channels.values().map(Vec::len).sum::<usize>();
     let n_extra = recording.names().filter(|name| !found.used.contains(*name)).count();
@@ -58,7 +56,8 @@ pub(super) fn flight(
     warnings.extend(warn_of_held_values(&found, options, &axis));
     warnings.extend(warn_of_size(&samples));
     let mut extra = extra(&recording, &found.used, &axis);
-    check_numbers(&recording.file, &samples, &extra)?;
+    check_numbers(&recording.file, &samples)?;
+    warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
     let warnings = recording.warnings.into_iter().chain(warnings).map(Warning::File).collect();
     let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
@@ -168,36 +167,38 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(Error::input(&recording.file, found, wanted, MILLISECONDS_HINT))
 }
 
-/// Refuses numbers beyond a drone's world, of the quantities and of the further columns.
-fn check_numbers(
-    file: &str,
-    samples: &[FlightSample],
-    extra: &BTreeMap<String, Vec<f64>>,
-) -> Result<()> {
-    let wild = |time_s: f64, name: &str, value: f64, most: f64| {
-        let place = format!("{file}: {name} at {time_s:.3} s of the flight");
-        let wanted = format!("a number within ±{most:e}");
-        let hint = "cut the broken part out of the log, or correct the column's unit";
-        Err(Error::input(place, format!("{value:e}"), wanted, hint))
-    };
+/// Refuses numbers beyond a drone's world.
+fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();
         for (quantity, _, names) in Quantity::TABLE {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
                 // Not a number is beyond as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
-                    return wild(sample.time_s, name, *value, MAX_QUANTITY);
+                    let place = format!("{file}: {name} at {:.3} s of the flight", sample.time_s);
+                    let wanted = format!("a number within ±{MAX_QUANTITY:e}");
+                    let hint = "cut the broken part out of the log, or correct the column's unit";
+                    return Err(Error::input(place, format!("{value:e}"), wanted, hint));
                 }
             }
         }
     }
-    for (name, column) in extra {
-        let beyond = |value: &f64| value.is_nan() || value.abs() > MAX_NUMBER;
-        if let Some(row) = column.iter().position(beyond) {
-            return wild(samples[row].time_s, name, column[row], MAX_NUMBER);
-        }
-    }
     Ok(())
+}
+
+/// Names further columns that are a part of a quantity whose other parts are missing.
+fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
+    let halves: Vec<&str> = extra
+        .keys()
+        .filter_map(|name| name.strip_prefix("log."))
+        .filter(|name| Quantity::TABLE.iter().any(|(.., columns)| columns.contains(name)))
+        .collect();
+    let text = format!(
+        "{} without the other columns of the quantity: kept as log.{}",
+        shortened(&halves),
+        halves.first()?
+    );
+    Some(text)
 }
 
 /// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body that

@@ -3,9 +3,16 @@
 //! The stamps of the computer and of the drone have different zeros. The drone logs the positions
 //! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
 //! explains most of their variance is taken.
+//!
+//! Its world may be another one: turned about the vertical, shifted, with y up. Where it is, it is
+//! laid onto the drone's by the rigid transform that fits best, if that leaves centimeters; else its
+//! columns are left out, since a distance across two worlds says nothing.
+
+use nalgebra::{Rotation3, Vector3};
 
 use super::PositionSource;
-use super::recording::{Channel, Clock, Recording};
+use super::clock::SLOW_CLOCK_RATIO;
+use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::quantities;
 use crate::flight::Quantity;
 
@@ -38,19 +45,38 @@ pub(super) fn align(recording: &mut Recording) {
         .or_else(|| position(PositionSource::Firmware))
         .or_else(|| position(PositionSource::Custom));
     let mocap = moving("mocap.{x y z}");
-    let found = mocap.zip(path).and_then(|(mocap, path)| Search { mocap, path }.shift());
-    if let Some(shift) = found {
-        for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
-            for time_s in &mut block.time_s {
-                *time_s = shift.drone_s(*time_s);
-            }
-        }
-        recording.warnings.extend(shift.warnings());
-    } else {
+    let found = mocap.zip(path).and_then(|(mocap, path)| {
+        let direct = Search { mocap, path, free: false };
+        let level = |found: Shift| (found, false);
+        direct.shift().map(level).or_else(|| {
+            let turned = Search { free: true, ..direct.clone() };
+            turned.shift().map(level).or_else(|| {
+                let [x, y, z] = <[Channel; 3]>::try_from(turned.mocap).ok()?;
+                let back = Channel { values: z.values.iter().map(|z| -z).collect(), ..z };
+                let upright = Search { mocap: vec![x, back, y], path: turned.path, free: true };
+                upright.shift().map(|found| (found, true))
+            })
+        })
+    });
+    let Some((shift, y_up)) = found else {
         recording.blocks.retain(|block| block.clock == Clock::Drone);
         let text = "the motion capture's clock could not be aligned with the drone's (no common \
                     path): its columns are left out";
         recording.warnings.push(text.into());
+        return;
+    };
+    recording.warnings.extend(shift.warnings(y_up));
+    if shift.is_elsewhere() && shift.left_m > MOST_LEFT_M {
+        recording.blocks.retain(|block| block.clock == Clock::Drone);
+        return;
+    }
+    for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+        for time_s in &mut block.time_s {
+            *time_s = shift.drone_s(*time_s);
+        }
+        if shift.is_elsewhere() || y_up {
+            shift.place(block, y_up);
+        }
     }
 }
 
@@ -63,24 +89,81 @@ struct Shift {
     ratio: f64,
     /// Mean of drone's path − motion capture's path, per axis.
     frame_offset_m: [f64; 3],
+    /// What lays the motion capture's world onto the drone's: a turn about z, then a shift.
+    turn_rad: f64,
+    move_m: [f64; 3],
+    /// Root mean square distance that it leaves.
+    left_m: f64,
 }
 
+/// Frames that differ by less are one: an estimator's error, a marker beside the middle of the body.
+const SAME_M: f64 = 0.15;
+const SAME_RAD: f64 = 0.09;
+
+/// Most that a transform may leave between two paths that are one.
+const MOST_LEFT_M: f64 = 0.1;
+
 impl Shift {
+    /// Whether the motion capture's world is another than the drone's.
+    fn is_elsewhere(&self) -> bool {
+        let apart = self.frame_offset_m.iter().any(|offset| offset.abs() > SAME_M);
+        apart || self.turn_rad.abs() > SAME_RAD
+    }
+
+    /// Lays a block's positions and yaw onto the drone's world.
+    fn place(&self, block: &mut Block, y_up: bool) {
+        let column = |name: &str| block.columns.iter().position(|column| column.name == name);
+        let places = ["mocap.x", "mocap.y", "mocap.z"].map(column);
+        let yaw = column("mocap.yaw");
+        let [Some(x), Some(y), Some(z)] = places else { return };
+        let (sin, cos) = (libm::sin(self.turn_rad), libm::cos(self.turn_rad));
+        for i in 0..block.time_s.len() {
+            let of = |place: usize| block.columns[place].values[i];
+            let at = if y_up { [of(x), -of(z), of(y)] } else { [of(x), of(y), of(z)] };
+            let placed = [cos * at[0] - sin * at[1], sin * at[0] + cos * at[1], at[2]];
+            for (place, (value, shift)) in [x, y, z].into_iter().zip(placed.iter().zip(self.move_m))
+            {
+                block.columns[place].values[i] = value + shift;
+            }
+        }
+        if let Some(yaw) = yaw {
+            block.columns[yaw].values.iter_mut().for_each(|value| *value += self.turn_rad);
+        }
+    }
+
     fn drone_s(&self, mocap_s: f64) -> f64 {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    fn warnings(&self) -> Vec<String> {
+    fn warnings(&self, y_up: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         if (self.ratio - 1.0).abs() > 0.003 {
+            let is_slow = (self.ratio - SLOW_CLOCK_RATIO).abs() < 0.002;
+            let ratio = match is_slow {
+                true => format!("84/85 = {SLOW_CLOCK_RATIO:.4}"),
+                false => format!("{:.4}", self.ratio),
+            };
+            let of = if is_slow { ", as in firmware before August 2026" } else { "" };
             warnings.push(format!(
-                "the drone's clock counts {:.4} s per second of the motion capture's (84/85 = \
-                 0.9882 in firmware before August 2026)",
-                self.ratio
+                "the drone's clock counts {ratio} s per second of the motion capture's{of}"
             ));
         }
         let [x, y, z] = self.frame_offset_m;
-        if [x, y, z].iter().any(|offset| offset.abs() > 0.05) {
+        let (degrees, left_cm) = (self.turn_rad.to_degrees(), 100.0 * self.left_m);
+        let axes = if y_up { "y up, " } else { "" };
+        let [to_x, to_y, to_z] = self.move_m;
+        if (self.is_elsewhere() || y_up) && self.left_m <= MOST_LEFT_M {
+            warnings.push(format!(
+                "the motion capture's world is another than the drone's: {axes}turned by {degrees:.1}° and \
+                 shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
+                 {left_cm:.1} cm"
+            ));
+        } else if self.is_elsewhere() {
+            warnings.push(format!(
+                "the motion capture's world is another than the drone's, and no turn and shift lays one \
+                 onto the other ({left_cm:.0} cm are left): its columns are left out"
+            ));
+        } else if [x, y, z].iter().any(|offset| offset.abs() > 0.05) {
             warnings.push(format!(
                 "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
                  average: their frames may differ, and so may setpoints and positions"
@@ -90,15 +173,21 @@ impl Shift {
     }
 }
 
+#[derive(Clone)]
 struct Search {
     mocap: Vec<Channel>,
     path: Vec<Channel>,
+    /// Whether the two worlds may be turned against each other.
+    free: bool,
 }
 
 /// Residual of one shift.
 struct Fit {
     misfit: f64,
     offset_m: [f64; 3],
+    turn_rad: f64,
+    move_m: [f64; 3],
+    left_m: f64,
 }
 
 impl Search {
@@ -129,20 +218,28 @@ impl Search {
             pivot_mocap_s,
             ratio: 1.0,
             frame_offset_m: fit.offset_m,
+            turn_rad: 0.0,
+            move_m: [0.0; 3],
+            left_m: 0.0,
         };
         // Below 0.3 % it is the noise of the fit.
+        let mut placed_by = (self.clone(), fine_s);
         if slope.abs() > 0.003 {
             shift.ratio = 1.0 / (1.0 - slope);
             let mut mocap = self.mocap.clone();
             for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
                 *time_s = shift.drone_s(*time_s) - fine_s;
             }
-            let paced = Self { mocap, path: self.path.clone() };
+            let paced = Self { mocap, path: self.path.clone(), free: self.free };
             let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
             shift.pivot_drone_s += paced_s - fine_s;
             shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
+            placed_by = (paced, paced_s);
+        }
+        if let Some(fit) = placed_by.0.turned_fit(&stamps, placed_by.1) {
+            (shift.turn_rad, shift.move_m, shift.left_m) = (fit.turn_rad, fit.move_m, fit.left_m);
         }
         Some(shift)
     }
@@ -168,6 +265,9 @@ impl Search {
     /// Fits the motion capture, `shift_s` later, to the drone's path up to a constant; `None` where
     /// less than half of the path was captured or nothing moves.
     fn fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
+        if self.free {
+            return self.turned_fit(stamps, shift_s);
+        }
         let (mut left, mut spread, mut offset_m) = (0.0, 0.0, [0.0; 3]);
         for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(&mut offset_m) {
             let pairs: Vec<(f64, f64)> = stamps
@@ -187,7 +287,56 @@ impl Search {
             (spread, left, *offset) = (spread + logged_sq, left + left_sq, mean);
         }
         // A path needs two centimeters of movement.
-        (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m })
+        let [turn_rad, left_m] = [0.0, left.sqrt()];
+        (spread > 4e-4).then(|| Fit {
+            misfit: left / spread,
+            offset_m,
+            turn_rad,
+            move_m: offset_m,
+            left_m,
+        })
+    }
+
+    /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
+    fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
+        let at = |channels: &[Channel], time_s: f64, slow: bool| {
+            let gap_s = |channel: &Channel| {
+                if slow { 1.0_f64.max(3.0 * channel.period_s) } else { MAX_GAP_S }
+            };
+            let value = |channel: &Channel| channel.linear(time_s, gap_s(channel));
+            Some(Vector3::new(value(&channels[0])?, value(&channels[1])?, value(&channels[2])?))
+        };
+        let pair =
+            |t: &f64| Some((at(&self.path, *t, true)?, at(&self.mocap, t - shift_s, false)?));
+        let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = stamps.iter().filter_map(pair).collect();
+        if self.path.len() != 3 || self.mocap.len() != 3 || pairs.len() * 2 < stamps.len() {
+            return None;
+        }
+        let n = pairs.iter().fold(0.0, |n, _| n + 1.0);
+        let [to_m, from_m] = pairs
+            .iter()
+            .fold([Vector3::zeros(); 2], |[to, from], pair| [to + pair.0 / n, from + pair.1 / n]);
+        let (mut sin, mut cos, mut spread) = (0.0, 0.0, 0.0);
+        for (to, from) in &pairs {
+            let (to, from) = (to - to_m, from - from_m);
+            sin += from.x * to.y - from.y * to.x;
+            cos += from.x * to.x + from.y * to.y;
+            spread += to.norm_squared() / n;
+        }
+        let left = |turn_rad: f64| {
+            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+            let apart =
+                |to: &Vector3<f64>, from: &Vector3<f64>| (to - to_m) - turn * (from - from_m);
+            pairs.iter().map(|(to, from)| apart(to, from).norm_squared() / n).sum::<f64>()
+        };
+        let turned_rad = libm::atan2(sin, cos);
+        // A path that is nearly upright, or an error of its own, tells no turn.
+        let turn_rad = if left(turned_rad) < 0.25 * left(0.0) { turned_rad } else { 0.0 };
+        let (left, turn) =
+            (left(turn_rad), Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad));
+        let (offset_m, move_m) = ((to_m - from_m).into(), (to_m - turn * from_m).into());
+        let left_m = left.sqrt();
+        (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m, turn_rad, move_m, left_m })
     }
 }
 
@@ -225,7 +374,7 @@ mod tests {
     fn the_shift_of_the_clocks_is_found_to_milliseconds() {
         let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
         let mocap = path(3000, 0.01, |t| t + 4097.3, 0.2);
-        let shift = Search { mocap, path: drone }.shift().unwrap();
+        let shift = Search { mocap, path: drone, free: false }.shift().unwrap();
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
         assert!((shift.frame_offset_m[0] + 0.2).abs() < 0.01, "and the frames' offset: {shift:?}");
     }
@@ -235,15 +384,40 @@ mod tests {
         let ratio = 84.0 / 85.0;
         let drone = path(3000, 0.02, |t| t * ratio + 50.0, 0.0);
         let mocap = path(6000, 0.01, |t| t + 9000.0, 0.0);
-        let shift = Search { mocap, path: drone }.shift().unwrap();
+        let shift = Search { mocap, path: drone, free: false }.shift().unwrap();
         assert!((shift.ratio - ratio).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(9010.0) - (10.0 * ratio + 50.0)).abs() < 0.02, "{shift:?}");
+    }
+
+    #[test]
+    fn a_world_that_is_turned_and_far_away_is_laid_onto_the_drones() {
+        let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
+        let (sin, cos) = (libm::sin(0.7), libm::cos(0.7));
+        let straight = path(3000, 0.01, |t| t + 4097.3, 0.0);
+        let [x, y, z] = <[Channel; 3]>::try_from(straight).unwrap();
+        let turned = |to: &dyn Fn(f64, f64) -> f64| {
+            let values = x.values.iter().zip(&y.values).map(|(x, y)| to(*x, *y)).collect();
+            Channel { values, ..x.clone() }
+        };
+        let mocap = vec![
+            turned(&|x, y| cos * x + sin * y + 2.0),
+            turned(&|x, y| -sin * x + cos * y - 1.0),
+            z.clone(),
+        ];
+        let search = Search { mocap, path: drone, free: false };
+        assert!(search.shift().is_none(), "as it is, it is another path");
+        let shift = Search { free: true, ..search }.shift().unwrap();
+        assert!(shift.is_elsewhere() && shift.left_m < 0.01, "{shift:?}");
+        assert!((shift.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
+        assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
+        let said = shift.warnings(false).join(" ");
+        assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");
     }
 
     #[test]
     fn other_paths_have_no_shift() {
         let drone = path(1000, 0.02, |t| t, 0.0);
         let still = vec![Channel::new(vec![0.0, 30.0], vec![1.0; 2]); 3];
-        assert!(Search { mocap: still, path: drone }.shift().is_none());
+        assert!(Search { mocap: still, path: drone, free: false }.shift().is_none());
     }
 }

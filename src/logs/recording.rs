@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{HINT, MAX_VARIABLES};
+use super::{Axes, HINT, MAX_VARIABLES};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::statistics::median;
@@ -23,6 +23,12 @@ pub(super) struct Recording {
     /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
     pub(super) pace: Pace,
+    /// Whether its stamps are those of a clock that other logs may share.
+    pub(super) is_stamped: bool,
+    /// Axes of the world of its plain columns, as far as the format says.
+    pub(super) axes: Axes,
+    /// The format that says so.
+    pub(super) in_format: Option<&'static str>,
     pub(super) warnings: Vec<String>,
 }
 

@@ -1,18 +1,22 @@
 //! From logged variables to quantities in SI units, our frames and our signs.
 //!
 //! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
-//! table is in order of preference: the first source that is logged and alive is taken.
+//! table is in order of preference: the first source that is logged, sound and alive is taken. A source
+//! is sound while its numbers are of a drone's world, and alive while it changes as others do; a
+//! quantity that is frozen while the drone moves was not logged. Each that is left out is named.
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
-//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; the AE483 course's
-//! `controller_ae483.c` (metres, radians, body frame).
+//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; `controller_lee.c` (radians, no
+//! sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted); the
+//! AE483 course's `controller_ae483.c` (metres, radians, body frame).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::PositionSource;
-use super::recording::{Channel, Recording, names};
+use super::recording::{Channel, Recording, names, shortened};
 use crate::flight::Quantity;
+use crate::flight::table::MAX_QUANTITY;
 use crate::geometry::Attitude;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
@@ -24,6 +28,16 @@ const DEG: f64 = std::f64::consts::PI / 180.0;
 /// Least time for which a living source changes, as a share of the time for which the liveliest does.
 const ALIVE_SHARE: f64 = 0.1;
 
+/// Least way of a drone that moves: more than the noise of a resting one's position.
+const MOVES_M: f64 = 0.1;
+
+/// Beginning of what is said of a log with a heading and no attitude.
+const YAW_ALONE: &str = "of the attitude, the yaw alone is logged";
+
+/// Zeros of all three axes are no place where the drone would have come there this fast, and this far.
+const LOST_M_S: f64 = 5.0;
+const LOST_M: f64 = 0.2;
+
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
 /// World position, m. Lighthouse comes last: its raw fixes do not move between sweeps and drop out,
@@ -31,16 +45,18 @@ use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 const POSITION: &[Source] = &[
     Source(Mocap, "mocap.{x y z}", &[]),
     Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
+    Source(Mocap, "locSrv.{x y z}", &[]),
+    Source(Mocap, "locSrvZ.{x y z}", &[1e-3; 3]),
     Source(Best, "{x y z}_m", &[]),
     Source(Custom, "ae483log.o_{x y z}", &[]),
     Source(Custom, "ae483log.p_{x y z}", &[]),
     Source(Firmware, "stateEstimate.{x y z}", &[]),
     Source(Firmware, "stateEstimateZ.{x y z}", &[1e-3; 3]),
     Source(Firmware, "kalman.state{X Y Z}", &[]),
-    Source(Mocap, "locSrv.{x y z}", &[]),
-    Source(Mocap, "locSrvZ.{x y z}", &[1e-3; 3]),
+    Source(Firmware, "{x y z}_estimate_m", &[]),
     Source(Lighthouse, "lighthouse.{x y z}", &[]),
     Source(Lighthouse, "ae483log.lh_{x y z}", &[]),
+    Source(Lighthouse, "estPosition.{x y z}", &[]),
 ];
 
 /// Setpoint, m in the world.
@@ -61,6 +77,7 @@ const ATTITUDE: &[Source] = &[
     Source(Custom, "ae483log.{psi theta phi}", &[]),
     Source(Firmware, "stateEstimate.{yaw pitch roll}", &[DEG, -DEG, DEG]),
     Source(Firmware, "stabilizer.{yaw pitch roll}", &[DEG, -DEG, DEG]),
+    Source(Firmware, "ctrlLee.rpy{z y x}", &[]),
 ];
 
 /// Quaternions of the attitude in the order w x y z, for logs without angles.
@@ -68,6 +85,7 @@ const QUATERNIONS: &[Source] = &[
     Source(Best, "q{w x y z}", &[]),
     Source(Firmware, "stateEstimate.q{w x y z}", &[]),
     Source(Firmware, "kalman.q{0 1 2 3}", &[]),
+    Source(Mocap, "locSrv.q{w x y z}", &[]),
 ];
 
 /// The attitude in 32 bits, for logs without any other.
@@ -93,6 +111,9 @@ const RATE: &[Source] = &[
     Source(Custom, "ae483log.w_{x y z}", &[]),
     Source(Firmware, "gyro.{x y z}", &[DEG; 3]),
     Source(Firmware, "stateEstimateZ.rate{Roll Pitch Yaw}", &[1e-3, -1e-3, 1e-3]),
+    Source(Firmware, "ctrlLee.omega{x y z}", &[]),
+    Source(Firmware, "ctrlMel.r_{roll pitch yaw}", &[1.0, -1.0, 1.0]),
+    Source(Firmware, "controller.r_{roll pitch yaw}", &[1.0, -1.0, 1.0]),
 ];
 
 /// Motor commands, 0…65535.
@@ -100,6 +121,7 @@ const MOTORS: &[Source] = &[
     Source(Firmware, "motor.m{1 2 3 4}", &[]),
     Source(Custom, "ae483log.m_{1 2 3 4}", &[]),
     Source(Firmware, "pwm.m{1 2 3 4}_pwm", &[]),
+    Source(Firmware, "motor.m{1 2 3 4}req", &[]),
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
@@ -112,6 +134,8 @@ pub(super) struct Quantities {
     pub(super) velocity_frame: VelocityFrame,
     /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
+    /// What was logged and is left out, and why.
+    pub(super) left_out: Vec<String>,
 }
 
 /// Frame of a logged velocity.
@@ -121,13 +145,22 @@ pub(super) enum VelocityFrame {
     World,
 }
 
+/// A quantity by its source.
+struct Chosen<'a> {
+    source: &'a Source,
+    channels: Vec<Channel>,
+}
+
+/// What the search takes, and what it passes over.
+#[derive(Default)]
+struct Search {
+    used: BTreeSet<String>,
+    left_out: Vec<String>,
+}
+
 /// Finds the quantities of a recording by the tables.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
-    let mut used = BTreeSet::new();
-    let mut take = |table: &[Source], kinds: &[PositionSource]| {
-        let sources = table.iter().filter(|source| kinds.contains(&source.0));
-        Some(first(recording, sources, &mut used)?.1)
-    };
+    let mut search = Search::default();
     let truth: &[PositionSource] = match wanted {
         Best => &[Best, Mocap, Custom, Firmware, Lighthouse],
         Mocap => &[Mocap],
@@ -137,8 +170,17 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
         Estimate => &[Custom, Firmware],
     };
     let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
+    let mut take = |table: &'static [Source], kinds: &[PositionSource]| {
+        let sources = table.iter().filter(|source| kinds.contains(&source.0));
+        Some(search.first(recording, sources)?.channels)
+    };
+    let position = take(POSITION, truth).map(|channels| without_zeros(channels, &mut search));
+    let mut take = |table: &'static [Source], kinds: &[PositionSource]| {
+        let sources = table.iter().filter(|source| kinds.contains(&source.0));
+        Some(search.first(recording, sources)?.channels)
+    };
     let found = [
-        (Quantity::Position, take(POSITION, truth)),
+        (Quantity::Position, position),
         (Quantity::Rate, take(RATE, any)),
         (Quantity::Estimate, take(POSITION, &[Custom, Firmware])),
         (Quantity::Design, take(DESIGN, any)),
@@ -146,53 +188,218 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ];
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocities = own.into_iter().chain(VELOCITY_WORLD).chain(firmware);
-    let velocity = first(recording, velocities, &mut used);
+    let velocity = search.first(recording, velocities);
     let is_world = |source| VELOCITY_WORLD.iter().any(|world| std::ptr::eq(world, source));
     let velocity_frame = match &velocity {
-        Some((source, _)) if is_world(*source) => VelocityFrame::World,
+        Some(chosen) if is_world(chosen.source) => VelocityFrame::World,
         _ => VelocityFrame::Body,
     };
-    let velocity = velocity.map(|(_, channels)| channels);
-    // The source of the position is preferred for the attitude as well.
-    let (preferred, others): (Vec<_>, Vec<_>) =
-        ATTITUDE.iter().partition(|source| truth.contains(&source.0));
-    let attitude = first(recording, preferred.into_iter().chain(others), &mut used)
-        .map(|(_, channels)| channels)
-        .or_else(|| angles_from_quaternions(recording, &mut used))
-        .map(|mut angles| {
-            without_jumps(&mut angles[0]);
-            without_jumps(&mut angles[2]);
-            angles
-        });
+    let velocity = velocity.map(|chosen| chosen.channels);
+    let attitude = attitude(recording, truth, &mut search);
     let found =
         found.into_iter().chain([(Quantity::Velocity, velocity), (Quantity::Attitude, attitude)]);
-    let channels = found.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
-    Quantities { channels, velocity_frame, used }
+    let mut channels: BTreeMap<Quantity, Vec<Channel>> =
+        found.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
+    let moving_s = moving_s(channels.get(&Quantity::Position));
+    channels.retain(|quantity, channels| {
+        let dead = why_dead(*quantity, channels, moving_s, &mut search.left_out);
+        search.left_out.extend(dead.iter().cloned());
+        dead.is_none()
+    });
+    let Search { used, left_out } = search;
+    Quantities { channels, velocity_frame, used, left_out }
 }
 
-/// The first of these sources that is alive: one that changes while others do. An observer that was
-/// compiled in and did not run logs a constant. Where no source changes, the first that is not zero;
-/// else the first that is logged.
-fn first<'a>(
+/// The attitude: of the source of the position, of others, of quaternions, or the yaw alone.
+fn attitude(
     recording: &Recording,
-    sources: impl Iterator<Item = &'a Source>,
-    used: &mut BTreeSet<String>,
-) -> Option<(&'a Source, Vec<Channel>)> {
-    let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
-    let mut logged: Vec<_> = logged.collect();
-    let active_s = |channels: &[Channel]| channels.iter().map(active_s).fold(0.0, f64::max);
-    let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
-    let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
-        true => active_s(channels) >= ALIVE_SHARE * most_s,
-        false => channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0)),
+    truth: &[PositionSource],
+    search: &mut Search,
+) -> Option<Vec<Channel>> {
+    let (preferred, others): (Vec<_>, Vec<_>) =
+        ATTITUDE.iter().partition(|source| truth.contains(&source.0));
+    let angles = search.first(recording, preferred.into_iter().chain(others));
+    let angles = angles.map(|chosen| chosen.channels);
+    // Frozen angles beside quaternions that live are those of an observer that did not run.
+    let is_frozen = |angles: &Vec<Channel>| angles.iter().all(|angle| active_s(angle) == 0.0);
+    let quaternions = match &angles {
+        Some(angles) if !is_frozen(angles) => None,
+        _ => angles_from_quaternions(recording, search),
     };
-    let chosen = logged.iter().position(is_alive).unwrap_or(0);
-    let (source, mut channels) = (chosen < logged.len()).then(|| logged.swap_remove(chosen))?;
-    used.extend(names(source.1));
-    for (channel, factor) in channels.iter_mut().zip(source.2) {
-        channel.values.iter_mut().for_each(|value| *value *= factor);
+    let angles = match (angles, quaternions) {
+        (Some(angles), Some(live)) if is_frozen(&live) => Some(angles),
+        (angles, quaternions) => quaternions.or(angles),
+    };
+    let mut angles = angles.or_else(|| {
+        let yaw = recording.channel("yaw_rad")?;
+        search.used.insert("yaw_rad".to_owned());
+        search.left_out.push(format!("{YAW_ALONE}: the drone counts as level"));
+        let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
+        Some(vec![yaw, level.clone(), level])
+    })?;
+    without_jumps(&mut angles[0]);
+    without_jumps(&mut angles[2]);
+    Some(angles)
+}
+
+/// For how long a drone moves; zero for one that rests.
+fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
+    let channels = position.map(Vec::as_slice).unwrap_or_default();
+    let way_m = |channel: &Channel| {
+        let most = channel.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        most - channel.values.iter().copied().fold(f64::INFINITY, f64::min)
+    };
+    let moves = channels.iter().filter(|channel| way_m(channel) >= MOVES_M);
+    moves.map(active_s).fold(0.0, f64::max)
+}
+
+/// Why a quantity counts as not logged: it is frozen, or all zero, while the drone moves. A setpoint may
+/// stay, but not at the origin; each motor must change; a heading may be held.
+fn why_dead(
+    quantity: Quantity,
+    channels: &[Channel],
+    moving_s: f64,
+    left_out: &mut Vec<String>,
+) -> Option<String> {
+    let active = channels.iter().map(active_s);
+    let active_s = match quantity {
+        Quantity::Motors => active.fold(f64::INFINITY, f64::min),
+        _ => active.fold(0.0, f64::max),
+    };
+    let is_zero = channels.iter().all(|channel| channel.values.iter().all(|value| *value == 0.0));
+    let frozen = active_s < ALIVE_SHARE * moving_s;
+    let is_dead = match quantity {
+        Quantity::Position => false,
+        Quantity::Design => frozen && is_zero,
+        _ => frozen,
+    };
+    let last = |channel: &Channel| channel.values[channel.values.len() - 1];
+    if !is_dead {
+        return None;
     }
-    Some((source, channels))
+    if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, channels)
+        && last(yaw).abs() > 1e-6
+        && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
+    {
+        if left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
+            return None;
+        }
+        left_out.push(format!(
+            "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were not logged; \
+             the yaw, {:.3} rad throughout, is kept",
+            last(yaw)
+        ));
+        return None;
+    }
+    let values: Vec<String> =
+        channels.iter().map(|channel| format!("{:.6}", last(channel))).collect();
+    let values: Vec<&str> =
+        values.iter().map(|text| text.trim_end_matches('0').trim_end_matches('.')).collect();
+    Some(format!(
+        "{}: frozen at {} while the drone moves for {moving_s:.1} s: taken as not logged",
+        quantity.name(),
+        values.join(", ")
+    ))
+}
+
+/// A position without the zeros of all axes that a motion capture writes of a body it lost: the drone
+/// would have jumped there.
+fn without_zeros(mut channels: Vec<Channel>, search: &mut Search) -> Vec<Channel> {
+    let [x, y, z] = &channels[..] else { return channels };
+    if x.time_s != y.time_s || x.time_s != z.time_s {
+        return channels;
+    }
+    let is_zero = |i: usize| x.values[i] == 0.0 && y.values[i] == 0.0 && z.values[i] == 0.0;
+    let jumps = |from: usize, to: usize| {
+        let of = |channel: &Channel| channel.values[to] - channel.values[from];
+        let apart_m = (of(x) * of(x) + of(y) * of(y) + of(z) * of(z)).sqrt();
+        apart_m > LOST_M && apart_m > LOST_M_S * (x.time_s[to] - x.time_s[from])
+    };
+    let (n, mut lost, mut start) = (x.values.len(), vec![false; x.values.len()], 0);
+    while start < n {
+        let end = (start..n).find(|i| is_zero(*i) != is_zero(start)).unwrap_or(n);
+        let beside = start > 0 && jumps(start - 1, start) || end < n && jumps(end - 1, end);
+        if is_zero(start) && beside {
+            lost[start..end].fill(true);
+        }
+        start = end;
+    }
+    let count = lost.iter().filter(|lost| **lost).count();
+    if count == 0 || count == n {
+        return channels;
+    }
+    let first_s = x.time_s[lost.iter().position(|lost| *lost).unwrap_or(0)] - x.time_s[0];
+    search.left_out.push(format!(
+        "{count} of {n} positions are 0, 0, 0, where the drone would have jumped (first: {first_s:.2} s \
+         after the first): they are left out"
+    ));
+    for channel in &mut channels {
+        let kept =
+            channel.time_s.iter().zip(&channel.values).zip(&lost).filter(|(_, lost)| !**lost);
+        let (time_s, values) = kept.map(|((time_s, value), _)| (*time_s, *value)).unzip();
+        *channel = Channel::new(time_s, values);
+    }
+    channels
+}
+
+impl Search {
+    /// The first of these sources that is sound and alive: one that changes while others do. An observer
+    /// that was compiled in and did not run logs a constant. Where no source changes, the first that is
+    /// not zero; else the first that is logged.
+    fn first<'a>(
+        &mut self,
+        recording: &Recording,
+        sources: impl Iterator<Item = &'a Source>,
+    ) -> Option<Chosen<'a>> {
+        let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
+        let (mut logged, diverged): (Vec<_>, Vec<_>) =
+            logged.partition(|(source, channels)| is_sound(source, channels));
+        if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
+            let names: Vec<String> = names(source.1).collect();
+            let instead =
+                if logged.is_empty() { "not logged" } else { "replaced by another source" };
+            self.left_out.push(format!(
+                "{} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}",
+                shortened(&names)
+            ));
+        }
+        // The position of a log whose only one diverged is refused with its place.
+        let is_position =
+            |(source, _): &(&Source, _)| POSITION.iter().any(|p| std::ptr::eq(p, *source));
+        if logged.is_empty() {
+            logged = diverged.into_iter().filter(is_position).collect();
+        }
+        let active_s = |channels: &[Channel]| channels.iter().map(active_s).fold(0.0, f64::max);
+        let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
+        let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
+            true => active_s(channels) >= ALIVE_SHARE * most_s,
+            false => {
+                channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0))
+            }
+        };
+        let chosen = logged.iter().position(is_alive).unwrap_or(0);
+        let (source, mut channels) = (chosen < logged.len()).then(|| logged.swap_remove(chosen))?;
+        self.used.extend(names(source.1));
+        for (channel, factor) in channels.iter_mut().zip(source.2) {
+            channel.values.iter_mut().for_each(|value| *value *= factor);
+        }
+        Some(Chosen { source, channels })
+    }
+
+    /// Whether a source was named already.
+    fn names(&self, pattern: &str) -> bool {
+        let first = names(pattern).next().unwrap_or_default();
+        self.left_out.iter().any(|text| text.starts_with(&first))
+    }
+}
+
+/// Whether all numbers of a source are of a drone's world.
+fn is_sound(source: &Source, channels: &[Channel]) -> bool {
+    let within = |(place, channel): (usize, &Channel)| {
+        let factor = source.2.get(place).copied().unwrap_or(1.0);
+        channel.values.iter().all(|value| (value * factor).abs() <= MAX_QUANTITY)
+    };
+    channels.iter().enumerate().all(within)
 }
 
 /// Time from the first change of a channel to its last.
@@ -204,17 +411,14 @@ fn active_s(channel: &Channel) -> f64 {
 }
 
 /// Yaw, pitch and roll of the logged quaternions.
-fn angles_from_quaternions(
-    recording: &Recording,
-    used: &mut BTreeSet<String>,
-) -> Option<Vec<Channel>> {
+fn angles_from_quaternions(recording: &Recording, search: &mut Search) -> Option<Vec<Channel>> {
     let quaternions: Vec<(f64, [f64; 4])> =
-        if let Some((_, parts)) = first(recording, QUATERNIONS.iter(), used) {
+        if let Some(Chosen { channels: parts, .. }) = search.first(recording, QUATERNIONS.iter()) {
             let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
             parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
         } else {
             let packed = recording.channel(COMPRESSED_QUATERNION)?;
-            used.insert(COMPRESSED_QUATERNION.to_owned());
+            search.used.insert(COMPRESSED_QUATERNION.to_owned());
             packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
         };
     let valid = |q: &[f64; 4]| q.iter().map(|part| part * part).sum::<f64>() > 1e-6;

@@ -49,7 +49,7 @@ pub(super) fn read(
     let mut warnings = Vec::new();
     if let Some(damage) = stop.damage(whole) {
         let byte = cursor.at + stop.at;
-        let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short);
+        let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short | Reason::Zeros);
         if !cut_off && damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(Error::input(format!("{file}: byte {byte}"), damage, wanted, HINT));
@@ -62,6 +62,7 @@ pub(super) fn read(
         wrap_s: (version == 1).then_some(WRAP_V1_S),
         pace: Pace::Microseconds,
         warnings,
+        ..Recording::default()
     })
 }
 
@@ -81,6 +82,9 @@ struct Stop {
 enum Reason {
     End,
     Short,
+    /// Nothing but zeros remains: clusters of the card that the file was given, and the drone was
+    /// switched off before they were written.
+    Zeros,
     /// Exactly four bytes remain, which begin no record: probably a CRC.
     Crc,
     Unknown(u16),
@@ -96,6 +100,7 @@ impl Stop {
             Reason::End if whole => return None,
             Reason::End => "the log ends without a CRC, cut off between two records".into(),
             Reason::Short => "the log is cut off within a record".into(),
+            Reason::Zeros => "zeros up to the end: the log was cut off".into(),
             Reason::Crc => {
                 "the CRC does not match: bytes were changed after they were written".into()
             }
@@ -112,6 +117,7 @@ fn records(
     budget: &Budget,
 ) -> Result<Stop> {
     let n_head = if version == 1 { 6 } else { 10 };
+    let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut at = 0;
     loop {
         let rest = &body[at..];
@@ -120,6 +126,10 @@ fn records(
             return stop(if rest.is_empty() { Reason::End } else { Reason::Short });
         };
         let id = u16::from_le_bytes(*id);
+        // A record of zeros alone has no stamp: the drone's counter runs since it was switched on.
+        if id == 0 && rest.len() > 4 && at >= zeros_from {
+            return stop(Reason::Zeros);
+        }
         let Some(event) = events.get_mut(&id) else {
             return stop(if rest.len() == 4 { Reason::Crc } else { Reason::Unknown(id) });
         };

@@ -147,6 +147,12 @@ impl PyFlight {
             .map_err(|error| raised(py, &error))
     }
 
+    /// list of str: What one should know of the flight, as what was guessed of a log and left out.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.flight.warnings.iter().map(ToString::to_string).collect()
+    }
+
     /// numpy.ndarray: Time of each sample in s, shape (N,).
     #[getter]
     fn time_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -15,6 +15,7 @@ mod dialects;
 mod digests;
 mod exports;
 mod faults;
+mod foreign;
 mod golden;
 mod hostile;
 mod json;

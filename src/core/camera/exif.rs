@@ -1,8 +1,14 @@
 //! A camera from the EXIF of a photograph: sensor, lens and exposure.
 //!
-//! EXIF 2.32. The width of the sensor is that of the body where the model is known, else from its
-//! resolution in pixels per centimeter or inch (as Canon, Nikon and Sony write it), else from the
-//! focal length and its equivalent on 35 mm film (36 mm wide, as most makers define it).
+//! EXIF 2.32. The tags that are understood are those of [`CameraOptions::taken_as`]; no other tag
+//! changes the camera, and a directory that holds none of them may be broken.
+//!
+//! The width of the sensor is that of the body where the model is known, else from its resolution in
+//! pixels per unit of length, else from the focal length and its equivalent on 35 mm film (36 mm wide,
+//! as most makers define it). Of an edited picture the number of pixels is of another age than the
+//! resolution: Canon writes the resolution as 1000 times the pixels over thousandths of the unit, so
+//! that it holds both of one age; of others the width is taken where the film equivalent agrees, and
+//! else with a warning, or not at all where the tags say that the picture was edited.
 
 use std::path::Path;
 
@@ -15,20 +21,65 @@ use crate::files::Limit;
 /// Largest file of a photograph: a raw one of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
+/// Distance in focus that stands for infinity: the greatest of a scene.
+pub const INFINITY_M: f64 = 1e6;
+
+/// The value of a tag for infinity, in `SubjectDistance`.
+const ENDLESS: u32 = u32::MAX;
+
+/// The value of `PhotographicSensitivity` for 65535 and more: other tags say how much.
+const ISO_BEYOND: f64 = 65_535.0;
+
+/// Programs that write this in `Software` have edited the picture; cameras write their firmware.
+const EDITORS: [&str; 16] = [
+    "photoshop",
+    "lightroom",
+    "gimp",
+    "darktable",
+    "rawtherapee",
+    "paint",
+    "capture one",
+    "affinity",
+    "snapseed",
+    "picasa",
+    "imagemagick",
+    "photos ",
+    "acdsee",
+    "luminar",
+    "digikam",
+    "photo editor",
+];
+
 impl CameraOptions {
     /// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
     /// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
-    /// aspect, with as many pixels on the longer side as before. Pose and all else stay.
+    /// aspect, with as many pixels on the longer side as before. Pose and all else stay. The
+    /// texts say what is a guess, and why.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF or lacks
-    /// tags that a camera needs, with their names.
-    pub fn taken_as(self, path: &Path) -> Result<Self> {
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF, lacks
+    /// tags that a camera needs, with their names, or has numbers that no camera has.
+    pub fn taken_as(self, path: &Path) -> Result<(Self, Vec<String>)> {
         let place = path.display().to_string();
-        let mut bytes = std::io::Cursor::new(LIMIT.read(path)?);
-        match exif::Reader::new().read_from_container(&mut bytes) {
-            Ok(exif) => self.with_exif(&exif, &place),
+        let bytes = LIMIT.read(path)?;
+        let size_px = size_px(&bytes);
+        let mut reader = exif::Reader::new();
+        // What is needed may stand in whole directories beside a broken one.
+        let read =
+            reader.continue_on_error(true).read_from_container(&mut std::io::Cursor::new(bytes));
+        match read.or_else(|error| error.distill_partial_result(|_| {})) {
+            Ok(exif) => {
+                let (camera, warnings) = self.with_exif(&exif, size_px, &place)?;
+                // An impossible number is the file's, not that of a key.
+                camera.check().map_err(|error| match (tag_of(&error), error) {
+                    (Some(tag), Error::Input { found, wanted, .. }) => {
+                        Error::input(format!("{place}: EXIF, {tag}"), found, wanted, HINT)
+                    }
+                    (_, other) => other,
+                })?;
+                Ok((camera, warnings))
+            }
             Err(error) => {
                 let found = format!("no EXIF ({error})");
                 Err(Error::input(place, found, "a photograph as the camera wrote it", HINT))
@@ -36,20 +87,24 @@ impl CameraOptions {
         }
     }
 
-    fn with_exif(mut self, exif: &Exif, place: &str) -> Result<Self> {
+    fn with_exif(
+        mut self,
+        exif: &Exif,
+        size_px: Option<[f64; 2]>,
+        place: &str,
+    ) -> Result<(Self, Vec<String>)> {
+        let mut warnings = Vec::new();
         let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
-        let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
-        let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
-        // Programs that shrink a picture leave its resolution tags unchanged.
-        let agrees = |width_m: &f64| of_film.is_none_or(|film| (width_m / film - 1.0).abs() < 0.1);
-        let of_pixels = focal_plane_width_m(exif)
-            .filter(|width_m| SENSORS_M.contains(width_m) && agrees(width_m));
-        let sensor_width_m = body.as_ref().map(BodyModel::sensor_width_m).or(of_pixels).or(of_film);
-        let f_number = number(exif, Tag::FNumber);
-        let exposure_s = number(exif, Tag::ExposureTime);
-        let iso =
-            number(exif, Tag::ISOSpeed).or_else(|| number(exif, Tag::PhotographicSensitivity));
+        let sensor_width_m = match &body {
+            Some(body) => Some(body.sensor_width_m()),
+            None => width_m(exif, focal_length_m, &mut warnings),
+        };
+        let f_number = number(exif, Tag::FNumber)
+            .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
+        let exposure_s = number(exif, Tag::ExposureTime)
+            .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
+        let iso = iso(exif);
 
         let needed = [
             ("FocalLength", focal_length_m.is_some()),
@@ -66,10 +121,10 @@ impl CameraOptions {
         let (Some(focal_length_m), Some(sensor_width_m), Some(f_number)) =
             (focal_length_m, sensor_width_m, f_number)
         else {
-            return Err(without(place, &missing));
+            return Err(without(place, &missing, &warnings));
         };
         let (Some(exposure_s), Some(iso)) = (exposure_s, iso) else {
-            return Err(without(place, &missing));
+            return Err(without(place, &missing, &warnings));
         };
 
         self.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
@@ -80,19 +135,36 @@ impl CameraOptions {
         self.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
         (self.f_number, self.iso, self.metering) = (f_number, iso, Metering::Off);
         self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
-        self.focus_m = number(exif, Tag::SubjectDistance).or(self.focus_m);
-        self.take_aspect(exif);
-        Ok(self)
+        self.focus_m = subject_m(exif).or(self.focus_m);
+        self.take_aspect(exif, size_px, &mut warnings);
+        Ok((self, warnings))
     }
 
     /// Sets width and height to the aspect of the photograph, upright.
-    fn take_aspect(&mut self, exif: &Exif) {
+    fn take_aspect(&mut self, exif: &Exif, size_px: Option<[f64; 2]>, warnings: &mut Vec<String>) {
         let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth);
         let height = side(Tag::PixelYDimension, Tag::ImageLength);
-        let (Some(width), Some(height)) = (width, height) else { return };
-        // Orientations 5 to 8 exchange x and y.
-        let turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
+        let Some([width, height]) = width.zip(height).map(|(w, h)| [w, h]).or(size_px) else {
+            return;
+        };
+        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have left
+        // the tag.
+        let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
+        let (mut width, mut height) = (width, height);
+        if let Some([real_width, real_height]) = size_px {
+            let as_tagged = ratio_off(real_width / real_height, width / height);
+            let exchanged = ratio_off(real_width / real_height, height / width);
+            if exchanged < SAME_ASPECT && as_tagged >= SAME_ASPECT {
+                (width, height, turned) = (real_width, real_height, false);
+            } else if as_tagged >= SAME_ASPECT {
+                warnings.push(format!(
+                    "EXIF is of a picture of {width} x {height} pixels, and this one has {real_width} \
+                     x {real_height}: it was cropped, and its camera saw more than it shows"
+                ));
+                (width, height) = (real_width, real_height);
+            }
+        }
         let longer = self.width_px.max(self.height_px);
         let shorter = f64::from(longer) * (width.min(height) / width.max(height));
         #[expect(clippy::cast_possible_truncation, reason = "a side")]
@@ -109,35 +181,146 @@ impl CameraOptions {
     }
 }
 
+/// Two aspects that differ by less are one: sides are whole numbers, thumbnails small.
+const SAME_ASPECT: f64 = 0.04;
+
+fn ratio_off(a: f64, b: f64) -> f64 {
+    (a / b - 1.0).abs()
+}
+
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-fn without(place: &str, missing: &[&str]) -> Error {
-    let found = format!("EXIF without {}", missing.join(", "));
+fn without(place: &str, missing: &[&str], why: &[String]) -> Error {
+    let why: String = why.iter().map(|why| format!("; {why}")).collect();
+    let found = format!("EXIF without {}{why}", missing.join(", "));
     Error::input(place, found, "the tags of lens and exposure", HINT)
+}
+
+/// The tag behind an error of a camera's key.
+fn tag_of(error: &Error) -> Option<&'static str> {
+    let Error::Input { place: key, .. } = error else { return None };
+    let tags = [
+        ("f_number", "FNumber"),
+        ("iso", "PhotographicSensitivity"),
+        ("shutter", "ExposureTime"),
+        ("focal_length", "FocalLength"),
+        ("focus", "SubjectDistance"),
+        ("sensor_width", "FocalPlaneXResolution"),
+        ("_px", "PixelXDimension"),
+    ];
+    tags.iter().find(|(part, _)| key.contains(part)).map(|(_, tag)| *tag)
 }
 
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
-/// Width of the sensor from its pixels and their number per unit of length.
-fn focal_plane_width_m(exif: &Exif) -> Option<f64> {
+/// Width of the sensor of a camera that is not known by name, from tags of one age.
+fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>) -> Option<f64> {
+    let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
+    let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
     let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
-        Some(3.0) => 0.01,
         None | Some(2.0) => 0.0254, // inches by default
-        Some(_) => return None,
+        Some(3.0) => 0.01,
+        Some(4.0) => 1e-3,
+        Some(5.0) => 1e-6,
+        Some(_) => return of_film,
     };
-    let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth))?;
-    Some(pixels / number(exif, Tag::FocalPlaneXResolution)? * unit_m)
+    let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth));
+    let (Some(pixels), Some(per_unit)) = (pixels, number(exif, Tag::FocalPlaneXResolution)) else {
+        return of_film;
+    };
+    let of_canon = canon_width(exif).map(|units| units * unit_m);
+    let of_pixels = Some(of_canon.unwrap_or(pixels / per_unit * unit_m))
+        .filter(|width_m| SENSORS_M.contains(width_m));
+    let Some(of_pixels) = of_pixels else { return of_film };
+    match of_film {
+        // Programs that shrink a picture leave its resolution tags unchanged.
+        Some(film_m) if ratio_off(of_pixels, film_m) >= 0.1 => return Some(film_m),
+        Some(_) => return Some(of_pixels),
+        None if of_canon.is_some() => return Some(of_pixels),
+        None => {}
+    }
+    let mm = 1e3 * of_pixels;
+    if let Some(why) = edited(exif) {
+        warnings.push(format!(
+            "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: the two \
+             may be of different ages"
+        ));
+        return None;
+    }
+    warnings.push(format!(
+        "the sensor is taken to be {mm:.2} mm wide, {pixels} pixels by FocalPlaneXResolution, which \
+         no other tag confirms: a picture that was resized has too small a sensor; if so, set \
+         camera.body in a scene file"
+    ));
+    Some(of_pixels)
+}
+
+/// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels of
+/// the sensor over its width in thousandths.
+fn canon_width(exif: &Exif) -> Option<f64> {
+    if !text(exif, Tag::Make)?.to_lowercase().contains("canon") {
+        return None;
+    }
+    let Value::Rational(ratio) = &exif.get_field(Tag::FocalPlaneXResolution, In::PRIMARY)?.value
+    else {
+        return None;
+    };
+    let exif::Rational { num, denom } = *ratio.first()?;
+    // Thousandths of an inch: a sensor of 3 mm has 118.
+    (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
+        .then(|| f64::from(denom) / 1000.0)
+}
+
+/// Why a picture counts as edited after it was taken.
+fn edited(exif: &Exif) -> Option<String> {
+    if let Some(software) = text(exif, Tag::Software) {
+        let lower = format!("{} ", software.to_lowercase());
+        if EDITORS.iter().any(|editor| lower.contains(editor)) {
+            return Some(format!("the picture was edited with {}", software.trim()));
+        }
+    }
+    let (taken, written) = (text(exif, Tag::DateTimeOriginal)?, text(exif, Tag::DateTime)?);
+    // To the minute; a long exposure is written when it ends.
+    let [day, written_day] = [&taken, &written].map(|date| date.get(..10).map(str::to_owned));
+    (day != written_day).then(|| format!("it was taken at {taken} and changed at {written}"))
+}
+
+/// Sensitivity, ISO.
+fn iso(exif: &Exif) -> Option<f64> {
+    let named = number(exif, Tag::PhotographicSensitivity);
+    let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
+    let beyond = || others.into_iter().find_map(|tag| number(exif, tag));
+    match named {
+        Some(named) if named < ISO_BEYOND => number(exif, Tag::ISOSpeed).or(Some(named)),
+        _ => beyond(),
+    }
+}
+
+/// Distance in focus: none where it is unknown, which is 0.
+fn subject_m(exif: &Exif) -> Option<f64> {
+    match &exif.get_field(Tag::SubjectDistance, In::PRIMARY)?.value {
+        Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
+        _ => number(exif, Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
+    }
 }
 
 /// Positive number of a tag.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    signed(exif, tag).filter(|value| *value > 0.0)
+}
+
+/// Number of a tag.
+fn signed(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(values) => values.first()?.to_f64(),
+        Value::SRational(values) => values.first()?.to_f64(),
+        Value::Float(values) => f64::from(*values.first()?),
+        Value::Double(values) => *values.first()?,
         value => f64::from(value.get_uint(0)?),
     };
-    (value.is_finite() && value > 0.0).then_some(value)
+    value.is_finite().then_some(value)
 }
 
 fn text(exif: &Exif, tag: Tag) -> Option<String> {
@@ -145,6 +328,32 @@ fn text(exif: &Exif, tag: Tag) -> Option<String> {
         Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
         _ => None,
     }
+}
+
+/// Width and height of the picture itself, of a JPEG or PNG file.
+fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
+    let short =
+        |at: usize| Some(f64::from(u16::from_be_bytes(bytes.get(at..at + 2)?.try_into().ok()?)));
+    let long =
+        |at: usize| Some(f64::from(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?)));
+    let size = if bytes.starts_with(b"\x89PNG") {
+        [long(16)?, long(20)?]
+    } else if bytes.starts_with(b"\xff\xd8") {
+        let mut at = 2;
+        loop {
+            let [0xff, kind] = *bytes.get(at..at + 2)? else { return None };
+            // Frames; 0xC4, 0xC8 and 0xCC among their markers are others.
+            if matches!(kind, 0xc0..=0xcf if !matches!(kind, 0xc4 | 0xc8 | 0xcc)) {
+                break [short(at + 7)?, short(at + 5)?];
+            }
+            let length =
+                usize::from(u16::from_be_bytes(bytes.get(at + 2..at + 4)?.try_into().ok()?));
+            at += 2 + length.max(2);
+        }
+    } else {
+        return None;
+    };
+    (size[0] > 0.0 && size[1] > 0.0).then_some(size)
 }
 
 #[cfg(test)]
@@ -187,7 +396,8 @@ mod tests {
     #[test]
     fn a_photograph_sets_sensor_lens_and_exposure() {
         let file = tiff(&telephone());
-        let camera = CameraOptions::default().taken_as(file.path()).unwrap();
+        let (camera, said) = CameraOptions::default().taken_as(file.path()).unwrap();
+        assert!(said.is_empty(), "{said:?}");
         assert_eq!(
             (camera.lens.focal_length_m(), camera.f_number, camera.iso),
             (0.0057, 1.8, 50.0)
@@ -200,7 +410,7 @@ mod tests {
 
         let mut turned = telephone();
         turned.push((Tag::Orientation, Value::Short(vec![6])));
-        let camera = CameraOptions::default().taken_as(tiff(&turned).path()).unwrap();
+        let camera = CameraOptions::default().taken_as(tiff(&turned).path()).unwrap().0;
         assert_eq!((camera.width_px, camera.height_px), (1440, 1920), "held upright");
     }
 
@@ -209,7 +419,7 @@ mod tests {
         let mut tags = telephone();
         tags[0].1 = Value::Ascii(vec![b"ILCE-6400".to_vec()]);
         tags.remove(2);
-        let camera = CameraOptions::default().taken_as(tiff(&tags).path()).unwrap();
+        let camera = CameraOptions::default().taken_as(tiff(&tags).path()).unwrap().0;
         assert_eq!((&camera.body, camera.body.sensor_width_m()), (&BodyModel::A6400, 0.0235));
     }
 
@@ -223,11 +433,167 @@ mod tests {
             (Tag::FocalPlaneXResolution, ratio(26_906, 10)),
         ]);
         let width_m = |tags: &[(Tag, Value)]| {
-            CameraOptions::default().taken_as(tiff(tags).path()).unwrap().body.sensor_width_m()
+            CameraOptions::default().taken_as(tiff(tags).path()).unwrap().0.body.sensor_width_m()
         };
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
         assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{}", width_m(&tags));
+    }
+
+    fn taken(tags: &[(Tag, Value)]) -> (CameraOptions, Vec<String>) {
+        CameraOptions::default().taken_as(tiff(tags).path()).unwrap()
+    }
+
+    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of an inch.
+    fn compact(pixels: [u32; 2]) -> Vec<(Tag, Value)> {
+        let mut tags = telephone();
+        tags.retain(|(tag, _)| {
+            ![Tag::FocalLengthIn35mmFilm, Tag::PixelXDimension, Tag::PixelYDimension].contains(tag)
+        });
+        tags.extend([
+            (Tag::Make, Value::Ascii(vec![b"Canon".to_vec()])),
+            (Tag::PixelXDimension, Value::Long(vec![pixels[0]])),
+            (Tag::PixelYDimension, Value::Long(vec![pixels[1]])),
+            (Tag::FocalPlaneXResolution, ratio(4_000_000, 291)),
+            (Tag::FocalPlaneResolutionUnit, Value::Short(vec![2])),
+        ]);
+        tags
+    }
+
+    #[test]
+    fn the_sensor_of_an_edited_picture_is_of_one_age_or_not_said() {
+        for pixels in [[4000, 3000], [2560, 1920], [640, 480]] {
+            let (camera, said) = taken(&compact(pixels));
+            let width_mm = 1e3 * camera.body.sensor_width_m();
+            assert!((width_mm - 7.391).abs() < 0.001 && said.is_empty(), "{pixels:?}: {width_mm}");
+        }
+        // Another maker's resolution tells no age.
+        let mut other = compact([2560, 1920]);
+        other.retain(|(tag, _)| *tag != Tag::Make);
+        let (camera, said) = taken(&other);
+        assert!((1e3 * camera.body.sensor_width_m() - 4.73).abs() < 0.01, "{said:?}");
+        assert!(said[0].contains("4.73 mm") && said[0].contains("resized"), "{said:?}");
+        for (tag, text, why) in [
+            (Tag::Software, "Adobe Photoshop 25.1 (Windows)", "edited with Adobe"),
+            (Tag::DateTime, "2024:05:06 10:00:00", "changed at 2024:05:06"),
+        ] {
+            let mut edited = other.clone();
+            let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
+            edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
+            let error = CameraOptions::default().taken_as(tiff(&edited).path()).unwrap_err();
+            let found = error.to_string();
+            assert!(found.contains("FocalLengthIn35mmFilm"), "{found}");
+            assert!(found.contains(why) || found.ends_with("lens and exposure"), "{found}");
+        }
+    }
+
+    #[test]
+    fn sentinels_are_what_the_standard_says() {
+        let with = |tag: Tag, value: Value| {
+            let mut tags = telephone();
+            tags.retain(|(other, _)| *other != tag);
+            tags.push((tag, value));
+            taken(&tags).0
+        };
+        assert_eq!(with(Tag::SubjectDistance, ratio(u32::MAX, 1)).focus_m, Some(INFINITY_M));
+        assert_eq!(with(Tag::SubjectDistance, ratio(0, 1)).focus_m, None, "unknown");
+        assert_eq!(with(Tag::SubjectDistance, ratio(5, 2)).focus_m, Some(2.5));
+        let mut fast = telephone();
+        fast.retain(|(tag, _)| *tag != Tag::PhotographicSensitivity);
+        fast.extend([
+            (Tag::PhotographicSensitivity, Value::Short(vec![65_535])),
+            (Tag::RecommendedExposureIndex, Value::Long(vec![102_400])),
+        ]);
+        assert_eq!(taken(&fast).0.iso, 102_400.0, "more than 16 bits hold");
+        let mut apex = telephone();
+        apex.retain(|(tag, _)| ![Tag::FNumber, Tag::ExposureTime].contains(tag));
+        let signed = |num| Value::SRational(vec![exif::SRational { num, denom: 1 }]);
+        apex.extend([(Tag::ApertureValue, ratio(3, 1)), (Tag::ShutterSpeedValue, signed(-5))]);
+        let camera = taken(&apex).0;
+        assert!((camera.f_number - 8_f64.sqrt()).abs() < 1e-9, "{camera:?}");
+        assert_eq!(camera.shutter_close_s, Some(32.0));
+    }
+
+    #[test]
+    fn an_impossible_number_stands_at_the_file_and_its_tag() {
+        for (tag, value, name) in [
+            (Tag::FNumber, ratio(1, 1000), "FNumber"),
+            (
+                Tag::PhotographicSensitivity,
+                Value::Long(vec![4_000_000_000]),
+                "PhotographicSensitivity",
+            ),
+        ] {
+            let mut tags = telephone();
+            tags.retain(|(other, _)| *other != tag);
+            tags.push((tag, value));
+            let file = tiff(&tags);
+            let error = CameraOptions::default().taken_as(file.path()).unwrap_err().to_string();
+            assert!(error.starts_with(&file.path().display().to_string()), "{error}");
+            assert!(error.contains(name) && !error.contains("camera."), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_directory_that_is_not_needed_may_be_broken() {
+        let file = tiff(&telephone());
+        let mut bytes = std::fs::read(file.path()).unwrap();
+        let long = |bytes: &[u8], at: usize| {
+            u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+        };
+        let entries = |bytes: &[u8], at: usize| {
+            usize::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()))
+        };
+        // The directory of EXIF, and the pointer after it, which is to be 0.
+        let first = long(&bytes, 4);
+        let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
+        let tag = tag.clone().find(|at| bytes[*at..*at + 2] == [0x87, 0x69]).unwrap();
+        let inner = long(&bytes, tag + 8);
+        let next = inner + 2 + 12 * entries(&bytes, inner);
+        bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        let camera = CameraOptions::default().taken_as(file.path()).unwrap().0;
+        assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
+        // And the one after the first, of the thumbnail.
+        let next = first + 2 + 12 * entries(&bytes, first);
+        bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        assert_eq!(CameraOptions::default().taken_as(file.path()).unwrap().0.iso, 50.0);
+    }
+
+    /// A JPEG of a size with these tags: markers alone.
+    fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
+        let exif = std::fs::read(tiff(tags).path()).unwrap();
+        let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();
+        let mut bytes = [&b"\xff\xd8\xff\xe1"[..], &length, b"Exif\0\0", &exif].concat();
+        bytes.extend([0xff, 0xc0, 0, 11, 8]);
+        bytes.extend([height.to_be_bytes(), width.to_be_bytes()].concat());
+        bytes.extend([1, 1, 0x11, 0, 0xff, 0xd9]);
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        file
+    }
+
+    #[test]
+    fn a_picture_is_turned_once_and_a_cropped_one_is_named() {
+        let mut turned = telephone();
+        turned.push((Tag::Orientation, Value::Short(vec![6])));
+        for (tags, size_px, wanted) in [
+            (&turned, [4000, 3000], (1440, 1920)),
+            // A program turned the pixels, and left the tag.
+            (&turned, [3000, 4000], (1440, 1920)),
+            (&telephone(), [3000, 4000], (1440, 1920)),
+            (&telephone(), [400, 300], (1920, 1440)),
+        ] {
+            let (camera, said) =
+                CameraOptions::default().taken_as(jpeg(tags, size_px).path()).unwrap();
+            assert_eq!((camera.width_px, camera.height_px), wanted, "{size_px:?}");
+            assert!(said.is_empty(), "{said:?}");
+        }
+        let cropped = jpeg(&telephone(), [2000, 2000]);
+        let (camera, said) = CameraOptions::default().taken_as(cropped.path()).unwrap();
+        assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
+        assert!(said[0].contains("cropped"), "{said:?}");
     }
 
     #[test]

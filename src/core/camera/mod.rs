@@ -19,6 +19,8 @@ mod options;
 mod outside;
 mod white_balance;
 
+pub use exif::INFINITY_M;
+
 /// A camera at rest whose shutter opens once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {

@@ -12,6 +12,7 @@ use crate::geometry::Attitude;
 mod airborne;
 pub mod comparison;
 pub mod csv;
+pub mod stamps;
 pub mod table;
 pub mod tracking;
 mod warning;

@@ -168,6 +168,11 @@ impl Table {
     ///
     /// [`Error::Input`] with the line where time falls or goes beyond.
     pub fn times_s(&self, name: &str) -> Result<&[f64]> {
+        self.times_in(name, 1.0)
+    }
+
+    /// The same, of a column in another unit than seconds.
+    pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
         let time_s = self.column(name)?;
         if time_s.is_empty() {
             return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
@@ -178,6 +183,7 @@ impl Table {
             return Err(Error::input(place, time_s[row + 1], wanted, "sort the rows by time"));
         }
         let beyond = |time_s: f64, first_s: f64| {
+            let [time_s, first_s] = [time_s, first_s].map(|time| time * unit_s);
             time_s.abs() > MAX_TIME_S || time_s - first_s > MAX_DURATION_S
         };
         if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {

@@ -31,9 +31,20 @@ use crate::vehicle::VehicleOptions;
 pub const MODEL_STATES: [&str; 9] =
     ["o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z"];
 
-/// The logged Lighthouse position and vertical acceleration of the AE483 firmware.
-const LIGHTHOUSE: [&str; 3] = ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"];
-const ACCELERATION: &str = "ae483log.a_z";
+/// Logged raw positions of the Lighthouse, in order of preference.
+const LIGHTHOUSE: [[&str; 3]; 2] = [
+    ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
+    ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
+];
+/// Logged vertical accelerations with that of gravity, in order of preference, and their units in m/s²:
+/// the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), by itself and as the
+/// controllers log it.
+const ACCELERATIONS: [(&str, f64); 4] = [
+    ("ae483log.a_z", 1.0),
+    ("acc.z", GRAVITY_M_S2),
+    ("controller.accelz", GRAVITY_M_S2),
+    ("ctrlMel.accelz", GRAVITY_M_S2),
+];
 
 /// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
@@ -90,6 +101,8 @@ pub struct Identified {
     /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
     /// attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
+    /// What was logged and is not used, and why.
+    pub left_out: Vec<String>,
 }
 
 impl Identified {
@@ -153,15 +166,38 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         return Err(Error::input("flight", found, wanted, hint));
     }
     let samples = &flight.samples[air.clone()];
+    if is_frozen(samples) {
+        let found = "motor commands that never turn the drone: one row, repeated";
+        return Err(Error::input("flight", found, "those of a flight", hint));
+    }
+    let mut left_out = Vec::new();
     let column = |name: &str| flight.extra.get(name).map(|column| &column[air.clone()]);
-    let accelerations = column(ACCELERATION);
-
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let k_f_n = thrust_per_command_n(samples, accelerations, assumed.mass_kg);
+    let mut accelerations = accelerations(column, &mut left_out);
+    let mut k_f_n = thrust_per_command_n(samples, accelerations.as_deref(), assumed.mass_kg);
+    if k_f_n.is_nan() || k_f_n <= 0.0 {
+        left_out
+            .push("the acceleration points down on average: the drone is taken to hover".into());
+        accelerations = None;
+        k_f_n = thrust_per_command_n(samples, None, assumed.mass_kg);
+    }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    let lighthouse = LIGHTHOUSE.map(column);
-    let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
+    let mut lives = |quantity: Quantity, of: fn(&FlightSample) -> Vector3<f64>| {
+        let lives = logged(quantity) && samples.iter().any(|s| of(s) != of(&samples[0]));
+        if logged(quantity) && !lives {
+            left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
+        }
+        lives
+    };
+    let leans = |s: &FlightSample| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0);
+    let turns = lives(Quantity::Rate, |s| s.rate_body_rad_s);
+    let moves = turns
+        & lives(Quantity::Attitude, leans)
+        & lives(Quantity::Velocity, |s| s.velocity_body_m_s);
+    let measurement_sigma_m = measurement_sigma_m(samples, column, &mut left_out);
+    let accelerations = accelerations.as_deref();
+    let model = || Some(model_sigma(flight, samples, accelerations)).filter(|s| are_figures(s));
     Ok(Identified {
         n_samples,
         mean_motors: mean_motors.into(),
@@ -169,15 +205,47 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        lag: logged(Quantity::Rate).then(|| lag::lag(flight, samples)).flatten(),
-        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m),
-        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, assumed)).flatten(),
-        measurement_sigma_m: match lighthouse {
-            [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
-            _ => None,
-        },
-        model_sigma: moves.then(|| model_sigma(flight, samples, accelerations)),
+        lag: if turns { lag::lag(flight, samples) } else { None }.filter(|lag| {
+            [lag.lag_s, lag.half_width_s, lag.explained].iter().all(|x| x.is_finite())
+        }),
+        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
+            .filter(|air| air.torque_sigma_n_m.iter().all(|sigma| sigma.is_finite())),
+        reaction: if turns { yaw::reaction(flight, samples, assumed) } else { None }
+            .filter(|r| [r.k_m_n_m, r.half_width_n_m, r.correlation].iter().all(|x| x.is_finite())),
+        measurement_sigma_m,
+        model_sigma: if moves { model() } else { None },
+        left_out,
     })
+}
+
+/// Whether the motors of these samples never turn the drone otherwise than in the first, as if one row
+/// was repeated: no flight keeps still.
+pub fn is_frozen(samples: &[FlightSample]) -> bool {
+    /// Below the grid of the files.
+    const SAME: f64 = 1e-3;
+    let turn = |sample: &FlightSample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy();
+    let first = samples.first().map(turn).unwrap_or_default();
+    samples.iter().all(|sample| (turn(sample) - first).amax() < SAME)
+}
+
+/// Whether spreads are those of something: a frozen one has none, and its weight no bound.
+fn are_figures(sigma: &[f64]) -> bool {
+    sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
+}
+
+/// The vertical acceleration in m/s² of the first source that changes.
+fn accelerations<'a>(
+    column: impl Fn(&str) -> Option<&'a [f64]>,
+    left_out: &mut Vec<String>,
+) -> Option<Vec<f64>> {
+    for (name, unit) in ACCELERATIONS {
+        let Some(values) = column(name) else { continue };
+        if values.iter().any(|value| *value != values[0]) {
+            return Some(values.iter().map(|value| value * unit).collect());
+        }
+        left_out.push(format!("{name}: frozen at {}, as if it was not logged", values[0]));
+    }
+    None
 }
 
 /// Least squares of `m a = k ΣM`; without an accelerometer the drone is taken to hover.
@@ -195,11 +263,25 @@ fn thrust_per_command_n(
     product / square
 }
 
-fn measurement_sigma_m(samples: &[FlightSample], measured_m: [&[f64]; 3]) -> [f64; 3] {
-    let [x, y, z] = measured_m;
-    let places = samples.iter().zip(x).zip(y).zip(z);
-    let errors = places.map(|(((sample, x), y), z)| Vector3::new(*x, *y, *z) - sample.position_m);
-    spread(errors.collect::<Vec<_>>().as_slice()).into()
+/// Spread of the first raw position that changes about the estimate.
+fn measurement_sigma_m<'a>(
+    samples: &[FlightSample],
+    column: impl Fn(&str) -> Option<&'a [f64]>,
+    left_out: &mut Vec<String>,
+) -> Option<[f64; 3]> {
+    for names in LIGHTHOUSE {
+        let [Some(x), Some(y), Some(z)] = names.map(&column) else { continue };
+        if [x, y, z].iter().all(|values| values.iter().all(|value| *value == values[0])) {
+            left_out.push(format!("{}: frozen, as if it was not logged", names.join(", ")));
+            continue;
+        }
+        let places = samples.iter().zip(x).zip(y).zip(z);
+        let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
+        let sigma: [f64; 3] = spread(errors.collect::<Vec<_>>().as_slice()).into();
+        // A position that is this raw one has no spread about itself.
+        return Some(sigma).filter(|sigma| are_figures(sigma));
+    }
+    None
 }
 
 /// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors that no
@@ -279,6 +361,7 @@ mod tests {
             reaction: None,
             measurement_sigma_m: Some([0.003, 0.004, 0.002]),
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
+            left_out: Vec::new(),
         };
         // As printed in the paper's observer, Q rounded to whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
@@ -314,6 +397,52 @@ mod tests {
         }
         assert_eq!(found.measurement_sigma_m, None, "a simulated flight logs no raw position");
         assert!(found.model_sigma.unwrap()[0] < 0.05, "{:?}", found.model_sigma);
+    }
+
+    /// A hover of 20 s whose motors answer a slow sway.
+    fn sway(acceleration: (&str, f64)) -> Flight {
+        let wave = |i: u32, rate: f64| libm::sin(rate * f64::from(i));
+        let sample = |i: u32| FlightSample {
+            time_s: f64::from(i) * 0.01,
+            position_m: Vector3::new(wave(i, 0.01), 0.0, 1.0),
+            motors: [0.0, 1.0, 2.0, 3.0]
+                .map(|motor| 40_000.0 + 100.0 * wave(i, 0.02 + 0.01 * motor)),
+            ..FlightSample::default()
+        };
+        let (name, value) = acceleration;
+        let column = (0..2000).map(|i| value * (1.0 + 1e-3 * wave(i, 0.5))).collect();
+        let extra = [(name.to_owned(), column)].into();
+        Flight { samples: (0..2000).map(sample).collect(), extra, ..Flight::default() }
+    }
+
+    #[test]
+    fn a_figure_of_what_is_frozen_is_none_and_never_not_a_number() {
+        let assumed = assumed_of(&SimOptions::default());
+        let hover = assumed.mass_kg * GRAVITY_M_S2 / 160_000.0;
+        for (name, value) in [("acc.z", 1.0), ("ae483log.a_z", GRAVITY_M_S2), ("other", 0.0)] {
+            let found = identify(&sway((name, value)), &assumed).unwrap();
+            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{name}: {found:?}");
+        }
+        for value in [0.0, -5.0] {
+            let found = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
+            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {found:?}");
+            assert!(found.left_out.iter().any(|text| text.contains("a")), "{found:?}");
+        }
+        let mut flight = sway(("ae483log.a_z", 0.0));
+        for axis in ["x", "y", "z"] {
+            flight.extra.insert(format!("ae483log.lh_{axis}"), vec![0.25; 2000]);
+        }
+        let found = identify(&flight, &assumed).unwrap();
+        // Attitude, velocity and rates are zero throughout.
+        assert_eq!((found.measurement_sigma_m, found.model_sigma, found.lag), (None, None, None));
+        let said = found.left_out.join("\n");
+        for name in ["ae483log.a_z", "ae483log.lh_x", "attitude", "velocity", "body rate"] {
+            assert!(said.contains(name), "{name}: {said}");
+        }
+        assert!(!format!("{found:?}").contains("NaN"), "{found:?}");
+        flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4]);
+        let error = identify(&flight, &assumed).unwrap_err().to_string();
+        assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::import_bytes as parse;
@@ -11,6 +12,7 @@ use super::*;
 use crate::files::Budget;
 use crate::flight::{FlightSample, Quantity};
 
+mod foreign;
 mod team_data;
 
 fn imported(bytes: &[u8]) -> Flight {
@@ -45,15 +47,15 @@ fn straight_flight() -> String {
         ("stateEstimate.pitch", 3, |_| degrees(-0.1)),
         ("stateEstimate.roll", 3, |_| degrees(-0.05)),
         ("gyro.x", 3, |_| 90.0),
-        ("gyro.y", 3, |_| 0.0),
+        ("gyro.y", 3, |s| s),
         ("gyro.z", 3, |_| -180.0),
         ("ctrltarget.x", 6, |s| (2.0 * s).floor() / 10.0),
         ("ctrltarget.y", 6, |_| 0.0),
         ("ctrltarget.z", 6, |_| 0.5),
-        ("motor.m1", 9, |_| 41_000.0),
-        ("motor.m2", 9, |_| 42_000.0),
-        ("motor.m3", 9, |_| 43_000.0),
-        ("motor.m4", 9, |_| 44_000.0),
+        ("motor.m1", 9, |s| 41_000.0 + s.floor()),
+        ("motor.m2", 9, |s| 42_000.0 + s.floor()),
+        ("motor.m3", 9, |s| 43_000.0 + s.floor()),
+        ("motor.m4", 9, |s| 44_000.0 + s.floor()),
     ])
 }
 
@@ -76,7 +78,11 @@ fn blocks_with_stamps_of_their_own_become_one_flight() {
             ("x rate", rate.x, FRAC_PI_2),
             ("z rate", rate.z, -PI),
             ("estimate", sample.estimate_m.x, sample.position_m.x),
-            ("m3", sample.motors[2], 43_000.0),
+            (
+                "m3",
+                sample.motors[2] - 43_000.0,
+                (sample.motors[2] - 43_000.0).clamp(0.0, 4.0).floor(),
+            ),
         ] {
             assert!((found - wanted).abs() < 1e-5, "{name} {found} for {wanted}, {s} s");
         }
@@ -164,7 +170,7 @@ fn motion_capture_is_aligned_with_the_drones_clock_and_preferred() {
 fn a_file_that_is_no_log_is_refused() {
     let cases: [(&[u8], &str); 6] = [
         (b"", "empty"),
-        (b"PK\x03\x04zip", "begins with"),
+        (b"no log at all", "begins with"),
         (b"[1, 2]", "a list of rows"),
         (b"{\"a\": {\"time\": [1], \"data\": [2]}}", "columns a"),
         (b"t,colour\n0,1\n", "columns colour"),
@@ -240,6 +246,38 @@ fn the_short_logs_are_logs() {
         let flight = imported(&log);
         assert!(flight.samples.len() > 1, "{:?}", flight.warnings);
     }
+}
+
+/// A µSD log of version 2: an event that never came, and one with the crossing beams of a flight.
+fn event_log(events: u32) -> Vec<u8> {
+    let mut log = b"\xbc\x02\0\x02\0\x03\0estPose\0\x03\0lighthouse.x(f)\0lighthouse.y(f)\0\
+        lighthouse.z(f)\0\x07\0estPosition\0\x03\0lighthouse.x(f)\0lighthouse.y(f)\0lighthouse.z(f)\0"
+        .to_vec();
+    for i in 1..=events {
+        log.extend(7_u16.to_le_bytes());
+        log.extend((u64::from(i) * 20_000).to_le_bytes());
+        for value in [0.01, 0.0, 0.005_f32] {
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            log.extend((value * i as f32).to_le_bytes());
+        }
+    }
+    log
+}
+
+#[test]
+fn crossing_beams_of_an_event_log_are_positions_and_zeros_after_it_are_damage() {
+    let whole = event_log(100);
+    let with_crc = [&whole[..], &crc32fast::hash(&whole).to_le_bytes()].concat();
+    let flight = imported(&with_crc);
+    assert!(
+        (flight.samples.last().unwrap().position_m.x - 1.0).abs() < 1e-5,
+        "{:?}",
+        flight.warnings
+    );
+    let zeros = imported(&[&whole[..], &[0; 4096]].concat());
+    assert_eq!(zeros.samples, flight.samples);
+    let said: String = zeros.warnings.iter().map(ToString::to_string).collect();
+    assert!(said.contains("zeros up to the end") && said.contains("100 records"), "{said}");
 }
 
 proptest! {

@@ -2,6 +2,10 @@
 //!
 //! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every direction);
 //! more columns are allowed. A table has no beams.
+//!
+//! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case, after
+//! `#`, in every form of [`crate::files::plain_text`]; stamps in ms, µs or ns by their steps; levels of
+//! 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
 
 use std::io::Read;
 use std::ops::Range;
@@ -11,6 +15,8 @@ use nalgebra::Vector3;
 
 use super::{Emitter, Lamp, LightSample, LightTrace};
 use crate::error::{Error, Result};
+use crate::files::plain_text;
+use crate::flight::stamps::{FoundUnit, unit_of};
 use crate::flight::table::{Table, on_grid, write_table};
 
 /// Columns of the file.
@@ -19,12 +25,112 @@ const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
 const DIGIT_CD: f64 = 1e-5;
 
+/// Usual titles of the columns, in lower case.
+const TITLES: [(&str, &[&str]); 7] = [
+    ("t", &["t", "time", "t_s", "time_s", "timestamp", "seconds", "t [s]", "time [s]", "time (s)"]),
+    ("x", &["x", "x_m", "px", "pos_x", "x [m]", "x (m)"]),
+    ("y", &["y", "y_m", "py", "pos_y", "y [m]", "y (m)"]),
+    ("z", &["z", "z_m", "pz", "pos_z", "z [m]", "z (m)"]),
+    ("r", &["r", "red"]),
+    ("g", &["g", "green"]),
+    ("b", &["b", "blue"]),
+];
+
+/// Largest level of a light log in bytes, and the intensity that it is shown as.
+const FULL_LEVEL: f64 = 255.0;
+const FULL_CD: f64 = 1.0;
+
+/// Our name of a title.
+fn column(title: &str) -> Option<&'static str> {
+    let title = title.trim().trim_matches('"').trim_start_matches(['#', '%']).trim().to_lowercase();
+    TITLES.iter().find(|(_, titles)| titles.contains(&&*title)).map(|(name, _)| *name)
+}
+
+/// The first line of a text that is not empty.
+fn head(text: &[u8]) -> String {
+    let mut lines = text.split(|byte| *byte == b'\n');
+    let line = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+    String::from_utf8_lossy(&line[..line.len().min(1 << 12)]).trim().to_owned()
+}
+
 /// Whether a text's first line is the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
-    let line = String::from_utf8_lossy(&text[..text.len().min(256)]);
-    let header: Vec<&str> = line.lines().next().unwrap_or("").split(',').map(str::trim).collect();
-    COLUMNS.iter().all(|column| header.contains(column))
+    let head = head(&plain_text(&text[..text.len().min(1 << 16)]).text);
+    let found: Vec<Option<&str>> = head.split(',').map(column).collect();
+    COLUMNS.iter().all(|column| found.contains(&Some(column)))
+}
+
+/// Reads the text of a light trace or of another program's light log; `file` is its name in messages.
+/// Returns what was guessed and what was left out as well.
+///
+/// # Errors
+///
+/// [`Error::Input`], as [`LightTrace::read_csv`].
+pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
+    let plain = plain_text(text);
+    let mut warnings = plain.notes;
+    let head = head(&plain.text);
+    let titles: Vec<&str> = head.split(',').map(str::trim).collect();
+    let own = COLUMNS.iter().all(|column| titles.contains(column));
+    let (mut names, mut others) = (Vec::new(), Vec::new());
+    for title in &titles {
+        let name = if own && COLUMNS.contains(title) { Some(*title) } else { column(title) };
+        match name.filter(|name| !names.contains(&(*name).to_owned())) {
+            Some(name) => names.push(name.to_owned()),
+            None => {
+                others.push((*title).to_owned());
+                names.push(format!("other {title}"));
+            }
+        }
+    }
+    if !others.is_empty() {
+        warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
+    }
+    let at = plain.text.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(0);
+    let end = plain.text[at..]
+        .iter()
+        .position(|byte| *byte == b'\n')
+        .map_or(plain.text.len(), |n| at + n);
+    // Empty lines before the head have no row.
+    let renamed = [&plain.text[..at], names.join(",").as_bytes(), &plain.text[end..]].concat();
+    let lines_before = plain.text[..at].iter().filter(|byte| **byte == b'\n').count();
+    let table = Table::parse(&renamed[..], file)?;
+    let mut scale = Scale::default();
+    if !own {
+        let found = unit_of(table.column("t")?);
+        if found.unit_s != 1.0 {
+            let FoundUnit { unit_s, step, .. } = found;
+            warnings.push(format!("stamps {step} apart: taken as {unit_s} s a unit"));
+            scale.unit_s = unit_s;
+        }
+    }
+    let colors = ["r", "g", "b"].map(|name| table.column(name));
+    let values = colors.iter().flatten().flat_map(|column| column.iter());
+    let most = values.clone().copied().fold(0.0, f64::max);
+    let are_levels = most > 1.0 && most <= FULL_LEVEL && values.clone().all(|v| v.fract() == 0.0);
+    if are_levels && own {
+        warnings
+            .push("r, g and b are whole numbers up to 255: they are candela all the same".into());
+    } else if are_levels {
+        scale.cd = FULL_CD / FULL_LEVEL;
+        warnings.push(format!(
+            "its colors are levels of 0 to 255, of which 255 is shown as {FULL_CD} cd"
+        ));
+    }
+    Ok((LightTrace::from_table(&table, file, lines_before, &scale)?, warnings))
+}
+
+/// Units of a table's columns.
+struct Scale {
+    unit_s: f64,
+    cd: f64,
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Self { unit_s: 1.0, cd: 1.0 }
+    }
 }
 
 impl LightTrace {
@@ -35,7 +141,7 @@ impl LightTrace {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
     /// cell is not a number, time falls, or an intensity is negative.
     pub fn read_csv(path: &Path) -> Result<Self> {
-        Self::from_table(&Table::read(path)?, &path.display().to_string())
+        Self::from_table(&Table::read(path)?, &path.display().to_string(), 0, &Scale::default())
     }
 
     /// Reads the text of a light trace; `file` is its name in messages.
@@ -44,17 +150,20 @@ impl LightTrace {
     ///
     /// [`Error::Input`], as [`Self::read_csv`].
     pub fn parse_csv(text: impl Read, file: &str) -> Result<Self> {
-        Self::from_table(&Table::parse(text, file)?, file)
+        Self::from_table(&Table::parse(text, file)?, file, 0, &Scale::default())
     }
 
-    fn from_table(table: &Table, file: &str) -> Result<Self> {
+    fn from_table(table: &Table, file: &str, lines_before: usize, scale: &Scale) -> Result<Self> {
         let mut columns: [&[f64]; 7] = [&[]; 7];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            *column = if name == "t" { table.times_s(name)? } else { table.quantity(name)? };
+            *column = match name {
+                "t" => table.times_in("t", scale.unit_s)?,
+                name => table.quantity(name)?,
+            };
         }
         let [t, x, y, z, r, g, b] = columns;
         let refused = |row: usize, column: &str, found: f64, wanted: &str| {
-            let place = format!("{file}:{}: column {column}", row + 2);
+            let place = format!("{file}:{}: column {column}", lines_before + row + 2);
             Err(Error::input(place, found, wanted, "correct the file, or write it again"))
         };
         for (name, column) in [("r", r), ("g", g), ("b", b)] {
@@ -64,9 +173,9 @@ impl LightTrace {
         }
         let instants: Vec<Instant> = (0..t.len())
             .map(|i| Instant {
-                time_s: t[i],
+                time_s: on_grid(t[i] * scale.unit_s),
                 position_m: Vector3::new(x[i], y[i], z[i]),
-                rgb_cd: [r[i], g[i], b[i]],
+                rgb_cd: [r[i], g[i], b[i]].map(|value| value * scale.cd),
             })
             .collect();
         let lamps = lit_runs(&instants).into_iter().flat_map(lamps).collect();
@@ -236,6 +345,50 @@ mod tests {
         assert_eq!(LightTrace::parse_csv(&file[..], "again.csv").unwrap(), trace);
         let two = LightTrace { lamps: [trace.lamps.clone(), trace.lamps].concat() };
         assert!(two.write_csv(&mut Vec::new()).is_err(), "two lamps at one time");
+    }
+
+    #[test]
+    fn light_logs_of_other_programs_are_traces_in_their_colors() {
+        let body = |separator: &str, unit: f64| -> String {
+            let row = |i: u32| {
+                let t = f64::from(i) * 0.2 * unit;
+                let cells = [format!("{t:.3}"), "0.5".into(), "0.1".into(), "1.2".into()];
+                cells.join(separator) + separator + &["255", "128", "0"].join(separator) + "\n"
+            };
+            (0..5).map(row).collect()
+        };
+        let logs = [
+            format!("# time,X,Y,Z,R,G,B\n{}", body(",", 1.0)),
+            format!("Time (s);x;y;z;Red;Green;Blue\n{}", body(";", 1.0).replace('.', ",")),
+            format!("timestamp\tx\ty\tz\tr\tg\tb\r{}", body("\t", 1e3).replace('\n', "\r")),
+            format!("# light painting\n# t x y z R G B\n{}", body(" ", 1.0)),
+        ];
+        for log in &logs {
+            assert!(is_light_trace(log.as_bytes()), "{log}");
+            let (trace, said) = read(log.as_bytes(), "log").unwrap();
+            let said = said.join(" ");
+            assert!(said.contains("0 to 255"), "{said}");
+            let lamp = &trace.lamps[0];
+            assert_eq!(trace.lamps.len(), 1, "one color");
+            assert_eq!(lamp.emitter.intensity_cd, 1.0);
+            let green = lamp.emitter.rgb[1];
+            assert!((green - 128.0 / 255.0).abs() < 1e-6 && lamp.emitter.rgb[2] == 0.0, "{lamp:?}");
+            assert_eq!(lamp.samples.last().unwrap().time_s, 0.8, "{log}");
+        }
+        let own = "t,x,y,z,r,g,b\n0,0,0,1,255,0,0\n1,0,0,1,255,0,0\n";
+        let (trace, said) = read(own.as_bytes(), "log").unwrap();
+        assert_eq!(trace, LightTrace::parse_csv(own.as_bytes(), "log").unwrap(), "candela");
+        assert!(said[0].contains("candela"), "{said:?}");
+        assert!(!is_light_trace(b"t,x,y,z,yaw\n0,0,0,0,0\n"));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn a_column_that_is_not_read_is_named(title in "[a-z]{4,9}q") {
+            let log = format!("time,x,y,z,R,G,B,{title}\n0,0,0,1,9,9,9,7\n1,0,0,1,9,9,9,7\n");
+            let (_, said) = read(log.as_bytes(), "log").unwrap();
+            proptest::prop_assert!(said.join(" ").contains(&title), "{said:?}");
+        }
     }
 
     #[test]

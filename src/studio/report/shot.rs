@@ -5,6 +5,7 @@ use super::overlay::marks_svg;
 use super::page::Page;
 use super::place::shot_plan;
 use super::plans::plan_view;
+use crate::camera::INFINITY_M;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
@@ -200,7 +201,13 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
             "shutter",
             format!("{mode}, {open_s:.0} s, from {:.1} s of the flight on", camera.shutter_open_s),
         ),
-        row("focus", format!("{focus_m:.2} m, by hand")),
+        row(
+            "focus",
+            match focus_m < INFINITY_M {
+                true => format!("{focus_m:.2} m, by hand"),
+                false => "infinity, by hand".to_owned(),
+            },
+        ),
         row("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
     if let Some(metered) = shot.metered {

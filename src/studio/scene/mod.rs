@@ -31,7 +31,7 @@ mod text;
 
 pub use advice::{Change, SceneAdvice};
 #[cfg(test)]
-pub(crate) use idle::reason;
+pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 

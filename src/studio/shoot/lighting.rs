@@ -83,7 +83,7 @@ impl Shoot {
             all.append(trace);
         }
         problems.extend(self.lost_strokes());
-        let bounds_m = self.bounds_m(&flights)?;
+        let bounds_m = self.bounds_m(&flights, &all)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&all, &mut camera, options, photo);
@@ -114,8 +114,9 @@ impl Shoot {
     }
 
     /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
-    /// else of the letters in the flights' design; zeros for a fixed camera without either.
-    fn bounds_m(&self, flights: &[Flight]) -> Result<[f64; 4]> {
+    /// else of the letters in the flights' design, else of the light; zeros for a fixed camera without
+    /// strokes and letters.
+    fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
         }
@@ -126,8 +127,18 @@ impl Shoot {
         match &self.scene.camera.framing {
             _ if left < right || bottom < top => Ok([left, bottom, right, top]),
             Framing::Fixed(_) => Ok([0.0; 4]),
-            // Reports that the scene names no word.
-            Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
+            Framing::Word(_) => {
+                let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
+                let lit =
+                    samples.filter(|sample| sample.level > 0.0).map(|sample| sample.position_m);
+                match bounds(lit.map(|at_m| [at_m.x, at_m.z])) {
+                    [left, bottom, right, top] if left < right || bottom < top => {
+                        Ok([left, bottom, right, top])
+                    }
+                    // Reports that the scene names no word.
+                    _ => Ok(self.scene.strokes()?.bounds_m()),
+                }
+            }
         }
     }
 }

@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::expose::{BackendChoice, Developer};
 use crate::flight::Flight;
 use crate::letters::Strokes;
-use crate::light::csv::is_light_trace;
+use crate::light::csv::{is_light_trace, read as read_light};
 use crate::light::{ColorLedLevels, LightOptions, LightTrace, color_led_wrgb, ring_rgb};
 use crate::logs::{self, ImportOptions};
 use crate::plan::{Approach, Plan, wake};
@@ -127,20 +127,24 @@ pub enum Recording {
 }
 
 impl Recording {
-    /// Reads a flight, a log or a light trace.
+    /// Reads a flight, a log or a light trace, and what one should know of it.
     ///
     /// # Errors
     ///
     /// As [`logs::import`] and [`LightTrace::read_csv`].
-    pub fn read(path: &Path, options: &ImportOptions) -> Result<Self> {
-        if path.is_dir() {
-            return Ok(Self::Flight(logs::import(path, options)?));
-        }
-        let (bytes, file) = (logs::read(path)?, path.display().to_string());
-        if is_light_trace(&bytes) {
-            return Ok(Self::Light(LightTrace::parse_csv(&bytes[..], &file)?));
-        }
-        Ok(Self::Flight(logs::import_bytes(&bytes, &file, options)?))
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<(Self, Vec<String>)> {
+        let flight = if path.is_dir() {
+            logs::import(path, options)?
+        } else {
+            let (bytes, file) = (logs::read(path)?, path.display().to_string());
+            if is_light_trace(&bytes) {
+                let (trace, warnings) = read_light(&bytes, &file)?;
+                return Ok((Self::Light(trace), warnings));
+            }
+            logs::import_bytes(&bytes, &file, options)?
+        };
+        let warnings = flight.warnings.iter().map(ToString::to_string).collect();
+        Ok((Self::Flight(flight), warnings))
     }
 }
 

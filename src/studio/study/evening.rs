@@ -17,8 +17,8 @@ use serde::Serialize;
 
 use super::conditions::ROOM_GUST_M_S;
 use crate::error::Result;
-use crate::flight::{Flight, airborne, saturated_s};
-use crate::identify::{Assumed, RotorLag, T_95, identify};
+use crate::flight::{Flight, Quantity, airborne, saturated_s};
+use crate::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
 use crate::logs::{GatheredLog, ImportOptions, import, logs_in};
 use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
@@ -260,11 +260,15 @@ impl EveningLog {
             Ok(flight) => flight,
             Err(error) => return row(vec![Flaw::Unreadable(error.to_string())], None),
         };
+        let air = airborne(&flight).unwrap_or_default();
+        let has_motors = !flight.unlogged.contains(&Quantity::Motors);
+        if has_motors && !air.is_empty() && is_frozen(&flight.samples[air.clone()]) {
+            return row(vec![Flaw::Frozen], None);
+        }
         let mut figures = match figures(&flight, scene) {
             Ok(figures) => figures,
             Err(error) => return row(vec![Flaw::Silent(error.to_string())], None),
         };
-        let air = airborne(&flight).unwrap_or_default();
         let samples = &flight.samples[air];
         let [from_s, to_s] = [samples[0].time_s, samples[samples.len() - 1].time_s];
         let within = flight.gaps.iter().filter(|gap| from_s <= gap[0] && gap[1] <= to_s);

@@ -7,8 +7,11 @@
 //! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the
 //! compared part of either flight.
 //!
-//! Not done: clocks of different rates and different frames; both are converted where a log is
-//! imported.
+//! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn about
+//! the vertical and a shift leave centimeters, it is laid onto the other ([`Placement`]); where they
+//! leave more, and yet most of the distance is theirs, the comparison is refused.
+//!
+//! Not done: clocks of different rates, which are converted where a log is imported.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -21,10 +24,12 @@ use crate::statistics::weighted_quantile;
 
 mod align;
 mod cause;
+mod frame;
 #[cfg(test)]
 mod tests;
 
 pub use cause::Discrepancy;
+pub use frame::Placement;
 
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +70,9 @@ pub struct Comparison {
     pub part: Part,
     /// Time added to B's stamps.
     pub offset_s: f64,
+    /// What laid B's frame onto A's; `None` where they are one.
+    #[serde(rename = "frame")]
+    pub placement: Option<Placement>,
     /// Number of compared samples of A.
     #[serde(rename = "samples")]
     pub n_samples: usize,
@@ -105,9 +113,15 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
             offset_s
         }
     };
+    let clock = |b: &Flight| match options.alignment {
+        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?),
+        Alignment::Design | Alignment::Offset(_) => Ok(offset_s),
+    };
+    let (offset_s, placement) = frame::place(a, b, options, offset_s, &clock)?;
     let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
     for sample in &mut samples_b {
         sample.time_s += offset_s;
+        placement.iter().for_each(|placement| placement.place(sample));
     }
     let pairs = pairs(&samples_a, &samples_b, options.max_gap_s);
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
@@ -126,6 +140,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     Ok(Comparison {
         part: options.part,
         offset_s,
+        placement,
         n_samples: pairs.len(),
         span_s: [first[0].time_s, last[0].time_s],
         rmse_m: rms(apart()),

@@ -127,3 +127,63 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     let options = ComparisonOptions { alignment, part: Part::All, ..Default::default() };
     assert!(compare(&undesigned, &a, &options).is_ok(), "a design is needed for the clocks alone");
 }
+
+/// A motion capture's record of the square: positions alone, turned about the vertical and shifted.
+fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
+    let mut flight = aside(1.0, 0.01);
+    let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+    for (index, sample) in flight.samples.iter_mut().enumerate() {
+        sample.time_s += 7.0;
+        let shake = noise_m * if index % 2 == 0 { 1.0 } else { -1.0 };
+        sample.position_m = turn * (sample.position_m + Vector3::y() * shake) + shift_m;
+        sample.design_m = Vector3::zeros();
+    }
+    flight.unlogged = [Quantity::Design, Quantity::Attitude, Quantity::Motors].into();
+    flight
+}
+
+#[test]
+fn a_flight_in_another_frame_is_laid_onto_the_first_where_that_leaves_centimeters() {
+    let a = aside(1.0, 0.004);
+    let options = ComparisonOptions {
+        part: Part::All,
+        alignment: Alignment::Offset(-7.0),
+        ..Default::default()
+    };
+    for (turn_rad, shift_m) in [
+        (0.0, Vector3::new(2.0, -1.0, 0.3)),
+        (0.9, Vector3::new(0.5, 0.0, 0.0)),
+        (-2.5, Vector3::new(-3.0, 2.0, 0.1)),
+    ] {
+        let found = compare(&a, &captured(turn_rad, shift_m, 0.0), &options).unwrap();
+        assert!(found.rmse_m.norm() < 0.01, "{turn_rad}: {found:?}");
+        let placement = found.placement.unwrap();
+        let turned = libm::remainder(placement.turn_rad + turn_rad, std::f64::consts::TAU);
+        near(turned, 0.0, 0.01, "the turn back");
+    }
+    let flown = ComparisonOptions { alignment: Alignment::Flown, part: Part::Airborne, ..options };
+    let found = compare(&a, &captured(0.9, Vector3::new(0.5, 0.0, 0.0), 0.0), &flown).unwrap();
+    assert!(found.rmse_m.norm() < 0.03, "with the clock set by what was flown: {found:?}");
+}
+
+#[test]
+fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
+    let a = aside(1.0, 0.004);
+    let options = ComparisonOptions {
+        part: Part::All,
+        alignment: Alignment::Offset(-7.0),
+        ..Default::default()
+    };
+    let near_by = compare(&a, &captured(0.0, Vector3::new(0.05, 0.0, 0.0), 0.0), &options).unwrap();
+    assert_eq!(near_by.placement, None);
+    near(near_by.mean_m.x, -0.05, 1e-3, "an error of centimeters is an error");
+    let wild = captured(0.9, Vector3::new(2.0, 0.0, 0.0), 0.1);
+    let error = compare(&a, &wild, &options).unwrap_err().to_string();
+    assert!(error.contains("after the best turn and shift"), "{error}");
+    // Setpoints say the frame: a drone that flew elsewhere did so.
+    let mut elsewhere = aside(1.0, 0.01);
+    elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0);
+    let found =
+        compare(&a, &elsewhere, &ComparisonOptions { part: Part::All, ..Default::default() });
+    assert_eq!(found.unwrap().placement, None);
+}

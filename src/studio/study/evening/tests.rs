@@ -154,7 +154,7 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
     );
     limited.samples[..100].iter_mut().for_each(|s| s.motors[1] = 65_535.0);
     assert!(matches!(flaws(Ok(limited))[..], [Flaw::Saturated(s)] if (s - 1.0).abs() < 1e-9));
-    silent.unlogged = [crate::flight::Quantity::Motors].into();
+    silent.unlogged = [Quantity::Motors].into();
     assert!(matches!(flaws(Ok(silent))[..], [Flaw::Silent(_)]));
     let mut frozen = hover();
     frozen.samples.iter_mut().for_each(|sample| sample.motors = [43_000.0; 4]);

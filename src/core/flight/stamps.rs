@@ -1,0 +1,59 @@
+//! Unit of stamps without a name for it, by their steps.
+
+use crate::statistics::median;
+
+/// The firmware's slowest log block: its period has one byte, in units of 10 ms.
+pub const SLOWEST_PERIOD_S: f64 = 2.55;
+
+/// What a unit was found by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundUnit {
+    pub unit_s: f64,
+    /// The usual step, in that unit.
+    pub step: f64,
+    /// Whether another unit would do, too.
+    pub in_doubt: bool,
+}
+
+/// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie logs so
+/// slowly: it is of ms, from a thousand on of µs, from a million on of ns. Steps of 1 in whole numbers
+/// are ms, but for several rows of one stamp.
+pub fn unit_of(stamps: &[f64]) -> FoundUnit {
+    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    let step = median(steps).unwrap_or(0.0);
+    let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
+    let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
+    let unit_s = match step {
+        step if step >= 1e6 => 1e-9,
+        step if step >= 1e3 => 1e-6,
+        step if step > SLOWEST_PERIOD_S => 1e-3,
+        step if whole && step > 0.0 && (step > 1.0 || is_rising) => 1e-3,
+        _ => 1.0,
+    };
+    // As it is shown.
+    let step = (step * 1e6).round() / 1e6;
+    let in_doubt = unit_s == 1.0 && !whole && step > 0.5;
+    FoundUnit { unit_s, step, in_doubt }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit_s(from: f64, step: f64) -> f64 {
+        unit_of(&(0..50).map(|i| from + f64::from(i) * step).collect::<Vec<_>>()).unit_s
+    }
+
+    #[test]
+    fn a_step_that_no_crazyflie_logs_is_no_step() {
+        let cases =
+            [(0.02, 1.0), (2.5, 1.0), (3.3, 1e-3), (20.512, 1e-3), (1.0, 1e-3), (100.0, 1e-3)];
+        for (step, wanted) in cases {
+            assert_eq!(unit_s(0.25 * f64::from(u8::from(step != 1.0)), step), wanted, "{step}");
+        }
+        for (step, wanted) in [(5000.0, 1e-6), (3333.3, 1e-6), (4e6, 1e-9), (1e7, 1e-9)] {
+            assert_eq!(unit_s(1.7e9, step), wanted, "{step}");
+        }
+        assert!(unit_of(&[0.25, 1.5, 2.75]).in_doubt, "seconds of a slow log, or ms of a fast one");
+    }
+}

@@ -1,0 +1,61 @@
+//! Files of other programs that are known and not read, each with what turns it into a table.
+
+use crate::error::{Error, Result};
+
+/// What a file begins with, what it is, and what to do.
+const FORMATS: [(&[u8], &str, &str); 16] = [
+    (
+        b"ULog\x01\x12\x35",
+        "a ULog file of PX4",
+        "convert it with `ulog2csv FILE` (of pyulog), and import its vehicle_local_position CSV",
+    ),
+    (
+        b"\xa3\x95",
+        "a DataFlash log of ArduPilot",
+        "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of pymavlink), and import that",
+    ),
+    (
+        b"FMT, 128,",
+        "a DataFlash log of ArduPilot, as text",
+        "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of pymavlink), and import that",
+    ),
+    (
+        b"#ROSBAG V",
+        "a rosbag of ROS 1",
+        "convert it with `rostopic echo -b FILE -p /TOPIC > log.csv`, and import that",
+    ),
+    (
+        b"SQLite format 3\0",
+        "an SQLite file, as rosbags of ROS 2",
+        "open the bag in PlotJuggler and export the pose as CSV, and import that",
+    ),
+    (
+        b"\x89MCAP",
+        "an MCAP file, as rosbags of ROS 2",
+        "open it in PlotJuggler and export the pose as CSV, and import that",
+    ),
+    (b"PAR1", "a Parquet file", "write it as CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),
+    (b"\x89HDF", "an HDF5 file", "write its series as CSV with a header t,x,y,z"),
+    (b"MATLAB 5.0", "a MATLAB file", "write it with writetable(T, \"log.csv\"), and import that"),
+    (b"\x93NUMPY", "a NumPy file", "write it with numpy.savetxt, and a header t,x,y,z"),
+    (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack it, or save the sheet as CSV"),
+    (b"\x1f\x8b", "a file packed with gzip", "unpack it with `gunzip FILE`"),
+    (b"c3d", "a C3D file", "export the rigid body as CSV in the motion capture's program"),
+    (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
+    (
+        b"\xfd\x09\x00\x00",
+        "a telemetry log of MAVLink",
+        "convert it with `mavlogdump.py --format csv FILE`",
+    ),
+    (b"%PDF", "a PDF file", "import the log itself"),
+];
+
+/// Refuses a file of another program, with what turns it into a table.
+pub(super) fn refuse(bytes: &[u8], file: &str) -> Result<()> {
+    match FORMATS.iter().find(|(begins, ..)| bytes.starts_with(begins)) {
+        Some((_, what, hint)) => {
+            Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,215 @@
+//! Axes of a table's world: z down and y up are turned into z up.
+//!
+//! The format says them, or an option, or the flight: a drone takes off from the floor along one axis,
+//! and never comes below it. Where z does so, it is up. Where it does not, and the drone would be below
+//! the floor or on it, another axis that does so is up; where two do, or none, nothing is turned, and a
+//! warning says so.
+
+use super::recording::{Block, Recording, names};
+use super::{Axes, ImportOptions};
+use crate::error::{Error, Result};
+
+/// Patterns of the columns of a vector.
+const VECTORS: [&str; 6] = [
+    "{x y z}_m",
+    "{x y z}_estimate_m",
+    "{x y z}_design_m",
+    "v{x y z}_world_m_s",
+    "v{x y z}_body_m_s",
+    "w{x y z}_body_rad_s",
+];
+
+/// The vector part of a quaternion.
+const QUATERNION: &str = "q{x y z}";
+
+/// Yaw, pitch and roll about axes that point down change their signs but the last.
+const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
+
+/// Least climb of a take-off.
+const CLIMB_M: f64 = 0.2;
+/// Part of it in which the drone goes straight up, and how far it may drift aside.
+const STRAIGHT_M: f64 = 0.12;
+const DRIFT_M: f64 = 0.08;
+/// A drone on the floor is as near to its lowest place as this.
+const FLOOR_M: f64 = 0.05;
+
+/// Turns the world of the plain columns so that z points up.
+pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
+    let format = recording.in_format;
+    let (axes, why) = match (options.axes, recording.axes, format) {
+        (Axes::Auto, Axes::Auto, _) => found(recording)?,
+        (Axes::Auto, axes, Some(format)) => (axes, Some(format!("as {format} writes it"))),
+        (Axes::Auto, axes, None) | (axes, ..) => (axes, None),
+    };
+    if matches!(axes, Axes::Auto | Axes::ZUp) {
+        // A format whose z points up needs no word.
+        recording.warnings.extend(why.filter(|_| axes == Axes::Auto));
+        return Ok(());
+    }
+    for block in &mut recording.blocks {
+        turn(block, axes);
+    }
+    if let Some(why) = why {
+        let to = if axes == Axes::ZDown { "x, -y, -z" } else { "x, -z, y" };
+        let axes = axes.name();
+        recording.warnings.push(format!("its world is taken as {axes}, {why}: turned to {to}"));
+    }
+    Ok(())
+}
+
+/// Turns a block's columns.
+fn turn(block: &mut Block, axes: Axes) {
+    for pattern in VECTORS.iter().chain([&QUATERNION]) {
+        let places: Vec<Option<usize>> = names(pattern)
+            .map(|name| block.columns.iter().position(|column| column.name == name))
+            .collect();
+        let [x, y, z] = places[..] else { continue };
+        match axes {
+            Axes::ZDown => [y, z].into_iter().flatten().for_each(|place| negate(block, place)),
+            Axes::YUp => {
+                let (Some(_), Some(y), Some(z)) = (x, y, z) else { continue };
+                negate(block, z);
+                let columns = &mut block.columns;
+                let values = std::mem::take(&mut columns[y].values);
+                columns[y].values = std::mem::replace(&mut columns[z].values, values);
+            }
+            Axes::Auto | Axes::ZUp => {}
+        }
+    }
+    if axes == Axes::ZDown {
+        for name in ANGLES {
+            if let Some(place) = block.columns.iter().position(|column| column.name == name) {
+                negate(block, place);
+            }
+        }
+    }
+}
+
+fn negate(block: &mut Block, place: usize) {
+    block.columns[place].values.iter_mut().for_each(|value| *value = -*value);
+}
+
+/// The axes that the flight shows, and why; or `Auto`, and a doubt.
+fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
+    let none = Ok((Axes::Auto, None));
+    let of = |block: &Block| {
+        let column = |name: &str| block.columns.iter().find(|column| column.name == name);
+        let [x, y, z] = ["x_m", "y_m", "z_m"].map(column);
+        let (x, y, z) = (&x?.values, &y?.values, &z?.values);
+        let rows = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]);
+        let rows: Vec<[f64; 3]> =
+            rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
+        (rows.len() > 2).then_some(rows)
+    };
+    let Some(rows) = recording.blocks.iter().find_map(of) else { return none };
+    if takes_off(&rows, 2, 1.0) {
+        return none;
+    }
+    let mut heights: Vec<f64> = rows.iter().map(|row| row[2]).collect();
+    heights.sort_by(f64::total_cmp);
+    let (lowest_m, middle_m) = (heights[0], heights[heights.len() / 2]);
+    let highest_m = heights[heights.len() - 1];
+    let is_below = middle_m < -FLOOR_M;
+    let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
+    if !(is_below || is_flat) {
+        return none;
+    }
+    let down = takes_off(&rows, 2, -1.0);
+    let y_up = takes_off(&rows, 1, 1.0);
+    match (down, y_up) {
+        (true, true) => {
+            let found = "a flight that rises along -z and along y";
+            let place = format!("{}: axes", recording.file);
+            let hint = "say which axes its world has: z-down or y-up";
+            Err(Error::input(place, found, "one axis that points up", hint))
+        }
+        (true, false) => {
+            let why =
+                format!("since it goes down to z = {lowest_m:.2} m from where it starts or ends");
+            Ok((Axes::ZDown, Some(why)))
+        }
+        (false, true) => {
+            let why = "since it takes off and lands along y alone".to_owned();
+            Ok((Axes::YUp, Some(why)))
+        }
+        (false, false) if is_below => {
+            let doubt = format!(
+                "most of the flight is below zero (z = {middle_m:.2} m): z is taken to point up all the \
+                 same, not down"
+            );
+            Ok((Axes::Auto, Some(doubt)))
+        }
+        (false, false) => none,
+    }
+}
+
+/// Whether rows begin or end on the floor, straight below a climb along an axis, and never come below.
+fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
+    let height = |row: &[f64; 3]| sign * row[axis];
+    let lowest_m = rows.iter().map(height).fold(f64::INFINITY, f64::min);
+    let straight = |rows: &mut dyn Iterator<Item = &[f64; 3]>| {
+        let Some(first) = rows.next() else { return false };
+        if height(first) > lowest_m + FLOOR_M {
+            return false;
+        }
+        let floor_m = height(first);
+        for row in rows {
+            let climb_m = height(row) - floor_m;
+            if climb_m >= CLIMB_M {
+                return true;
+            }
+            let aside = (0..3).filter(|other| *other != axis);
+            let drift_m = aside.map(|other| (row[other] - first[other]).abs()).fold(0.0, f64::max);
+            if drift_m > DRIFT_M && climb_m < STRAIGHT_M {
+                return false;
+            }
+        }
+        false
+    };
+    straight(&mut rows.iter()) || straight(&mut rows.iter().rev())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::logs::recording::Column;
+
+    /// A flight of take-off, an L on the wall and landing, in a world that `to` makes of ours.
+    fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
+        let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
+        let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();
+        let column = |axis: usize| Column {
+            name: ["x_m", "y_m", "z_m"][axis].into(),
+            values: rows.iter().map(|row| row[axis]).collect(),
+        };
+        let block = Block {
+            time_s: (0..=80).map(f64::from).collect(),
+            columns: (0..3).map(column).collect(),
+            ..Block::default()
+        };
+        Recording { blocks: vec![block], ..Recording::default() }
+    }
+
+    fn settled(mut recording: Recording, axes: Axes) -> ([f64; 3], usize) {
+        settle(&mut recording, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
+        let columns = &recording.blocks[0].columns;
+        ([0, 1, 2].map(|axis: usize| columns[axis].values[40]), recording.warnings.len())
+    }
+
+    #[test]
+    fn a_world_whose_z_points_down_or_whose_y_points_up_is_turned() {
+        let wanted = [1.0, 0.1, 1.0];
+        assert_eq!(settled(flight(|p| p), Axes::Auto), (wanted, 0));
+        assert_eq!(settled(flight(|[x, y, z]| [x, -y, -z]), Axes::Auto), (wanted, 1));
+        assert_eq!(settled(flight(|[x, y, z]| [x, z, -y - 0.3]), Axes::Auto).0, [1.0, 0.4, 1.0]);
+        assert_eq!(settled(flight(|[x, y, z]| [x, z, -y]), Axes::YUp), (wanted, 0), "as told");
+    }
+
+    #[test]
+    fn a_flight_above_a_low_origin_or_in_the_air_is_not_turned() {
+        let low = |[x, y, z]: [f64; 3]| [x, y, z - 1.5];
+        assert_eq!(settled(flight(low), Axes::Auto), ([1.0, 0.1, -0.5], 0), "an origin on a table");
+        let mut shuttle = flight(|[x, _, z]| [x, z, 0.8]);
+        assert_eq!(settled(std::mem::take(&mut shuttle), Axes::Auto).1, 0, "to and fro along y");
+    }
+}

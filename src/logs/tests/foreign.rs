@@ -1,0 +1,527 @@
+//! Tables of other programs: one flight in every way of writing it, what is refused, and what is named.
+
+use std::fmt::Write;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::flight::airborne;
+
+/// A synthetic flight: up from 1 to 3 s, to the right, into the scene, and down again, to 11 s.
+fn place(t: f64) -> [f64; 3] {
+    let up = (0.5 * (t - 1.0)).min(0.5 * (11.0 - t)).clamp(0.0, 1.0);
+    [(0.5 * (t - 3.0)).clamp(0.0, 1.0), (0.25 * (t - 5.0)).clamp(0.0, 0.5), up]
+}
+
+/// Its yaw throughout, as a turn about the vertical.
+const YAW_RAD: f64 = std::f64::consts::FRAC_PI_6;
+
+/// A table of its samples at 10 Hz, each row from its time and place.
+fn rows(head: &str, row: impl Fn(f64, [f64; 3]) -> String) -> String {
+    let mut text = head.to_owned();
+    for i in 0..=120 {
+        let t = 0.1 * f64::from(i);
+        writeln!(text, "{}", row(t, place(t))).unwrap();
+    }
+    text
+}
+
+fn plain() -> String {
+    rows("t,x,y,z\n", |t, [x, y, z]| format!("{t:.3},{x:.4},{y:.4},{z:.4}"))
+}
+
+fn read(bytes: &[u8]) -> Flight {
+    parse(bytes, "log", &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn said(flight: &Flight) -> String {
+    flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+fn check(what: &str, flight: &Flight) {
+    let last = flight.samples.last().unwrap();
+    assert!((last.time_s - 12.0).abs() < 0.11, "{what}: ends at {}", last.time_s);
+    for sample in &flight.samples {
+        let wanted = Vector3::from(place(sample.time_s));
+        // Between samples of 10 Hz corners are cut.
+        let off_m = (sample.position_m - wanted).norm();
+        assert!(off_m < 0.02, "{what}: {off_m} m at {} s", sample.time_s);
+    }
+    let air = airborne(flight).unwrap_or_else(|| panic!("{what}: never in the air"));
+    let [from_s, to_s] = [air.start, air.end - 1].map(|i| flight.samples[i].time_s);
+    assert!((from_s - 1.1).abs() < 0.05 && (to_s - 10.9).abs() < 0.05, "{what}: {from_s} {to_s}");
+}
+
+#[test]
+fn one_flight_is_read_from_every_way_of_writing_a_table() {
+    let comma = |text: &str| text.replace(',', ";").replace('.', ",");
+    let utf16 = |text: &str, unit: fn(u16) -> [u8; 2], mark: [u8; 2]| -> Vec<u8> {
+        mark.into_iter().chain(text.encode_utf16().flat_map(unit)).collect()
+    };
+    let clock = |stamp: &dyn Fn(f64) -> String| {
+        rows("timestamp,x,y,z\n", |t, [x, y, z]| format!("{},{x:.4},{y:.4},{z:.4}", stamp(t)))
+    };
+    let at = |t: f64| format!("{:02}:{:06.3}", 34, 10.0 + t);
+    let mut tables: Vec<(&str, Vec<u8>)> = [
+        ("decimal commas", comma(&plain())),
+        ("German titles", comma(&plain()).replacen("t;", "Zeit;", 1)),
+        ("tabs and decimal commas", comma(&plain()).replace(';', "\t")),
+        (
+            "quoted decimal commas",
+            plain().lines().enumerate().fold(String::new(), |text, (n, line)| {
+                let cells: Vec<String> = line
+                    .split(',')
+                    .map(|cell| {
+                        if n == 0 { cell.into() } else { format!("\"{}\"", cell.replace('.', ",")) }
+                    })
+                    .collect();
+                text + &cells.join(",") + "\n"
+            }),
+        ),
+        ("lines that end in CR", plain().replace('\n', "\r")),
+        ("blanks", plain().replace(',', "   ")),
+        ("a byte order mark", format!("\u{feff}{}", plain())),
+        ("comments before the head", format!("# of May\n# drone 3\n{}", plain())),
+        ("a head that is a comment", format!("% of May\n%{}", plain())),
+        ("a preamble", format!("Flight 3\nDate;5 May\n\n{}", comma(&plain()))),
+        ("a line of units", plain().replacen('\n', "\ns,m,m,m\n", 1)),
+        ("units in brackets", plain().replacen("t,x,y,z", "Time (s),x [m],Y (m),z[m]", 1)),
+        ("a zone west", clock(&|t| format!("2023-05-04 12:{}-05:00", at(t)))),
+        ("a zone east", clock(&|t| format!("2023-05-04T12:{}+0530", at(t)))),
+        ("Zulu", clock(&|t| format!("2023-05-04T12:{}Z", at(t)))),
+        ("half days", clock(&|t| format!("5/4/2023 1:{} PM", at(t)))),
+        ("a German date", clock(&|t| format!("04.05.2023 13:{}", at(t)))),
+        ("milliseconds after a colon", clock(&|t| format!("13:{}", at(t).replace('.', ":")))),
+        (
+            "midnight",
+            clock(&|t| {
+                let s = 86_395.0 + t;
+                let s = if s >= 86_400.0 { s - 86_400.0 } else { s };
+                let (h, m) = ((s / 3600.0).floor(), (s / 60.0).floor() % 60.0);
+                format!("{h:02}:{m:02}:{:06.3}", s - 3600.0 * h - 60.0 * m)
+            }),
+        ),
+        (
+            "a clock of twelve hours",
+            clock(&|t| match t < 4.95 {
+                true => format!("12:59:{:06.3}", 55.0 + t),
+                false => format!("01:00:{:06.3}", (t - 5.0).max(0.0)),
+            }),
+        ),
+    ]
+    .into_iter()
+    .map(|(what, text)| (what, text.into_bytes()))
+    .collect();
+    tables.push(("UTF-16", utf16(&plain(), u16::to_le_bytes, [0xff, 0xfe])));
+    tables.push(("UTF-16, the other way around", utf16(&plain(), u16::to_be_bytes, [0xfe, 0xff])));
+    for (unit, per_s) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
+        let whole = |t: f64| 1.7e9 * per_s + (t * per_s).round();
+        let text = clock(&|t| format!("{:.0}", whole(t)));
+        tables.push((unit, text.clone().into_bytes()));
+        tables.push((unit, text.replacen("timestamp", &format!("stamp_{unit}"), 1).into_bytes()));
+    }
+    tables.push(("fractions of ms", clock(&|t| format!("{:.3}", 1e3 * t + 0.125)).into_bytes()));
+    for (what, bytes) in tables {
+        check(what, &read(&bytes));
+    }
+}
+
+/// The quaternion x, y, z, w of the yaw about z.
+fn quaternion() -> [f64; 4] {
+    [0.0, 0.0, libm::sin(0.5 * YAW_RAD), libm::cos(0.5 * YAW_RAD)]
+}
+
+#[test]
+fn poses_of_other_programs_are_read_with_their_axes_and_orders() {
+    let [qx, qy, qz, qw] = quaternion();
+    let pose = |separator: &str, [x, y, z]: [f64; 3]| {
+        let cells = [x, y, z, qx, qy, qz, qw].map(|value| format!("{value:.5}"));
+        cells.join(separator)
+    };
+    let nanoseconds = |t: f64| format!("{:.0}", 1.7e18 + (t * 1e9).round());
+    let topic = |prefix: &str| {
+        let axis = |group: &str, axes: &[&str]| {
+            axes.iter().map(|axis| format!(",{prefix}{group}{axis}")).collect::<String>()
+        };
+        let dot = &prefix[prefix.len() - 1..];
+        axis(&format!("position{dot}"), &["x", "y", "z"])
+            + &axis(&format!("orientation{dot}"), &["x", "y", "z", "w"])
+    };
+    let motive = "Format Version,1.23,Take Name,Take 1,Rotation Type,Quaternion,Length Units,Millimeters,\
+        Coordinate Space,Global\n\n,,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,\
+        Rigid Body,Marker\n,,cf1,cf1,cf1,cf1,cf1,cf1,cf1,m\n,,\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",b\n,,Rotation,\
+        Rotation,Rotation,Rotation,Position,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z,W,X,Y,\
+        Z,X\n";
+    let tables = [
+        (
+            "rosbag",
+            rows(
+                &format!("%time,field.header.seq,field.header.frame_id{}\n", topic("field.pose.")),
+                |t, at| format!("{},7,world,{}", nanoseconds(t), pose(",", at)),
+            ),
+        ),
+        (
+            "PlotJuggler",
+            rows(&format!("__time{}\n", topic("/cf1/pose/pose/")), |t, at| {
+                format!("{:.3},{}", 1.7e9 + t, pose(",", at))
+            }),
+        ),
+        (
+            "TUM",
+            rows("# timestamp tx ty tz qx qy qz qw\n", |t, at| {
+                format!("{:.3} {}", 1.7e9 + t, pose(" ", at))
+            }),
+        ),
+        ("TUM without a head", rows("", |t, at| format!("{:.3} {}", 1.7e9 + t, pose(" ", at)))),
+        (
+            "EuRoC",
+            rows(
+                "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n",
+                |t, [x, y, z]| format!("{},{x},{y},{z},{qw},{qx},{qy},{qz}", nanoseconds(t)),
+            ),
+        ),
+        (
+            "Motive",
+            rows(motive, |t, [x, y, z]| {
+                let [x, y, z] = [1e3 * x, 1e3 * z, -1e3 * y];
+                format!("{:.0},{t:.3},{qx},{qz},{qy},{qw},{x},{y},{z},5", 10.0 * t)
+            }),
+        ),
+        (
+            "z down",
+            rows("time (s), x (m), y (m), z (m), yaw (rad)\n", |t, [x, y, z]| {
+                format!("{t:.3}, {x:.4}, {:.4}, {:.4}, {:.4}", -y, -z, -YAW_RAD)
+            }),
+        ),
+        (
+            "PX4",
+            rows(
+                "timestamp,timestamp_sample,ref_timestamp,x,y,z,vx,vy,vz,heading\n",
+                |t, [x, y, z]| {
+                    let stamp = 5e7 + (t * 1e6).round();
+                    format!("{stamp:.0},{stamp:.0},0,{x},{},{},0,0,0,{}", -y, -z, -YAW_RAD)
+                },
+            ),
+        ),
+    ];
+    for (what, text) in tables {
+        let flight = read(text.as_bytes());
+        check(what, &flight);
+        let middle = flight.samples[flight.samples.len() / 2].attitude;
+        assert!((middle.yaw_rad - YAW_RAD).abs() < 1e-3, "{what}: {middle:?}\n{}", said(&flight));
+        assert!(middle.pitch_rad.abs() + middle.roll_rad.abs() < 1e-3, "{what}: {middle:?}");
+        let turned = ["Motive", "z down", "PX4"].contains(&what);
+        assert_eq!(
+            said(&flight).contains("its world is taken as"),
+            turned,
+            "{what}: {}",
+            said(&flight)
+        );
+    }
+    let vicon =
+        "Objects\n10\n,,cf1:cf1,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,rad,rad,rad,mm,mm,mm\n";
+    let text = rows(vicon, |t, [x, y, z]| {
+        format!("{:.0},0,0,0,0.5,{},{},{}", 10.0 * t + 1.0, 1e3 * x, 1e3 * y, 1e3 * z)
+    });
+    let flight = read(text.as_bytes());
+    check("Vicon", &flight);
+    assert!(said(&flight).contains("rotations of Vicon"), "{}", said(&flight));
+    let upright = rows("t,x,y,z\n", |t, [x, y, z]| format!("{t:.2},{x},{z},{:.4}", -y));
+    let flight = read(upright.as_bytes());
+    check("y up", &flight);
+    assert!(said(&flight).contains("taken as y-up"), "{}", said(&flight));
+}
+
+#[test]
+fn an_option_says_what_a_table_does_not() {
+    let bare = rows("x_estimate,y_estimate,z_estimate,battery\n", |_, [x, y, z]| {
+        format!("{x},{y},{z},4.05")
+    });
+    let error = parse(bare.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("seconds between two rows"), "{error}");
+    let options = ImportOptions { period_s: Some(0.1), ..ImportOptions::default() };
+    let flight = parse(bare.as_bytes(), "log", &options).unwrap();
+    check("a period", &flight);
+    assert!(said(&flight).contains("battery (column 4)"), "{}", said(&flight));
+    assert!(parse(plain().as_bytes(), "log", &options).is_err(), "a period beside times");
+    let slow = rows("t,x,y,z\n", |t, [x, y, z]| format!("{:.3},{x},{y},{z}", 50.0 * t));
+    let options = ImportOptions { time_unit: TimeUnit::Seconds, ..ImportOptions::default() };
+    let flight = parse(slow.as_bytes(), "log", &options).unwrap();
+    assert!((flight.samples.last().unwrap().time_s - 600.0).abs() < 0.1, "as told");
+    let degrees = rows("t,x,y,z,yaw,pitch,roll\n", |t, [x, y, z]| {
+        format!("{t:.2},{x},{y},{z},1,0.5,{}", 0.1 * t)
+    });
+    let options = ImportOptions { angle_unit: AngleUnit::Degrees, ..ImportOptions::default() };
+    let flight = parse(degrees.as_bytes(), "log", &options).unwrap();
+    assert!((flight.samples[0].attitude.yaw_rad - 1_f64.to_radians()).abs() < 1e-6, "as told");
+}
+
+#[test]
+fn degrees_are_told_where_radians_are_impossible() {
+    let wave = |t: f64, most: f64| most * libm::sin(3.0 * t);
+    for (most, wanted, word) in [
+        (2.5, 2.5_f64.to_radians(), "taken as degrees"),
+        (0.6, 0.6_f64.to_radians(), "taken as degrees"),
+        (0.06, 0.06, ""),
+    ] {
+        let text = rows("t,x,y,z,yaw,pitch,roll,wx,wy,wz\n", |t, [x, y, z]| {
+            let turn = 3.0 * most * libm::cos(3.0 * t);
+            format!(
+                "{t:.2},{x},{y},{z},5,{:.4},{:.4},{turn:.4},{turn:.4},0",
+                wave(t, most),
+                wave(t, most)
+            )
+        });
+        let flight = read(text.as_bytes());
+        let steepest = flight.samples.iter().map(|s| s.attitude.roll_rad.abs()).fold(0.0, f64::max);
+        assert!((steepest / wanted - 1.0).abs() < 0.02, "{most}: {steepest}\n{}", said(&flight));
+        assert!(said(&flight).contains(word), "{most}: {}", said(&flight));
+        // Rates without a unit go with the angles.
+        let fastest = flight.samples.iter().map(|s| s.rate_body_rad_s.x.abs()).fold(0.0, f64::max);
+        assert!(
+            (fastest / (3.0 * wanted) - 1.0).abs() < 0.05,
+            "{most}: rates agree with the text's angles"
+        );
+    }
+}
+
+#[test]
+fn other_files_are_refused_with_what_converts_them() {
+    let cases: [(&[u8], &str); 8] = [
+        (b"ULog\x01\x12\x35\x01\0\0", "ulog2csv"),
+        (b"\xa3\x95\x80\x80\x59FMT", "mavlogdump.py"),
+        (b"FMT, 128, 89, FMT, BBnNZ, Type\n", "mavlogdump.py"),
+        (b"#ROSBAG V2.0\n\x45\0", "rostopic echo"),
+        (b"SQLite format 3\0\x10", "PlotJuggler"),
+        (b"\x89MCAP0\r\n\x01", "PlotJuggler"),
+        (b"PK\x03\x04zip", "CSV"),
+        (b"PAR1\x15\0", "to_csv"),
+    ];
+    for (bytes, program) in cases {
+        let error = parse(bytes, "log", &ImportOptions::default()).unwrap_err();
+        assert!(error.hint().contains(program), "{error}: {}", error.hint());
+    }
+    for (head, wanted) in [
+        ("t,x [furlong],y,z,m\n", "furlong"),
+        ("t,/a/position/x,/a/position/y,/a/position/z,/b/position/x\n", "two bodies"),
+        (
+            "Format Version,1.2,Length Units,Cubits\n\n,,Rigid Body\n,,a\n,,Position\nFrame,Time,X\n",
+            "Cubits",
+        ),
+        ("Objects\nmany\n,,a\nFrame,Sub Frame,TX,TY,TZ\n,,mm,mm,mm\n", "frames per second"),
+        (
+            "Objects\n100\n,,a,,,b,,\nFrame,Sub Frame,TX,TY,TZ,TX,TY,TZ\n,,mm,mm,mm,mm,mm,mm\n",
+            "a, b",
+        ),
+    ] {
+        let text = rows(head, |t, _| format!("{t},0,0,1,1"));
+        let error =
+            parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
+    let mixed = "t;x;y;z\n0,1;0.5;0;1\n0,2;0.5;0;1,25\n";
+    let error = parse(mixed.as_bytes(), "log", &ImportOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("\"0,1\""), "commas and points: {error}");
+}
+
+/// A JSON log of the flight: variables of 10 Hz in ms.
+fn variables(values: &[(&str, &dyn Fn(f64) -> f64)]) -> String {
+    let list = |cell: &dyn Fn(f64) -> f64| {
+        let cells: Vec<String> = (0..=120).map(|i| cell(0.1 * f64::from(i)).to_string()).collect();
+        cells.join(",")
+    };
+    let time = list(&|t| (1e3 * t).round() + 9000.0);
+    let variable = |(name, value): &(&str, &dyn Fn(f64) -> f64)| {
+        format!("\"{name}\": {{\"time\": [{time}], \"data\": [{}]}}", list(*value))
+    };
+    format!("{{{}}}", values.iter().map(variable).collect::<Vec<_>>().join(","))
+}
+
+const POSITION: [(&str, &dyn Fn(f64) -> f64); 3] = [
+    ("stateEstimate.x", &|t| place(t)[0]),
+    ("stateEstimate.y", &|t| place(t)[1]),
+    ("stateEstimate.z", &|t| place(t)[2]),
+];
+
+#[test]
+fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
+    let constant: &dyn Fn(f64) -> f64 = &|_| 40_000.0;
+    let lives: &dyn Fn(f64) -> f64 = &|t| 40_000.0 + 10.0 * t;
+    let motors = |values: [&'static dyn Fn(f64) -> f64; 4]| {
+        ["motor.m1", "motor.m2", "motor.m3", "motor.m4"].into_iter().zip(values).collect::<Vec<_>>()
+    };
+    let all = |dead: &'static dyn Fn(f64) -> f64| motors([dead; 4]);
+    let of = |names: [&'static str; 3], value: &'static dyn Fn(f64) -> f64| {
+        names.map(|name| (name, value))
+    };
+    let zero: &dyn Fn(f64) -> f64 = &|_| 0.0;
+    let cases: Vec<(Quantity, Vec<(&str, &dyn Fn(f64) -> f64)>)> = vec![
+        (Quantity::Motors, all(constant)),
+        (Quantity::Motors, all(zero)),
+        (Quantity::Motors, motors([lives, lives, constant, lives])),
+        (
+            Quantity::Attitude,
+            of(["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"], zero).into(),
+        ),
+        (
+            Quantity::Attitude,
+            of(["stabilizer.yaw", "stabilizer.pitch", "stabilizer.roll"], &|_| 2.0).into(),
+        ),
+        (Quantity::Rate, of(["gyro.x", "gyro.y", "gyro.z"], &|_| -0.3).into()),
+        (
+            Quantity::Velocity,
+            of(["stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"], zero).into(),
+        ),
+        (Quantity::Design, of(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], zero).into()),
+    ];
+    for (quantity, dead) in cases {
+        let flight = read(variables(&[&POSITION[..], &dead].concat()).as_bytes());
+        assert!(flight.unlogged.contains(&quantity), "{quantity:?}: {}", said(&flight));
+        let named = format!("{}: frozen at", quantity.name());
+        assert!(said(&flight).contains(&named), "{quantity:?}: {}", said(&flight));
+        check(quantity.name(), &flight);
+    }
+    // A drone that rests keeps what it logs, and a setpoint may stay where it is.
+    let rests: [(&str, &dyn Fn(f64) -> f64); 3] =
+        [("stateEstimate.x", zero), ("stateEstimate.y", zero), ("stateEstimate.z", &|t| 0.001 * t)];
+    let flight = read(variables(&[&rests[..], &all(zero)].concat()).as_bytes());
+    assert!(!flight.unlogged.contains(&Quantity::Motors), "{}", said(&flight));
+    let hover = of(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], &|_| 0.5);
+    let flight = read(variables(&[&POSITION[..], &hover].concat()).as_bytes());
+    assert!(!flight.unlogged.contains(&Quantity::Design), "{}", said(&flight));
+}
+
+#[test]
+fn a_dead_or_diverged_source_is_replaced_by_the_next() {
+    let lives: &dyn Fn(f64) -> f64 = &|t| 40_000.0 + 10.0 * t;
+    let wild: &dyn Fn(f64) -> f64 = &|t| if t > 8.0 { 1e9 } else { t };
+    let zero: &dyn Fn(f64) -> f64 = &|_| 0.0;
+    let log = [
+        &POSITION[..],
+        &[
+            ("ae483log.m_1", zero),
+            ("ae483log.m_2", zero),
+            ("ae483log.m_3", zero),
+            ("ae483log.m_4", zero),
+            ("pwm.m1_pwm", lives),
+            ("pwm.m2_pwm", lives),
+            ("pwm.m3_pwm", lives),
+            ("pwm.m4_pwm", lives),
+            ("ae483log.o_x", wild),
+            ("ae483log.o_y", wild),
+            ("ae483log.o_z", wild),
+            ("ctrlLee.rpyx", &|t| 0.1 * libm::sin(t)),
+            ("ctrlLee.rpyy", &|t| 0.05 * libm::sin(t)),
+            ("ctrlLee.rpyz", &|_| 0.25),
+            ("ctrlMel.r_roll", &|t| libm::cos(t)),
+            ("ctrlMel.r_pitch", &|t| -0.5 * libm::cos(t)),
+            ("ctrlMel.r_yaw", zero),
+        ],
+    ]
+    .concat();
+    let flight = read(variables(&log).as_bytes());
+    check("the firmware's position", &flight);
+    assert!(
+        said(&flight).contains("ae483log.o_x, ae483log.o_y, ae483log.o_z goes beyond"),
+        "{}",
+        said(&flight)
+    );
+    let sample = &flight.samples[500];
+    assert!((sample.motors[2] - 40_050.0).abs() < 2.0, "{sample:?}");
+    let (roll, pitch) = (0.1 * libm::sin(5.0), 0.05 * libm::sin(5.0));
+    assert!((sample.attitude.roll_rad - roll).abs() < 1e-3, "{sample:?}");
+    assert!(
+        (sample.attitude.pitch_rad - pitch).abs() < 1e-3 && sample.attitude.yaw_rad == 0.25,
+        "{sample:?}"
+    );
+    assert!(
+        (sample.rate_body_rad_s.y - 0.5 * libm::cos(5.0)).abs() < 2e-3,
+        "pitch is not inverted"
+    );
+    assert!(flight.unlogged.contains(&Quantity::Velocity), "{:?}", flight.unlogged);
+    // A further column that diverged keeps nobody from the rest.
+    let log =
+        [&POSITION[..], &[("my.channel", &|t: f64| if t > 5.0 { 1e35 } else { 0.0 })]].concat();
+    let flight = read(variables(&log).as_bytes());
+    assert!(said(&flight).contains("my.channel ("), "{}", said(&flight));
+    check("a wild channel", &flight);
+}
+
+#[test]
+fn zeros_of_a_body_that_was_lost_are_no_positions() {
+    let lost = |t: f64| (6.0..6.5).contains(&t) || t > 11.5;
+    let text = rows("t,x,y,z\n", |t, [x, y, z]| match lost(t) {
+        true => format!("{t:.2},0,0,0"),
+        false => format!("{t:.2},{},{y},{z}", x + 0.5),
+    });
+    let flight = read(text.as_bytes());
+    assert!(
+        said(&flight).contains("are 0, 0, 0, where the drone would have jumped"),
+        "{}",
+        said(&flight)
+    );
+    assert!(flight.samples.iter().all(|s| s.position_m.x > 0.4), "{}", said(&flight));
+    assert!((flight.samples.last().unwrap().time_s - 11.5).abs() < 0.11, "the tail is left out");
+}
+
+#[test]
+fn blocks_of_events_do_not_set_the_unit_of_the_clock() {
+    let list = |n: u32, step: f64| {
+        (0..n).map(|i| (10.0 + step * f64::from(i)).to_string()).collect::<Vec<_>>().join(",")
+    };
+    let (time, light) = (list(100, 0.02), list(3, 8.0));
+    let data =
+        |n: u32| (0..n).map(|i| (0.01 * f64::from(i)).to_string()).collect::<Vec<_>>().join(",");
+    let variable = |name: &str, time: &str, n: u32| {
+        format!("\"{name}\": {{\"time\": [{time}], \"data\": [{}]}}", data(n))
+    };
+    let body = ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z"]
+        .map(|name| variable(name, &time, 100))
+        .join(",");
+    let text = format!("{{\"drone\": {{{}, {body}}}}}", variable("light.headlights", &light, 3));
+    let flight = read(text.as_bytes());
+    assert!((flight.samples.last().unwrap().time_s - 1.98).abs() < 0.02, "{}", said(&flight));
+}
+
+#[test]
+fn an_exported_scripts_log_has_its_words_without_a_warning() {
+    let log = variables(&POSITION).replacen('{', "{\"noctograph\": {\"word\": \"NO\", \"uri\": \"radio://0/80/2M/E7E7E7E701\", \"plan_sha256\": \"ab\"},", 1);
+    let flight = read(log.as_bytes());
+    check("a script's", &flight);
+    assert!(!said(&flight).contains("not read"), "{}", said(&flight));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Every reader of text: an understood log with one thing more names it, or refuses it by name.
+    #[test]
+    fn what_is_not_understood_is_named(name in "[a-z]{5,9}q", word in "[a-z]{3,8}", at in 1..3_usize) {
+        let column = |value: &str, title: &str| {
+            let text = plain();
+            let lines = text.lines().enumerate().map(|(n, line)| {
+                let mut cells: Vec<&str> = line.split(',').collect();
+                cells.insert(at, if n == 0 { title } else { value });
+                cells.join(",") + "\n"
+            });
+            lines.collect::<String>()
+        };
+        let named = |text: &str, file: &str, wanted: &str| {
+            match parse(text.as_bytes(), file, &ImportOptions::default()) {
+                Ok(flight) => said(&flight).contains(wanted),
+                Err(error) => error.to_string().contains(wanted),
+            }
+        };
+        prop_assert!(named(&column("7", &name), "log", &name), "a column");
+        prop_assert!(named(&column(&word, &name), "log", &name), "a column of texts");
+        prop_assert!(named(&column("7", &format!("x [{name}]")), "log", &name), "a unit");
+        let member = |value: &str| variables(&POSITION).replacen('{', &format!("{{\"{name}\": {value},"), 1);
+        prop_assert!(named(&member("7"), "log", &name), "a number");
+        prop_assert!(named(&member(&format!("\"{word}\"")), "log", &name), "a text");
+        prop_assert!(named(&member("[1, 2, 3]"), "log", &name), "a list");
+        let cfclient = format!("Timestamp,stateEstimate.x,{name}\n0,1,{word}\n10,2,{word}\n");
+        prop_assert!(named(&cfclient, "log", &name), "a cell of cfclient's");
+        let half = plain().replacen("t,x,y,z", &format!("t,x,y,{name}"), 1);
+        prop_assert!(named(&half, "log", "x_m") && named(&half, "log", &name), "half a position");
+    }
+}
