@@ -17,9 +17,6 @@ pub const FRAME_M: f64 = 0.15;
 /// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to the
 /// first letter is another than that which was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Least voltage at rest of a battery whose flight was not simulated, V: some 28 % of its charge, less
-/// than which no flight of a word should begin with.
-pub const REST_V: f64 = 3.8;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside the
 /// ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
@@ -36,6 +33,11 @@ pub const STRAY_M: f64 = 0.8;
 /// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
 /// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
+/// Voltage at rest that the script wants where the scene's drone has no battery, V: a Crazyflie's cell is
+/// then charged by a tenth or more (`pm_stm32f4.c`).
+pub const REST_V: f64 = 3.8;
+/// Variance of a coordinate at which its position is lost in the air, over that which is settled.
+pub const LOST_FACTOR: f64 = 10.0;
 /// Time below its low voltage after which the firmware says that the battery is low, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off empties no
 /// battery.
@@ -370,4 +372,58 @@ pub fn table() -> String {
     };
     let rows: String = rules().iter().map(row).collect();
     format!("| what is checked | by | limit | from |\n|---|---|---|---|\n{rows}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+    use crate::sim::{Drone, SimOptions, fly};
+
+    /// A flight of a short word from a charge, and what the table's rule says of it.
+    fn flown(charge_frac: f64) -> (Battery, bool) {
+        let mut options = SimOptions::cf21();
+        options.battery.charge_frac = charge_frac;
+        let strokes = write("NO", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+        let flight = fly(&plan, &Drone::new(&options, 1), &mut |_| {}).unwrap();
+        let low_v = Platform::Crazyflie2.low_battery_v();
+        let times = flight.samples.iter().map(|sample| sample.time_s);
+        let voltages = times.zip(flight.extra[BATTERY_V].iter().copied());
+        (Battery::of(&options.battery, &flight, low_v).unwrap(), lasts(voltages, low_v))
+    }
+
+    #[test]
+    fn the_least_voltage_at_rest_parts_the_charges_that_last_from_those_that_do_not() {
+        let full = flown(1.0).0;
+        let least_v = full.least_rest_v.unwrap();
+        assert!((3.6..3.9).contains(&least_v), "{least_v} V");
+        assert!((0.4..0.9).contains(&full.sag_v), "{} V", full.sag_v);
+        for charge_frac in [0.05, 0.1, 0.15, 0.2, 0.3, 0.5] {
+            let (battery, lasts) = flown(charge_frac);
+            assert_eq!(battery.lasts(), lasts, "at {charge_frac}: {battery:?}");
+            assert_eq!(battery.rest_v >= least_v, lasts, "as told by the full battery's flight");
+        }
+        assert!(!flown(0.1).1 && flown(0.5).1, "both happen");
+    }
+
+    #[test]
+    fn a_sag_of_less_than_five_seconds_empties_no_battery() {
+        let from = |low_s: f64| {
+            (0..200).map(move |k| {
+                let time_s = 0.1 * f64::from(k);
+                (time_s, if (1.0..1.0 + low_s).contains(&time_s) { 3.1 } else { 3.5 })
+            })
+        };
+        assert!(lasts(from(4.9), 3.2));
+        assert!(!lasts(from(5.3), 3.2));
+        assert!(lasts(from(5.3), 3.05));
+    }
+
+    #[test]
+    fn a_drone_without_a_battery_is_not_judged() {
+        let flight = Flight::default();
+        assert_eq!(Battery::of(&BatteryOptions::default(), &flight, 3.2), None);
+    }
 }
