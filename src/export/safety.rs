@@ -17,9 +17,6 @@ pub const FRAME_M: f64 = 0.15;
 /// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to the
 /// first letter is another than that which was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Least voltage at rest of a battery whose flight was not simulated, V: some 28 % of its charge, less
-/// than which no flight of a word should begin with.
-pub const REST_V: f64 = 3.8;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside the
 /// ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
