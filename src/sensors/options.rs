@@ -20,7 +20,7 @@ settings! {
         positioning: Positioning = Positioning::Position;
         /// Further measurements of the height: time-of-flight, barometer.
         heights: Vec<HeightSensor> = Vec::new(),
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Gyroscope and accelerometer.
         imu: ImuOptions = ImuOptions::default();
         /// Lighthouse.
@@ -31,13 +31,13 @@ settings! {
         /// Time of flight to the floor.
         time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default(),
             for "sensors.heights" = "time-of-flight",
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Ranges and messages between the drones of a fleet.
         peers: PeerOptions = PeerOptions::default(), for "observer.kind" = "cooperative";
         /// Barometer.
         barometer: BarometerOptions = BarometerOptions::default(),
             for "sensors.heights" = "barometer",
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Satellite navigation with a base station.
         gnss: GnssOptions = GnssOptions::default(), for "sensors.positioning" = "gnss";
     }

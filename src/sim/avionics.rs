@@ -62,7 +62,7 @@ impl Avionics {
         let seeds = [seed, room_seed];
         let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
-        let mut estimator = estimator(believed, settled_m, fleet)?;
+        let mut estimator = estimator(believed, settled_m, fleet, seed)?;
         estimator.face(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
@@ -325,7 +325,9 @@ fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String 
     };
     let estimator = match estimator {
         EstimatorKind::Luenberger => " and observer.luenberger",
-        EstimatorKind::Ekf | EstimatorKind::Cooperative => " and observer.ekf",
+        EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
+            " and observer.ekf"
+        }
         EstimatorKind::Altitude => " and observer.altitude",
         EstimatorKind::Truth => "",
     };

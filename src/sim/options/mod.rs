@@ -12,7 +12,8 @@ pub use self::controller::{
     PidOptions,
 };
 pub use self::observer::{
-    CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
+    CooperativeOptions, EkfOptions, EstimatorKind, FirmwareOptions, HorizontalForce,
+    LuenbergerOptions, ObserverOptions, Share, SweepAttitude,
 };
 pub use self::radio::{RadioOptions, Setpoints};
 use crate::error::{Error, Result};
