@@ -30,7 +30,7 @@ use radio::Change;
 pub use fixture::{Die, Drive, Fixture};
 pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
 pub use programs::{COLOR_LED_COLORS, color_led_wrgb, packed, ring_rgb};
-pub use ring::RING_COLORS;
+pub use ring::{RING_COLORS, ring_memory_rgb};
 
 mod chance;
 mod color;

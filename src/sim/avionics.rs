@@ -48,6 +48,8 @@ pub(crate) struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
+    /// Whether the firmware's own setpoint is flown, since the host is silent.
+    levels_out: bool,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
@@ -82,6 +84,7 @@ impl Avionics {
             link: Link::new(&actual.radio, seed, drone.index),
             streamed: actual.radio.setpoints == Setpoints::Streamed,
             stopped_s: None,
+            levels_out: false,
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
@@ -153,7 +156,11 @@ impl Avionics {
         };
         let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
         let mut estimate = self.estimate;
-        if self.silent_s(time_s) > LEVEL_OUT_S {
+        let levels_out = self.silent_s(time_s) > LEVEL_OUT_S;
+        if std::mem::replace(&mut self.levels_out, levels_out) != levels_out {
+            self.controller.change_mode(&ahead(&estimate, self.yaw_rad));
+        }
+        if levels_out {
             level_out(&mut estimate, &mut reference);
         }
         if let Estimator::Altitude(filters) = &self.estimator {

@@ -32,7 +32,7 @@ pub(crate) use self::model::{
     Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate, velocity,
 };
 pub use self::options::{
-    AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
+    AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts, Release,
     VehicleOptions,
 };
 pub use self::plant::{Plant, PlantOptions};

@@ -23,7 +23,22 @@ for source in "$modules"/kalman_core/kalman_core.c "$modules"/kalman_core/mm_swe
     gcc -w -O1 -std=gnu11 -D__fp16=uint16_t $include -c "$source" -o "$object"
     objects="$objects $object"
 done
+rm -f "$out/libfirmware.a"
+ar rcs "$out/libfirmware.a" $objects
+# What is taken out of two drivers, whose other parts need the hardware.
+drivers=$firmware/src/deck/drivers/src
+{
+    sed -n '/^#ifndef LEDRING_TIME_MEM_SIZE/,/^static ledtimings/p; /define COPY_COLOR/p' "$drivers/ledring12.c"
+    sed -n '/define RGB565_TO_RGB888/,/^$/p; /define LEDRING_TIME_MEM_SEC/p' "$drivers/ledring12.c"
+    sed -n '/^static bool isTimeMemDone/,/^static void timeMemEffect/p' "$drivers/ledring12.c"
+    sed -n '/^static void timeMemEffect/,/^}/p' "$drivers/ledring12.c" | tail -n +2
+} > "$out/ring.inc"
+{
+    sed -n '/^static const uint8_t gamma8/,/^}/p' "$drivers/color_led_deck.c"
+    sed -n '/^static inline uint8_t applyGamma/,/^static bool checkProtocol/p' "$drivers/color_led_deck.c" |
+        sed '$d'
+} > "$out/color_led.inc"
 for program in "$here"/*.c; do
-    gcc -w -O1 -std=gnu11 -D__fp16=uint16_t -DFIRMWARE="\"$firmware\"" $include "$program" $objects \
+    gcc -w -O1 -std=gnu11 -D__fp16=uint16_t $include -I"$out" "$program" -L"$out" -lfirmware \
         -o "$out/$(basename "$program" .c)" -lm
 done

@@ -56,6 +56,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn decisions_are_those_of_the_firmwares_own_code() {
+        let recorded = include_str!("recorded/outliers.txt");
+        let row = recorded.lines().find(|line| !line.starts_with('#')).unwrap();
+        let (mut filter, mut number) = (SweepFilter::default(), 1_u32);
+        for (k, want) in row.chars().enumerate() {
+            number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let dice = number >> 24;
+            let passed_ms = if dice.is_multiple_of(7) { 40 } else { dice % 3 };
+            filter.wait(1e-3 * f64::from(passed_ms));
+            let bad = dice < if k / 50 % 2 == 1 { 160 } else { 40 };
+            let error_m = if bad { 0.6 } else { 0.002 * f64::from(dice % 20) };
+            assert_eq!(filter.takes(error_m), want == '1', "sweep {k}");
+        }
+    }
+
+    #[test]
     fn good_sweeps_close_it_and_bad_ones_open_it_again() {
         let mut filter = SweepFilter::default();
         assert!(filter.takes(3.0), "open at first");
