@@ -18,7 +18,10 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("sensors.lighthouse.panes_m", "`coverage`, and sweeps where the pane reflects enough"),
     ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
-    ("camera.metering.room_stops", "lamps so dim or flights so long that the room would fog the picture"),
+    (
+        "camera.metering.room_stops",
+        "lamps so dim or flights so long that the room would fog the picture",
+    ),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
     ("photo.aperture_blades", "spikes, where a lamp dwells"),
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),

@@ -40,6 +40,21 @@ impl SimOptions {
         options.radio = RadioOptions::default();
         options
     }
+
+    /// The same with the firmware's filter on ideal sweeps of its stations: what it makes of the drone's
+    /// drag is the same in every flight. `None` where another estimator flies, or on other sensors.
+    #[must_use]
+    pub fn rehearsal_by_filter(&self) -> Option<Self> {
+        let positioning = self.sensors.positioning;
+        let by_light = matches!(positioning, Positioning::Sweeps | Positioning::CrossingBeams);
+        (by_light && self.observer.kind == EstimatorKind::Ekf).then(|| {
+            let mut options = self.rehearsal();
+            options.observer.kind = EstimatorKind::Ekf;
+            options.sensors.positioning = positioning;
+            options.sensors.lighthouse.stations = self.sensors.lighthouse.stations.clone();
+            options
+        })
+    }
 }
 
 /// How the drone's position answers a step of the setpoint, along world x, y and z.
