@@ -182,7 +182,7 @@ mod tests {
     use crate::scene::Preset;
     use crate::sensors::SensorOptions;
     use crate::shoot::Shoot;
-    use crate::sim::{ControllerKind, SimOptions};
+    use crate::sim::{ControllerKind, EstimatorKind};
     use crate::vehicle::Gusts;
 
     fn noor() -> Strokes {
