@@ -15,6 +15,7 @@ use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
 use crate::lamps::{
     COLOR_LED_COLORS, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING_COLORS, packed,
+    ring_memory_rgb,
 };
 use crate::plan::Plan;
 use crate::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
@@ -23,6 +24,11 @@ use crate::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 const RING_FADE: u32 = 14;
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
+
+/// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase, and
+/// on a slow clock. An entry between two ticks is never shown, and the end of the list leaves the LEDs
+/// as they are (`timeMemEffect`, `ledring12.c`).
+const LAST_UNITS: f64 = 2.0;
 
 /// One light command.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,7 +146,8 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// A ring's lights as its timing memory plays them (`ring.effect` 17) from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration in units of 40 ms and color of each entry. Dark to the end by the last one.
+    /// Duration in units of 40 ms and color of each entry, as the memory rounds it. Dark to the end by
+    /// the last one.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change as it is played.
     pub(super) changes: Vec<(f64, f64)>,
@@ -156,14 +163,18 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
-        let until_s = commands.get(index + 1).map_or(command.time_s + RING_TIMING_S, |c| c.time_s);
+        let until_s = commands
+            .get(index + 1)
+            .map_or(command.time_s + LAST_UNITS * RING_TIMING_S, |c| c.time_s);
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
-        let until = until.max(played + 1);
+        let least = if index + 1 == commands.len() { 2 } else { 1 };
+        let until = until.max(played + least);
         while played < until {
             let lasts = (until - played).min(MAX_RING_TIMING);
-            entries.push((u8::try_from(lasts).expect("at most 255"), rgb(command)));
+            entries
+                .push((u8::try_from(lasts).expect("at most 255"), ring_memory_rgb(rgb(command))));
             played += lasts;
         }
     }
@@ -315,8 +326,8 @@ mod tests {
         };
         // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
         let found = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
-        let (on, off, half) = ([200, 100, 0], [0; 3], [100, 50, 0]);
-        assert_eq!(found.entries, [(51, on), (25, off), (25, half), (1, off)]);
+        let (on, off, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
+        assert_eq!(found.entries, [(51, on), (25, off), (25, half), (2, off)]);
         let times: Vec<f64> = found.changes.iter().map(|(time_s, _)| *time_s).collect();
         for (found, want) in times.iter().zip([1.01, 3.03, 4.04, 5.05]) {
             assert!(
@@ -325,11 +336,81 @@ mod tests {
             );
         }
         let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;
-        assert_eq!(long, [(255, on), (255, on), (115, on), (1, off)], "10.2 s each at most");
+        assert_eq!(long, [(255, on), (255, on), (115, on), (2, off)], "10.2 s each at most");
         let many: Vec<f64> = (0..11).map(|row| f64::from(row % 2)).collect();
         assert_eq!(timing("ring", &many, 1.0).unwrap().entries.len(), RING_TIMING_ENTRIES + 1);
         assert_eq!(timing("ring", &many[..10], 1.0), None, "still lit at the end");
         assert_eq!(timing("ring", &many[..9], 1.0).unwrap().entries.len(), 8);
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");
+    }
+
+    /// Colors of the ring at each of its ticks, as the firmware plays a timing memory from its first
+    /// tick on: `clock` is the rate of its microseconds, `phase_s` the time to the second tick.
+    fn shown(entries: &[(u8, [u8; 3])], phase_s: f64, clock: f64, ticks: u32) -> Vec<[u8; 3]> {
+        let ms = |time_s: f64| (1e3 * clock * time_s + 1e-6).floor();
+        let (mut at, mut began_ms, mut color) = (0, 0.0, [0; 3]);
+        let mut colors = Vec::new();
+        for tick in 0..ticks {
+            let now_ms = if tick == 0 { 0.0 } else { ms(phase_s + 0.05 * f64::from(tick)) };
+            while let Some((units, _)) = entries.get(at)
+                && began_ms + 40.0 * f64::from(*units) < now_ms
+            {
+                began_ms += 40.0 * f64::from(*units);
+                at += 1;
+            }
+            if let Some((_, entry)) = entries.get(at) {
+                color = *entry;
+            }
+            colors.push(color);
+        }
+        colors
+    }
+
+    #[test]
+    fn a_timing_memory_is_played_as_the_firmwares_own_code_plays_it() {
+        let recorded = include_str!("recorded/ring.txt");
+        let mut digests =
+            recorded.lines().filter(|l| !l.starts_with('#')).flat_map(|l| l.split(' '));
+        let mut number = 7_u32;
+        let expand = |value: u32, wide: u32, round: u32| u8::try_from((value * wide + round) >> 6);
+        for memory in 0..20_usize {
+            let n = 1 + memory % 9;
+            let mut entry = |i: usize| {
+                number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let dice = number >> 16;
+                let units = if i == n { 2 } else { u8::try_from(1 + dice % 9).unwrap() };
+                let packed = if i % 2 == 1 || i == n { 0 } else { dice | 1 };
+                let red = expand(packed >> 11, 527, 23).unwrap();
+                let green = expand(packed >> 5 & 63, 259, 33).unwrap();
+                (units, [red, green, expand(packed & 31, 527, 23).unwrap()])
+            };
+            let entries: Vec<_> = (0..=n).map(&mut entry).collect();
+            for phase in 0..50_u32 {
+                let colors = shown(&entries, f64::from(phase) * 1e-3, 1.0, 100);
+                let digest =
+                    colors.as_flattened().iter().fold(2_166_136_261_u32, |digest, byte| {
+                        (digest ^ u32::from(*byte)).wrapping_mul(16_777_619)
+                    });
+                let want = u32::from_str_radix(digests.next().unwrap(), 16).unwrap();
+                assert_eq!(digest, want, "memory {memory}, phase {phase}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_ring_is_dark_after_the_word_at_every_phase_of_its_timer_and_on_a_slow_clock() {
+        for step_s in (0..50).map(|k| 1.0 + 0.011 * f64::from(k)) {
+            let mut plan = lit("ring", &[0.0, 1.0, 0.0, 1.0, 0.5, 0.0]);
+            plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s);
+            let commands = commands(&plan, &LightOptions::default()).unwrap();
+            let entries = timing(&plan, &commands).unwrap().entries;
+            for clock in [1.0, crate::crazyflie::SLOW_CLOCK] {
+                for phase in 0..50_u32 {
+                    let colors = shown(&entries, f64::from(phase) * 1e-3, clock, 200);
+                    assert!(colors.contains(&[16, 20, 16]), "it was lit");
+                    assert_eq!(colors.last(), Some(&[0; 3]), "{step_s} s, {phase} ms, {clock}");
+                }
+            }
+        }
     }
 }

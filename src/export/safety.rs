@@ -33,6 +33,9 @@ pub const STRAY_M: f64 = 0.8;
 /// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
 /// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
+/// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell is
+/// then charged by some 28 %, less than which no flight of a word should begin with.
+pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate at which its position is lost in the air, over that which is settled.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Time below its low voltage after which the firmware says that the battery is low, s

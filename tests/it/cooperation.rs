@@ -142,7 +142,7 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap().remove(0)
     };
     let (fleet, single) =
-        (alone(EstimatorKind::Cooperative).samples, alone(EstimatorKind::Ekf).samples);
+        (alone(EstimatorKind::Cooperative).samples, alone(EstimatorKind::EkfImproved).samples);
     assert!(!fleet.is_empty() && fleet == single, "they differ");
 }
 

@@ -20,3 +20,17 @@ pub fn packed(bytes: &[u8], level: f64) -> u32 {
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
     bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }
+
+/// A color after the LED memory or the timing memory: packed into 5, 6 and 5 bits by cflib
+/// (`led_driver_memory.py`, `led_timings_driver_memory.py`), expanded by the firmware.
+#[must_use]
+pub fn ring_memory_rgb([red, green, blue]: [u8; 3]) -> [u8; 3] {
+    let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
+    let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);
+    [five(red), six(green), five(blue)]
+}
+
+fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2]) -> u8 {
+    let packed = (value * scale + offset) >> shift;
+    u8::try_from((packed * wide + round) >> 6).unwrap_or(u8::MAX)
+}

@@ -110,8 +110,8 @@ settings! {
 
     /// Brightness correction of the color LED deck.
     pub enum ColorLedLevels {
-        /// Equalized and squared, the default of the firmware: each die is scaled to the 50 lm of
-        /// the weakest one, then `3 + 252 (v/255)²`.
+        /// Evened out and squared, the default of the firmware: white, red, green and blue are scaled
+        /// by 0.99, 0.78, 0.51 and 1, then `3 + 252 (v/255)²`.
         "corrected" => Corrected,
         /// None.
         "plain" => Plain,

@@ -20,7 +20,7 @@ settings! {
         positioning: Positioning = Positioning::Position;
         /// Further measurements of the height: time-of-flight, barometer.
         heights: Vec<HeightSensor> = Vec::new(),
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Gyroscope and accelerometer.
         imu: ImuOptions = ImuOptions::default();
         /// Lighthouse.
@@ -31,13 +31,13 @@ settings! {
         /// Time of flight to the floor.
         time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default(),
             for "sensors.heights" = "time-of-flight",
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Ranges and messages between the drones of a fleet.
         peers: PeerOptions = PeerOptions::default(), for "observer.kind" = "cooperative";
         /// Barometer.
         barometer: BarometerOptions = BarometerOptions::default(),
             for "sensors.heights" = "barometer",
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Satellite navigation with a base station.
         gnss: GnssOptions = GnssOptions::default(), for "sensors.positioning" = "gnss";
     }
@@ -121,11 +121,16 @@ settings! {
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
             .into();
-        /// Mirrors and panes: a point of each, and the direction that it faces. Besides its sweeps the
+        /// Mirrors, which reflect all: a point of each, and the direction that it faces. Besides its sweeps the
         /// deck then hears those of each station's image.
         ///
         /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
         mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// Panes of glass: a point of each, and the direction that it faces. They reflect 8 % straight on
+        /// and more the flatter the light falls in; the deck hears an image up to 6 m times the root
+        /// of that.
+        panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         /// People who stand in the light, 1.8 m high: x, y and radius of each.
         people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4,

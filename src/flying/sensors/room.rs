@@ -2,7 +2,10 @@
 //!
 //! A person is a standing cylinder, a drone a ball; they take the light away. A mirror shows each
 //! station a second time: the deck hears the sweep that meets its own image behind the mirror, with that
-//! image's angle. Which of these sweeps are believed is up to the filter of the estimator.
+//! image's angle. Which of these sweeps are believed is up to the filter of the estimator. A pane of
+//! glass does so where it reflects enough: a deck that hears a station from 6 m hears a share R of its
+//! light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's equations for unpolarized
+//! light and a refractive index of 1.52.
 //!
 //! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time between
 //! a sweep and its reflection, by which the firmware's pulse processor drops some of them.
@@ -10,11 +13,15 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
+use super::station::RANGE_M;
 
 /// Height of a person.
 const PERSON_M: f64 = 1.8;
 /// Radius of a drone: half of the 92 mm from motor to motor.
 const DRONE_M: f64 = 0.046;
+
+/// Refractive index of glass.
+const GLASS: f64 = 1.52;
 
 /// All of it.
 #[derive(Debug)]
@@ -30,17 +37,22 @@ pub(super) struct Room {
 pub(super) struct Mirror {
     point_m: Vector3<f64>,
     facing: Vector3<f64>,
+    is_glass: bool,
 }
 
 impl Room {
     pub(super) fn new(options: &LighthouseOptions) -> Self {
-        let mirror = |[point_m, facing]: &[[f64; 3]; 2]| {
-            let facing = Vector3::from(*facing).try_normalize(0.0)?;
-            Some(Mirror { point_m: Vector3::from(*point_m), facing })
+        let of = |is_glass: bool| {
+            move |[point_m, facing]: &[[f64; 3]; 2]| {
+                let facing = Vector3::from(*facing).try_normalize(0.0)?;
+                Some(Mirror { point_m: Vector3::from(*point_m), facing, is_glass })
+            }
         };
+        let mirrors = options.mirrors_m.iter().filter_map(of(false));
+        let panes = options.panes_m.iter().filter_map(of(true));
         Self {
             people_m: options.people_m.clone(),
-            mirrors: options.mirrors_m.iter().filter_map(mirror).collect(),
+            mirrors: mirrors.chain(panes).collect(),
             silent: options.silent.clone(),
         }
     }
@@ -81,9 +93,15 @@ impl Room {
 }
 
 impl Mirror {
-    /// Whether it shows one place to another.
-    pub(super) fn shows(&self, a_m: &Vector3<f64>, b_m: &Vector3<f64>) -> bool {
-        [a_m, b_m].iter().all(|place_m| (*place_m - self.point_m).dot(&self.facing) > 0.0)
+    /// Whether it shows a station to a deck, both of which are before it.
+    pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
+        let before = |place_m: &Vector3<f64>| (place_m - self.point_m).dot(&self.facing) > 0.0;
+        if !before(station_m) || !before(deck_m) {
+            return false;
+        }
+        let way_m = self.image_m(deck_m) - station_m;
+        let cosine = -way_m.dot(&self.facing) / way_m.norm();
+        !self.is_glass || way_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
     /// The image of a place.
@@ -95,6 +113,15 @@ impl Mirror {
     pub(super) fn turn(&self) -> Matrix3<f64> {
         Matrix3::identity() - 2.0 * self.facing * self.facing.transpose()
     }
+}
+
+/// Share of the light that a pane reflects at a cosine of the angle to its normal.
+fn reflected_frac(cosine: f64) -> f64 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (GLASS * GLASS)).sqrt();
+    let across = (cosine - GLASS * inside) / (cosine + GLASS * inside);
+    let along = (GLASS * cosine - inside) / (GLASS * cosine + inside);
+    let surface = 0.5 * (across * across + along * along);
+    2.0 * surface / (1.0 + surface)
 }
 
 #[cfg(test)]
@@ -123,9 +150,21 @@ mod tests {
     }
 
     #[test]
+    fn a_pane_shows_what_is_near_or_grazes_it() {
+        // Hecht, Optics: a surface of glass reflects 4.3 % straight on.
+        assert!((reflected_frac(1.0) - 0.0817).abs() < 1e-4, "{}", reflected_frac(1.0));
+        assert!(reflected_frac(0.1) > 0.6 && (reflected_frac(0.0) - 1.0).abs() < 1e-9);
+        let pane = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: true };
+        let deck_m = Vector3::new(1.5, 0.0, 0.8);
+        let shows = |x: f64, y: f64| pane.shows(&Vector3::new(x, y, 1.2), &deck_m);
+        assert!(shows(1.4, 0.0) && !shows(0.0, 0.0), "straight on: 1.7 m");
+        assert!(shows(1.9, 3.5), "grazing: 3.6 m");
+    }
+
+    #[test]
     fn a_mirror_shows_the_station_behind_it() {
         // The sweep that meets the deck's image meets the deck as one of the station's own image.
-        let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x() };
+        let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: false };
         let options = LighthouseOptions::default();
         let pose = StationPose::new(&options.stations[0]);
         let deck_m = Vector3::new(0.3, 0.1, 0.8);

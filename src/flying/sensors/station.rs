@@ -18,7 +18,7 @@ const TAN_TILT: f64 = 0.577_350_269_189_625_8;
 const TAN_HALF_VIEW_V1: [f64; 2] = [1.732_050_807_568_877_2, 1.732_050_807_568_877_2];
 const TAN_HALF_VIEW_V2: [f64; 2] = [3.732_050_807_568_877, 1.428_148_006_742_114_7];
 /// Beyond this distance the deck no longer sees a sweep: 6 m, as documented.
-const RANGE_M: f64 = 6.0;
+pub(super) const RANGE_M: f64 = 6.0;
 /// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
 /// look up, still see it. An assumption: 6°. Bitcraze asks for half a meter above the drone.
 const LOWEST_SINE: f64 = 0.1;
@@ -92,7 +92,7 @@ impl StationPose {
 
     /// The direction in the world, a unit vector, in which both planes cross a point at these
     /// angles.
-    pub(super) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
+    pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
             Generation::V2 => {

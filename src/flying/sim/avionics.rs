@@ -48,6 +48,8 @@ pub struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
+    /// Whether the firmware's own setpoint is flown, since the host is silent.
+    levels_out: bool,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
@@ -62,7 +64,7 @@ impl Avionics {
         let seeds = [seed, room_seed];
         let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
-        let mut estimator = estimator(believed, settled_m, fleet)?;
+        let mut estimator = estimator(believed, settled_m, fleet, seed)?;
         estimator.face(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
@@ -82,6 +84,7 @@ impl Avionics {
             link: Link::new(&actual.radio, seed, drone.index),
             streamed: actual.radio.setpoints == Setpoints::Streamed,
             stopped_s: None,
+            levels_out: false,
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
@@ -153,7 +156,11 @@ impl Avionics {
         };
         let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
         let mut estimate = self.estimate;
-        if self.silent_s(time_s) > LEVEL_OUT_S {
+        let levels_out = self.silent_s(time_s) > LEVEL_OUT_S;
+        if std::mem::replace(&mut self.levels_out, levels_out) != levels_out {
+            self.controller.change_mode(&ahead(&estimate, self.yaw_rad));
+        }
+        if levels_out {
             level_out(&mut estimate, &mut reference);
         }
         if let Estimator::Altitude(filters) = &self.estimator {
@@ -325,7 +332,9 @@ fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String 
     };
     let estimator = match estimator {
         EstimatorKind::Luenberger => " and observer.luenberger",
-        EstimatorKind::Ekf | EstimatorKind::Cooperative => " and observer.ekf",
+        EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
+            " and observer.ekf"
+        }
         EstimatorKind::Altitude => " and observer.altitude",
         EstimatorKind::Truth => "",
     };

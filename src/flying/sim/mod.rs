@@ -42,7 +42,8 @@ pub use fly::fly_watched;
 pub use fly::{fly, fly_fleet};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
-    EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
-    ObserverOptions, PidOptions, RadioOptions, RateOptions, Setpoints, Share, SimOptions,
+    EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, LqrOptions,
+    LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions, RateOptions, Setpoints,
+    Share, SimOptions, SweepAttitude,
 };
 pub use session::Session;

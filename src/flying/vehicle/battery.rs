@@ -1,11 +1,17 @@
 //! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
 
+use nalgebra::Vector4;
+
 use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
-/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`, firmware `pm.h`):
-/// a sag at take-off empties no battery.
+/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`, `pm_stm32f4.c`
+/// of firmware 2026.08): a sag at take-off empties no battery.
 const CUT_OFF_S: f64 = 5.0;
+
+/// Highest voltage of a motor that is looked for, in those of the battery, and bisections: to 1e-9 V.
+const HIGHEST_V: f64 = 8.0;
+const BISECTIONS: u32 = 36;
 
 /// A battery in use.
 #[derive(Clone, Debug)]
@@ -26,6 +32,8 @@ pub(super) struct Limit {
     pub(super) gain: f64,
     /// Largest thrust.
     pub(super) max_n: f64,
+    /// Thrust below which a motor stops.
+    pub(super) least_n: f64,
 }
 
 impl Battery {
@@ -79,16 +87,52 @@ impl Battery {
     #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
         if self.is_cut_off() {
-            return Limit { gain: 0.0, max_n: 0.0 };
+            return Limit { gain: 0.0, max_n: 0.0, least_n: 0.0 };
         }
+        let max_n = self.thrust_n(self.voltage_v);
+        match self.options.compensation {
+            Compensation::Firmware => {
+                Limit { gain: 1.0, max_n, least_n: self.options.least_thrust_n }
+            }
+            Compensation::None => Limit { gain: max_n / full_n, max_n, least_n: 0.0 },
+        }
+    }
+
+    /// Thrusts that a battery gives that cannot give those wanted: with the firmware's compensation,
+    /// duty cycles lowered by what the largest one exceeds a full one; else each motor full.
+    #[inline(never)]
+    pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
+        if self.is_cut_off() || self.options.compensation == Compensation::None {
+            return wanted_n.map(|wanted_n| wanted_n.min(max_n));
+        }
+        let motors_v = wanted_n.map(|wanted_n| self.motor_v(wanted_n));
+        let excess_v = motors_v.max() - self.voltage_v;
+        motors_v
+            .map(|motor_v| if motor_v > excess_v { self.thrust_n(motor_v - excess_v) } else { 0.0 })
+    }
+
+    /// Thrust of a motor at a voltage.
+    #[inline(always)]
+    fn thrust_n(&self, motor_v: f64) -> f64 {
         let [a, b, c, d] = self.options.thrust_from_v_n;
-        let v = self.voltage_v;
-        let max_n = (a + v * (b + v * (c + v * d))).max(0.0);
-        let gain = match self.options.compensation {
-            Compensation::Firmware => 1.0,
-            Compensation::None => max_n / full_n,
-        };
-        Limit { gain, max_n }
+        (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
+    }
+
+    /// Voltage of a motor that gives a thrust, by bisection; 0 for none.
+    fn motor_v(&self, thrust_n: f64) -> f64 {
+        let [mut below_v, mut above_v] = [0.0, HIGHEST_V * self.voltage_v];
+        if thrust_n <= 0.0 {
+            return 0.0;
+        }
+        for _ in 0..BISECTIONS {
+            let middle_v = 0.5 * (below_v + above_v);
+            if self.thrust_n(middle_v) < thrust_n {
+                below_v = middle_v;
+            } else {
+                above_v = middle_v;
+            }
+        }
+        above_v
     }
 }
 
@@ -149,6 +193,25 @@ mod tests {
         assert!((limit.max_n - 0.12160).abs() < 1e-4, "{}", limit.max_n);
         battery.options.compensation = Compensation::None;
         assert!((battery.limit(0.12).gain - limit.max_n / 0.12).abs() < 1e-15, "scales");
+    }
+
+    #[test]
+    fn where_the_battery_is_the_limit_all_four_motors_are_lowered_alike() {
+        let (mut battery, _) = cf21();
+        battery.voltage_v = 3.0;
+        let max_n = battery.limit(0.12).max_n;
+        let wanted_n = Vector4::new(max_n + 0.02, max_n - 0.01, 0.05, 0.0);
+        let given_n = battery.lowered(&wanted_n, max_n);
+        assert!((given_n[0] - max_n).abs() < 1e-6, "the strongest is full");
+        let [motors_v, lowered_v] =
+            [wanted_n, given_n].map(|all_n| all_n.map(|thrust_n| battery.motor_v(thrust_n)));
+        for motor in 1..3 {
+            let by_v = [0, motor].map(|motor: usize| motors_v[motor] - lowered_v[motor]);
+            assert!((by_v[0] - by_v[1]).abs() < 1e-6, "alike: {by_v:?}");
+        }
+        assert_eq!(given_n[3], 0.0);
+        battery.options.compensation = Compensation::None;
+        assert_eq!(battery.lowered(&wanted_n, max_n)[1], wanted_n[1], "each alone");
     }
 
     #[test]

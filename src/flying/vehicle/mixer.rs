@@ -58,6 +58,17 @@ impl Mixer {
         (motors, motors != wanted)
     }
 
+    /// The same where the battery's compensation comes first and caps what it drives: commands have no
+    /// upper limit (firmware `stabilizer.c`, `controlMotors`).
+    pub(crate) fn uncapped_motors_from_commands(
+        &self,
+        commands: &Vector4<f64>,
+    ) -> (Vector4<f64>, bool) {
+        let wanted = MOTOR_SIGNS.transpose() * commands;
+        let motors = wanted.map(|motor| motor.max(0.0));
+        (motors, motors != wanted)
+    }
+
     /// Wrench of four commands, with immediate motors and the center of mass in the middle.
     pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
@@ -101,6 +112,17 @@ mod tests {
         let want = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
         assert_eq!(mixer.motors_from_commands(&commands), (want, true));
         let (weak, cut) = mixer.motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
+        assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
+    }
+
+    #[test]
+    fn before_the_battery_commands_are_cut_below_alone() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
+        let want = Vector4::new(64_000.0, 64_000.0, 66_000.0, 66_000.0);
+        assert_eq!(mixer.uncapped_motors_from_commands(&commands), (want, false));
+        let (weak, cut) =
+            mixer.uncapped_motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
         assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
     }
 

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::settings::settings;
 
 pub(super) use crate::crazyflie::GRAVITY_M_S2;
+use crate::crazyflie::SLOW_CLOCK;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
@@ -17,6 +18,8 @@ settings! {
     /// `docs/functional-areas/pwm-to-thrust.md`); propellers of radius 23 mm, 30 mm above the floor
     /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
+        /// Release of the Crazyflie's firmware.
+        firmware: Release = Release::R2026_08;
         /// Mass with battery and decks.
         mass_kg: f64 = 0.0351, in 1e-3..=100.0;
         /// Principal moments of inertia about body x, y, z.
@@ -73,6 +76,18 @@ settings! {
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
     }
 
+    /// A release of the Crazyflie's firmware, where they differ in what is flown.
+    pub enum Release {
+        /// From 2023.11 to 2026.04: the controller keeps its integrals when the host falls silent.
+        "2026.04" => R2026_04,
+        /// 2026.08: all loops of `pid` begin anew when the kind of setpoint changes, as it does when the
+        /// drone levels out after an outage of the radio, and back (`controller_pid.c`). Its clock, as
+        /// that of all before, is slow by 1 in 85.
+        "2026.08" => R2026_08,
+        /// After 2026.08: as 2026.08, with a clock that is right.
+        "after-2026.08" => After2026_08,
+    }
+
     /// A model of the ground effect: thrust near the floor over thrust far from it, at the same
     /// rotor speed.
     pub enum GroundEffect {
@@ -120,15 +135,20 @@ settings! {
         thrust_from_v_n: [f64; 4] = [-0.014831, 0.047245, -0.018474, 0.005961], in -1e3..=1e3;
         /// Compensation of a falling voltage by the firmware.
         compensation: Compensation = Compensation::Firmware;
+        /// Thrust below which the firmware's compensation stops a motor, N.
+        least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
         /// Voltage under load below which, after 5 s, the motors stop for good; 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
 
     /// Compensation of a falling battery voltage by the firmware.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls, until it is full.
+        /// A command is a thrust: the duty cycle rises as the voltage falls, until one is full. Then
+        /// all four are lowered alike: thrust gives way to attitude. The controller `pid` may thus
+        /// command more than `vehicle.motor_max`, which a full battery gives.
         ///
-        /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`.
+        /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
+        /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
         "firmware" => Firmware,
         /// A command is a share of the thrust that the motor gives at the present voltage.
         "none" => None,
@@ -194,6 +214,26 @@ settings! {
         torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5], in 0.0..=10.0;
         /// Correlation time of that torque.
         torque_time_s: f64 = 1.5, in 1e-2..=1e4;
+    }
+}
+
+impl Release {
+    /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
+    pub(crate) fn resets_loops(self) -> bool {
+        self != Self::R2026_04
+    }
+
+    /// Rate of the clock on board, in true seconds a second.
+    #[must_use]
+    pub fn clock(self) -> f64 {
+        if self == Self::After2026_08 { 1.0 } else { SLOW_CLOCK }
+    }
+}
+
+impl BatteryOptions {
+    /// Whether the firmware makes up for a battery that sags.
+    pub(crate) fn is_compensated(&self) -> bool {
+        self.capacity_ah > 0.0 && self.compensation == Compensation::Firmware
     }
 }
 

@@ -205,11 +205,18 @@ impl Plant {
     #[inline(always)]
     fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
-        let Some(battery) = &self.battery else { return thrusts_n.component_mul(&self.given) };
+        let Some(battery) = &self.battery else {
+            let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
+            return full_n.component_mul(&self.given);
+        };
         let limit = battery.limit(self.full_thrust_n);
-        let wanted_n = thrusts_n * limit.gain;
-        self.short_steps += u32::from(wanted_n.max() > limit.max_n);
-        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n)).component_mul(&self.given)
+        let stops = |wanted_n: f64| if wanted_n < limit.least_n { 0.0 } else { wanted_n };
+        let mut wanted_n = (thrusts_n * limit.gain).map(stops);
+        if wanted_n.max() > limit.max_n {
+            self.short_steps += 1;
+            wanted_n = battery.lowered(&wanted_n, limit.max_n);
+        }
+        wanted_n.component_mul(&self.given)
     }
 
     /// Height of the floor at a place.
@@ -341,6 +348,16 @@ mod tests {
         advance(&mut drone, options.vehicle.motor_max, 100);
         let warnings = drone.warnings();
         assert!(matches!(warnings[..], [Warning::BatteryWeak(_)]), "{warnings:?}");
+    }
+
+    #[test]
+    fn a_motor_below_the_least_thrust_stands_still() {
+        let mut options = SimOptions::cf21();
+        options.battery.least_thrust_n = 0.0128;
+        let mut drone = plant(&options, 1.0);
+        let of = |thrust_n: f64| thrust_n / options.vehicle.k_f_n;
+        let thrusts_n = drone.thrusts_n(&[of(0.0127), of(0.0129), of(0.1), 0.0]);
+        assert!((thrusts_n - Vector4::new(0.0, 0.0129, 0.1, 0.0)).norm() < 1e-12, "{thrusts_n}");
     }
 
     #[test]

@@ -30,9 +30,9 @@ const FLICKER_S: f64 = 0.1;
 
 /// Channel of the plan that switches the color LED deck; without it the deck is on.
 pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
-/// Luminous flux in lm of the dies of the color LED deck, white, red, green, blue
-/// (`color_led_deck.h`).
-const COLOR_LED_LM: [u32; 4] = [250, 139, 210, 50];
+/// Scales of the dies of the color LED deck, white, red, green, blue (`LED_PERCEPTUAL_SCALE`,
+/// `color_led_deck.h`), the same in every release that knows the deck, 2025.12 and later.
+const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
 
 /// Most pulses of a lamp: some 100 MB.
 const MAX_PULSES: f64 = 1e6;
@@ -265,15 +265,15 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
 
 /// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.
 pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
-    let weakest_lm = COLOR_LED_LM.into_iter().min().unwrap_or(1);
     std::array::from_fn(|die| {
         let value = match levels {
             ColorLedLevels::Plain => f64::from(wrgb[die]),
             ColorLedLevels::Corrected => {
-                match u32::from(wrgb[die]) * weakest_lm / COLOR_LED_LM[die] {
-                    0 => 0.0,
-                    even => (3.0 + 252.0 * (f64::from(even) / 255.0) * (f64::from(even) / 255.0))
-                        .round(),
+                #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
+                let scaled = (f32::from(wrgb[die]) * COLOR_LED_SCALE[die]) as u8;
+                match f64::from(scaled) / 255.0 {
+                    0.0 => 0.0,
+                    share => (3.0 + 252.0 * share * share).round(),
                 }
             }
         };

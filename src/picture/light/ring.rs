@@ -5,7 +5,9 @@
 
 use super::chance::Chance;
 use super::radio::{Change, Timer, arrivals};
-use super::{LightOptions, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade};
+use super::{
+    LightOptions, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade, ring_memory_rgb,
+};
 use crate::crazyflie::RING_TICK_S;
 use crate::flight::Flight;
 
@@ -141,7 +143,7 @@ impl Ring {
                 self.brightness = if self.brightness < 1.0 { self.brightness + 0.05 } else { 1.0 };
                 [self.color.map(|value| cut(f32::from(value) * self.brightness)); RING_LEDS]
             }
-            RingEffect::Memory(_) => [rgb565(self.color); RING_LEDS],
+            RingEffect::Memory(_) => [ring_memory_rgb(self.color); RING_LEDS],
             RingEffect::Fade(_) => [self.fade.tick(self.color); RING_LEDS],
         }
     }
@@ -188,19 +190,6 @@ fn double_spin(call: usize) -> Frame {
         }
     }
     frame
-}
-
-/// A color after the LED memory: packed into 5, 6 and 5 bits by cflib (`led_driver_memory.py`),
-/// expanded by the firmware.
-fn rgb565([red, green, blue]: [u8; 3]) -> [u8; 3] {
-    let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
-    let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);
-    [five(red), six(green), five(blue)]
-}
-
-fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2]) -> u8 {
-    let packed = (value * scale + offset) >> shift;
-    u8::try_from((packed * wide + round) >> 6).unwrap_or(u8::MAX)
 }
 
 /// A level of 0 to 1 as the nearest of 255 steps.
@@ -267,11 +256,11 @@ mod tests {
     #[test]
     fn led_memory_rounds_to_16_bits() {
         // Facts: R8 = (R5·527 + 23) >> 6, G8 = (G6·259 + 33) >> 6.
-        assert_eq!(rgb565([255; 3]), [255; 3]);
-        assert_eq!(rgb565([0; 3]), [0; 3]);
-        assert_eq!(rgb565([20, 20, 20]), [16, 20, 16], "20 is 2 of 31 and 5 of 63");
+        assert_eq!(ring_memory_rgb([255; 3]), [255; 3]);
+        assert_eq!(ring_memory_rgb([0; 3]), [0; 3]);
+        assert_eq!(ring_memory_rgb([20, 20, 20]), [16, 20, 16], "20 is 2 of 31 and 5 of 63");
         for value in 0..=255_u8 {
-            let [red, green, _] = rgb565([value; 3]);
+            let [red, green, _] = ring_memory_rgb([value; 3]);
             assert!(red.abs_diff(value) <= 4 && green.abs_diff(value) <= 2, "{value}");
         }
     }

@@ -288,12 +288,25 @@ fn the_color_led_follows_its_firmwares_curve() {
         down_cd(&lit(&options, &[]), "color LED", 1.0)
     };
     assert!((cd(ColorLedLevels::Corrected, [0, 0, 0, 255]) - 15.9).abs() < 1e-9);
-    // White 255 is evened out to 51 and squared to 13 of 255.
-    assert!((cd(ColorLedLevels::Corrected, [255, 0, 0, 0]) - 79.6 * 13.0 / 255.0).abs() < 1e-9);
+    // White 255 is evened out to 252 and squared to 249 of 255.
+    assert!((cd(ColorLedLevels::Corrected, [255, 0, 0, 0]) - 79.6 * 249.0 / 255.0).abs() < 1e-9);
     assert!((cd(ColorLedLevels::Plain, [255, 0, 0, 0]) - 79.6).abs() < 1e-9);
     let switched = lit(&options(ColorLedLevels::Corrected), &["color-led"]);
     assert_eq!(down_cd(&switched, "color LED", 0.4), 0.0);
     assert!(down_cd(&switched, "color LED", 1.0) > 15.0, "switched on by its channel");
+}
+
+#[test]
+fn every_byte_of_the_color_led_has_the_level_of_the_firmwares_own_code() {
+    let recorded = include_str!("recorded/color_led.txt");
+    let rows = recorded.lines().filter(|line| !line.starts_with('#'));
+    for (die, row) in rows.enumerate() {
+        for byte in 0..=255_u8 {
+            let want = u8::from_str_radix(&row[2 * usize::from(byte)..][..2], 16).unwrap();
+            let levels = programs::color_led_levels([byte; 4], ColorLedLevels::Corrected);
+            assert_eq!(levels[die] * 255.0, f64::from(want), "die {die}, byte {byte}");
+        }
+    }
 }
 
 #[test]

@@ -149,7 +149,7 @@ mod tests {
     fn every_crazyflie_bears_a_rooms_gusts_with_the_firmwares_controllers() {
         // A regulator without integral action does not: they move cf21 by 8 cm.
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
-            for (kind, bound_m) in [(ControllerKind::Pid, 0.12), (ControllerKind::Geometric, 0.05)]
+            for (kind, bound_m) in [(ControllerKind::Pid, 0.12), (ControllerKind::Geometric, 0.06)]
             {
                 let mut options = preset.scene().sim();
                 options.controller.kind = kind;

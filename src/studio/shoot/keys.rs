@@ -12,10 +12,16 @@ use crate::settings::{Described, Setting, Shape, joined, names, of_kind};
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
+    ("vehicle.firmware", "outages of the radio of more than 0.5 s"),
     ("air.downwash", "drones that are planned above each other"),
     ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the firmware's filter believes"),
+    ("sensors.lighthouse.panes_m", "`coverage`, and sweeps where the pane reflects enough"),
     ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
+    (
+        "camera.metering.room_stops",
+        "lamps so dim or flights so long that the room would fog the picture",
+    ),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
     ("photo.aperture_blades", "spikes, where a lamp dwells"),
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),

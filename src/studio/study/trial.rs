@@ -25,8 +25,8 @@ use crate::shoot::{Judging, Planned, Recording, Shoot};
 const CAP_HEIGHT_PX: f64 = 48.0;
 /// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store does
 /// not mix both. Since 2, a likelier rival caps the probability of being read; since 3, a rehearsal
-/// corrects every plan.
-const OUTCOME_VERSION: f64 = 3.0;
+/// corrects every plan; since 4, `ekf` is the firmware's own filter.
+const OUTCOME_VERSION: f64 = 4.0;
 
 /// A scene made ready to fly a word again and again.
 #[derive(Clone, Debug)]

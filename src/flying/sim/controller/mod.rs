@@ -36,6 +36,9 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
+    /// Learns that another kind of setpoint follows: the drone levels out, or returns from it.
+    fn change_mode(&mut self, _: &State) {}
+
     /// What the controller remembers from one command to the next and acts on, as values that may be
     /// set; nothing for the regulators, whose gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {

@@ -5,9 +5,9 @@
 //! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
 //! are unchanged; pitch has our sign.
 //!
-//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
-//! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
-//! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
+//! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
+//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`; its own C,
+//! compiled, gave the numbers that a test here compares with. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
 //! body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because
 //! their gain is 0. Immediate motors need the rate's filter.
 
@@ -133,6 +133,10 @@ pub(super) struct PidCascade {
     wanted: [f64; 2],
     thrust: f64,
     thrust_base: f64,
+    /// Whether the battery's compensation caps the motors, and not the mixer.
+    compensated: bool,
+    /// Whether all loops begin anew with another kind of setpoint.
+    resets: bool,
 }
 
 impl PidCascade {
@@ -170,7 +174,21 @@ impl PidCascade {
             wanted: [0.0; 2],
             thrust: 0.0,
             thrust_base,
+            compensated: options.battery.is_compensated(),
+            resets: vehicle.firmware.resets_loops(),
         }
+    }
+
+    /// Forgets integrals and derivatives (`controllerPidReinitialize`).
+    fn begin_anew(&mut self, estimate: &State) {
+        let (here, now) = (position(estimate), angles(estimate));
+        for i in 0..3 {
+            self.position[i].reset(here[i]);
+            self.velocity[i].reset(0.0);
+            self.attitude[i].reset(now[i]);
+            self.rate[i].reset(0.0);
+        }
+        self.wanted = [now[0], now[1]];
     }
 
     /// Position and velocity loops: wanted roll, pitch and thrust.
@@ -216,19 +234,22 @@ impl Controller for PidCascade {
         self.ticks += 1;
         let [roll, pitch, yaw] = self.inner(estimate);
         let commands = Vector4::new(roll / 2.0, pitch / 2.0, yaw, self.thrust) * self.scale;
-        let (motors, saturated) = self.mixer.motors_from_commands(&commands);
+        let (motors, saturated) = match self.compensated {
+            true => self.mixer.uncapped_motors_from_commands(&commands),
+            false => self.mixer.motors_from_commands(&commands),
+        };
         Command { motors, saturated }
     }
 
     fn rest(&mut self, estimate: &State) {
-        let (here, now) = (position(estimate), angles(estimate));
-        for i in 0..3 {
-            self.position[i].reset(here[i]);
-            self.velocity[i].reset(0.0);
-            self.attitude[i].reset(now[i]);
-            self.rate[i].reset(0.0);
-        }
+        self.begin_anew(estimate);
         self.ticks = 0;
+    }
+
+    fn change_mode(&mut self, estimate: &State) {
+        if self.resets {
+            self.begin_anew(estimate);
+        }
     }
 
     fn memory(&mut self) -> Vec<&mut f64> {
@@ -246,7 +267,7 @@ fn angles(state: &State) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::at;
+    use crate::vehicle::{Release, at};
 
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
         let mut cascade = PidCascade::new(&SimOptions::default());
@@ -279,6 +300,65 @@ mod tests {
         let turned = at(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
         let (cascade, _) = asked(&turned, Vector3::new(0.0, 0.1, 0.0));
         assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "ahead of a drone that looks along y");
+    }
+
+    #[test]
+    fn commands_are_those_of_the_firmwares_own_code() {
+        let recorded = include_str!("recorded/pid.txt");
+        let mut rows = recorded.lines().filter(|line| !line.starts_with('#'));
+        let mut cascade = PidCascade::new(&SimOptions::cf21());
+        let mut worst = [0.0_f64; 4];
+        for k in 0..2000_u32 {
+            let (t, grows) = (0.002 * f64::from(k), if k < 1000 { 1.0 } else { 4.0 });
+            let sin = |amplitude: f64, w: f64| amplitude * libm::sin(w * t);
+            let held_m = Vector3::new(sin(0.3, 1.3), sin(0.2, 0.9), 0.8 + sin(0.1, 0.7));
+            let off_m = Vector3::new(sin(0.03, 3.1), sin(-0.02, 2.3), sin(0.02, 1.9)) * grows;
+            let moving = Vector3::new(sin(0.2, 2.9), sin(0.15, 3.7), sin(0.1, 2.2)) * grows;
+            let attitude = crate::geometry::Attitude {
+                yaw_rad: sin(0.3, 1.1),
+                pitch_rad: sin(0.05, 5.3) * grows,
+                roll_rad: sin(0.06, 4.7) * grows,
+            };
+            let mut state = at(held_m + off_m, attitude.yaw_rad);
+            (state[4], state[5]) = (attitude.pitch_rad, attitude.roll_rad);
+            let in_body = attitude.world_from_body().tr_mul(&moving);
+            state.fixed_rows_mut::<3>(6).copy_from(&in_body);
+            let rate = Vector3::new(sin(0.5, 11.0), sin(0.4, 13.0), sin(0.2, 7.0)) * grows;
+            state.fixed_rows_mut::<3>(9).copy_from(&rate);
+            if k == 0 {
+                cascade.rest(&state);
+            }
+            if k.is_multiple_of(5) {
+                cascade.outer(&state, held_m);
+            }
+            let [roll, pitch, yaw] = cascade.inner(&state);
+            if k % 5 == 4 {
+                let row: Vec<f64> =
+                    rows.next().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
+                assert_eq!(row[0], f64::from(k));
+                let found = [roll, pitch, yaw, cascade.thrust];
+                for (i, worst) in worst.iter_mut().enumerate() {
+                    *worst = worst.max((found[i] - row[i + 1]).abs());
+                }
+            }
+        }
+        println!("roll, pitch, yaw and thrust off by {worst:?}");
+        assert!(worst[..3].iter().all(|worst| *worst < 1.2), "of 32,767: {worst:?}");
+        assert!(worst[3] < 0.1, "thrust {} of 65,535", worst[3]);
+    }
+
+    #[test]
+    fn another_kind_of_setpoint_empties_the_integrals_since_release_2026_08() {
+        let place = Vector3::new(0.3, 0.1, 0.8);
+        for (release, keeps) in [(Release::R2026_04, true), (Release::R2026_08, false)] {
+            let mut options = SimOptions::cf21();
+            options.vehicle.firmware = release;
+            let mut cascade = PidCascade::new(&options);
+            cascade.rest(&at(place, 0.0));
+            (0..50).for_each(|_| cascade.outer(&at(place, 0.0), place + Vector3::z() * 0.1));
+            cascade.change_mode(&at(place, 0.0));
+            assert_eq!(cascade.velocity[2].integral != 0.0, keeps, "{release:?}");
+        }
     }
 
     #[test]

@@ -1,13 +1,13 @@
-//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights.
+//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights. It is what
+//! an improved estimator would bring; the drone's own is [`Firmware`](super::firmware::Firmware).
 //!
-//! The motion is driven by gyroscope and accelerometer at every tick ([`Inertial`]); its errors'
-//! covariance is carried when something is measured, and at 100 times a second otherwise, as in the
-//! firmware (`estimator_kalman.c`). All measurements of a tick are held against the state predicted
-//! for it, one scalar after the other: sweeps through the firmware's [`SweepFilter`], all else
-//! through a χ² gate.
+//! The motion is driven by gyroscope and accelerometer, all three axes, at every tick ([`Inertial`]);
+//! its errors' covariance is carried when something is measured, and at 100 times a second otherwise.
+//! All measurements of a tick are held against the state predicted for it, one scalar after the other,
+//! with their slopes over position and turn: sweeps, each when it arrives, through the firmware's
+//! [`SweepFilter`], all else through a χ² gate.
 //!
-//! Sources: Mueller, Hamer, D'Andrea, "Fusing ultra-wideband range measurements with accelerometers
-//! and rate gyroscopes for quadrocopter state estimation", ICRA 2015 (the firmware's filter).
+//! Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
 //! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
 //! stations' geometry.
@@ -66,7 +66,7 @@ pub(super) enum Source {
 /// What is known of the sensors.
 #[derive(Debug)]
 pub(super) struct Model {
-    stations: Vec<StationPose>,
+    pub(super) stations: Vec<StationPose>,
     pub(super) anchors_m: Vec<Vector3<f64>>,
     /// Height of the floor below the drone.
     floor_m: f64,
@@ -76,7 +76,7 @@ pub(super) struct Model {
     /// Variance of an angle of a station of the first and of the second generation.
     sweep: [f64; 2],
     /// Variance of a coordinate.
-    position: f64,
+    pub(super) position: f64,
     /// Variance of a difference of ranges, and of two-way ranging.
     pub(super) range: [f64; 2],
     /// Variance of the height by air pressure.
@@ -185,7 +185,7 @@ impl Ekf {
 }
 
 impl Model {
-    fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
+    pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
         let square = |sigma: f64| sigma * sigma;
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
@@ -205,6 +205,11 @@ impl Model {
             gate_sigmas: options.gate_sigmas,
             ranger_m: sensors.time_of_flight.noise_m,
         }
+    }
+
+    /// Variance of a sweep angle of a station.
+    pub(super) fn sweep_variance(&self, station: usize) -> f64 {
+        self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
     /// Passes on every measurement of the first drone of a filter.
@@ -243,7 +248,7 @@ impl Model {
         each: &mut impl FnMut(Source, &Measurement<'_>),
     ) {
         let station = &self.stations[sweep.station];
-        let variance = self.sweep[usize::from(station.generation == Generation::V2)];
+        let variance = self.sweep_variance(sweep.station);
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
             let place_m = motion.position_m + motion.world_from_body * lever;
             let crossing = station.crossing(sweep.plane, &place_m);

@@ -4,14 +4,19 @@
 
 mod altitude;
 mod altitude_filter;
+#[cfg(test)]
+mod as_compiled;
 mod bound;
 mod cooperative;
+mod deck;
 mod ekf;
+mod firmware;
 #[cfg(test)]
 mod in_flight;
 mod luenberger;
 mod past;
 mod sweep_filter;
+mod tdoa_filter;
 
 use nalgebra::Vector3;
 
@@ -20,10 +25,12 @@ pub use self::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState, H
 pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;
+use self::firmware::Firmware;
 use self::luenberger::Observer;
 use super::options::{EstimatorKind, SimOptions};
 use crate::error::Result;
 use crate::estimate::{Inertial, angles};
+use crate::random::Noise;
 use crate::sensors::{Fleet, Positioning, Readings};
 use crate::vehicle::{RigidBody, State};
 
@@ -31,6 +38,7 @@ use crate::vehicle::{RigidBody, State};
 #[derive(Debug)]
 pub(super) enum Estimator {
     Luenberger(Box<Observer>),
+    Firmware(Box<Firmware>),
     Ekf(Box<Ekf>),
     Altitude(Box<Altitude>),
     Cooperative(Box<Cooperative>),
@@ -43,6 +51,7 @@ impl Estimator {
     pub(super) fn face(&mut self, yaw_rad: f64) {
         match self {
             Self::Luenberger(observer) => observer.face(yaw_rad),
+            Self::Firmware(filter) => filter.face(yaw_rad),
             Self::Ekf(filter) => filter.face(yaw_rad),
             Self::Altitude(filters) => filters.face(yaw_rad),
             Self::Cooperative(filter) => filter.face(yaw_rad),
@@ -54,6 +63,7 @@ impl Estimator {
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         match self {
             Self::Luenberger(observer) => observer.update(readings, tick_s),
+            Self::Firmware(filter) => filter.update(readings, tick_s),
             Self::Ekf(filter) => filter.update(readings, tick_s),
             Self::Altitude(filters) => filters.update(readings, tick_s),
             Self::Cooperative(filter) => filter.update(readings, tick_s),
@@ -65,6 +75,7 @@ impl Estimator {
     pub(super) fn state(&self) -> State {
         match self {
             Self::Luenberger(observer) => observer.state(),
+            Self::Firmware(filter) => filter.state(),
             Self::Ekf(filter) => filter.state(),
             Self::Altitude(filters) => filters.state(),
             Self::Cooperative(filter) => filter.state(),
@@ -84,7 +95,7 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 }
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
-/// along world x.
+/// along world x. The seed is that of the sweeps that it drops by chance.
 ///
 /// # Errors
 ///
@@ -93,6 +104,7 @@ pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,
     fleet: &Fleet,
+    seed: u64,
 ) -> Result<Estimator> {
     let SimOptions { observer, sensors, .. } = options;
     let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
@@ -100,7 +112,12 @@ pub(super) fn estimator(
         EstimatorKind::Luenberger => {
             Estimator::Luenberger(Box::new(Observer::new(&observer.luenberger, position_m)?))
         }
-        EstimatorKind::Ekf => Estimator::Ekf(Box::new(ekf())),
+        EstimatorKind::Ekf => {
+            let drone = fleet.members[fleet.place].index;
+            let noise = Noise::new(seed, drone, "lighthouse deck");
+            Estimator::Firmware(Box::new(Firmware::new(observer, sensors, position_m, noise)))
+        }
+        EstimatorKind::EkfImproved => Estimator::Ekf(Box::new(ekf())),
         EstimatorKind::Altitude => {
             let hover = options.believed_hover_throttle();
             Estimator::Altitude(Box::new(Altitude {

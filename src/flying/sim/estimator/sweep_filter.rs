@@ -1,39 +1,53 @@
 //! The firmware's outlier filter of Lighthouse sweeps.
 //!
 //! In: the error of a sweep at the deck, m: that of its angle times the distance from the rotor's
-//! axis. Out: whether the Kalman filter takes it in. A sweep off by less than 0.2 m is good, and
-//! closes the filter for 100 ms, in which none but good ones are taken; without a good one for so
-//! long all are, so that an estimate that strayed finds back, to a reflection if that is all it sees.
+//! axis. Out: whether the Kalman filter takes it in. Each sweep closes the filter for a time that
+//! grows by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad one; while it
+//! is closed, none but good ones are taken. An estimate that strayed thus finds back in some five
+//! bad sweeps, to a reflection if that is what it sees.
 //!
-//! Source: bitcraze/crazyflie-firmware, `outlierFilterLighthouse.c` (commit 8c973af, lines 35, 36 and
-//! 44 to 64), called by `mm_sweep_angles.c`. Before it (commit 9efb0eb, lines 34 to 39 and 47 to 76) the
-//! bound was 0.05 m, and the time grew with good sweeps and shrank with bad ones.
+//! Source: `outlierFilterLighthouse.c`, the same in every release of the firmware from 2023.11 to
+//! 2026.08, called by `mm_sweep_angles.c`.
 
 /// Least error of a bad sweep (`lhMaxError`).
-const BAD_M: f64 = 0.2;
-/// Time for which a good sweep closes the filter (`lhValidityTimeMs`).
-const CLOSED_S: f64 = 0.1;
+const BAD_M: f64 = 0.05;
+/// Bounds of the time for which a sweep closes the filter, ms: below 0 it stays open.
+const WINDOW_MS: [f64; 2] = [-16.0, 40.0];
+/// What a good and a bad sweep change it by, ms.
+const GOOD_MS: f64 = 4.0;
+const STRAY_MS: f64 = -8.0;
+/// Times are compared to within this, ms.
+const TOLERANCE_MS: f64 = 1e-6;
 
 /// Open at first.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct SweepFilter {
+    window_ms: f64,
     /// Time until it opens.
-    closed_s: f64,
+    closed_ms: f64,
+}
+
+impl Default for SweepFilter {
+    fn default() -> Self {
+        Self { window_ms: WINDOW_MS[0], closed_ms: 0.0 }
+    }
 }
 
 impl SweepFilter {
     /// Lets a time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
-        self.closed_s -= time_s;
+        self.closed_ms -= 1e3 * time_s;
     }
 
     /// Whether a sweep is taken in.
     pub(super) fn takes(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
-        if is_good {
-            self.closed_s = CLOSED_S;
-        }
-        is_good || self.closed_s <= 0.0
+        let change_ms = if is_good { GOOD_MS } else { STRAY_MS };
+        let [least_ms, most_ms] = WINDOW_MS;
+        self.window_ms = (self.window_ms + change_ms).clamp(least_ms, most_ms);
+        let closed = self.closed_ms > TOLERANCE_MS;
+        self.closed_ms = self.window_ms;
+        is_good || !closed
     }
 }
 
@@ -42,14 +56,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bad_sweeps_are_taken_when_no_good_one_came_for_a_tenth_of_a_second() {
+    fn decisions_are_those_of_the_firmwares_own_code() {
+        let recorded = include_str!("recorded/outliers.txt");
+        let row = recorded.lines().find(|line| !line.starts_with('#')).unwrap();
+        let (mut filter, mut number) = (SweepFilter::default(), 1_u32);
+        for (k, want) in row.chars().enumerate() {
+            number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let dice = number >> 24;
+            let passed_ms = if dice.is_multiple_of(7) { 40 } else { dice % 3 };
+            filter.wait(1e-3 * f64::from(passed_ms));
+            let bad = dice < if k / 50 % 2 == 1 { 160 } else { 40 };
+            let error_m = if bad { 0.6 } else { 0.002 * f64::from(dice % 20) };
+            assert_eq!(filter.takes(error_m), want == '1', "sweep {k}");
+        }
+    }
+
+    #[test]
+    fn good_sweeps_close_it_and_bad_ones_open_it_again() {
         let mut filter = SweepFilter::default();
         assert!(filter.takes(3.0), "open at first");
-        assert!(filter.takes(-0.199) && !filter.takes(-0.2), "closed by a good one");
-        filter.wait(0.098);
-        assert!(!filter.takes(0.3), "a bad one neither opens nor closes");
-        filter.wait(0.004);
-        assert!(filter.takes(0.3) && filter.takes(0.3), "open until the next good one");
-        assert!(filter.takes(0.1) && !filter.takes(0.3));
+        (0..20).for_each(|_| assert!(filter.takes(0.049)));
+        assert_eq!(
+            [0; 7].map(|_| filter.takes(0.05)),
+            [false, false, false, false, false, true, true]
+        );
+        (0..20).for_each(|_| assert!(filter.takes(0.0)));
+        filter.wait(0.0398);
+        assert!(!filter.takes(-0.3), "closed for 40 ms");
+        filter.wait(0.032);
+        assert!(filter.takes(-0.3), "and for 32 ms after a bad one");
     }
 }

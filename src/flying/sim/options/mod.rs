@@ -14,7 +14,8 @@ pub use self::controller::{
     PidOptions,
 };
 pub use self::observer::{
-    CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
+    CooperativeOptions, EkfOptions, EstimatorKind, FirmwareOptions, HorizontalForce,
+    LuenbergerOptions, ObserverOptions, Share, SweepAttitude,
 };
 pub use self::radio::{RadioOptions, Setpoints};
 use crate::error::{Error, Result};
@@ -157,6 +158,21 @@ impl SimOptions {
         options.vehicle.center_of_mass_m = [0.0; 2];
         options.radio = RadioOptions::default();
         options
+    }
+
+    /// The same with the firmware's filter on ideal sweeps of its stations: what it makes of the drone's
+    /// drag is the same in every flight. `None` where another estimator flies, or on other sensors.
+    #[must_use]
+    pub fn rehearsal_by_filter(&self) -> Option<Self> {
+        let positioning = self.sensors.positioning;
+        let by_light = matches!(positioning, Positioning::Sweeps | Positioning::CrossingBeams);
+        (by_light && self.observer.kind == EstimatorKind::Ekf).then(|| {
+            let mut options = self.rehearsal();
+            options.observer.kind = EstimatorKind::Ekf;
+            options.sensors.positioning = positioning;
+            options.sensors.lighthouse.stations = self.sensors.lighthouse.stations.clone();
+            options
+        })
     }
 }
 

@@ -15,7 +15,9 @@ settings! {
             for "observer.kind" = "luenberger";
         /// Extended Kalman filter.
         ekf: EkfOptions = EkfOptions::default(),
-            for "observer.kind" = "ekf" | "altitude" | "cooperative";
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
+        /// What the firmware's Kalman filter does otherwise than a textbook's.
+        firmware: FirmwareOptions = FirmwareOptions::default(), for "observer.kind" = "ekf";
         /// Altitude filter.
         altitude: AltitudeOptions = AltitudeOptions::default(), for "observer.kind" = "altitude";
         /// The filter of a fleet, with the weights of `ekf`.
@@ -27,10 +29,13 @@ settings! {
     pub enum EstimatorKind {
         /// The reference flight's Luenberger observer, on positions.
         "luenberger" => Luenberger,
-        /// Extended Kalman filter, on any measurement.
+        /// Extended Kalman filter of the Crazyflie's firmware, on any measurement.
         "ekf" => Ekf,
+        /// Extended Kalman filter that uses all three axes of the accelerometer, every sweep at its
+        /// time and its whole slope: what an improved estimator would bring.
+        "ekf-improved" => EkfImproved,
         /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all else
-        /// by the extended Kalman filter.
+        /// by the improved extended Kalman filter.
         "altitude" => Altitude,
         /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
         /// ranges and messages.
@@ -77,19 +82,18 @@ settings! {
     ///
     /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
     /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
-    /// are densities of 0.022 (0.045) and 0.0045; sweeps 1 mrad (0.4 mrad of the first
+    /// are densities of 0.02236 (0.04472) and 0.004472; sweeps 1 mrad (0.4 mrad of the first
     /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
-    /// Commits 170923a, 71bf0d5 and 0cf8300. Sweeps pass the firmware's own outlier filter
-    /// (`outlierFilterLighthouse.c`, commit 8c973af); the gate of all else is ours.
+    /// Release 2026.08. Sweeps pass the firmware's own outlier filter (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
         /// More follows the positioning faster.
-        acceleration_noise_m_s2_sqrt_hz: f64 = 0.022, in 1e-6..=100.0;
+        acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;
         /// The same along world z, where the propellers shake.
-        acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.045, in 1e-6..=100.0;
+        acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
-        rate_noise_rad_s_sqrt_hz: f64 = 0.0045, in 1e-7..=10.0;
+        rate_noise_rad_s_sqrt_hz: f64 = 0.004472, in 1e-7..=10.0;
         /// Standard deviation of a sweep angle of a second-generation station.
         sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0,
             for "sensors.positioning" = "sweeps",
@@ -111,17 +115,62 @@ settings! {
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
         /// Gate: standard deviations of its innovation beyond which a position, a range or a height
-        /// is rejected.
+        /// is rejected; the firmware has none.
         ///
         /// χ² with one degree of freedom. If it is too low, measurements that disagree by several
         /// times the σ above, as those of real rooms do, are ignored.
-        gate_sigmas: f64 = 10.0, in 1.0..=1e6;
+        gate_sigmas: f64 = 10.0, in 1.0..=1e6,
+            for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
         /// Whether the floor below the ranger may have steps, such as the edge of a table.
         ///
         /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor, and
         /// not motion of the drone.
         floor_steps: bool = false,
-            for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf";
+            for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf-improved";
+    }
+
+    /// What the firmware's Kalman filter does otherwise than a textbook's: each can be changed, to see
+    /// what it costs.
+    ///
+    /// Default: release 2026.08 (`kalman_core.c`, `estimator_kalman.c`, `mm_sweep_angles.c`,
+    /// `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`, `outlierFilterTdoa.c`).
+    pub struct FirmwareOptions {
+        /// Specific force across the body's z axis in flight.
+        horizontal_force: HorizontalForce = HorizontalForce::Zero;
+        /// Predictions per second, each on the mean of the inertial readings since the last.
+        prediction_hz: f64 = 100.0, in 1.0..=2000.0;
+        /// What the angles of sweeps say about the attitude.
+        sweep_attitude: SweepAttitude = SweepAttitude::YawError,
+            for "sensors.positioning" = "sweeps";
+        /// Whether both sweeps of a rotation are used at the second one, and none where one is
+        /// missing; else each when it arrives.
+        paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
+        /// Rotations per second that are used of all second-generation stations together; 0: all.
+        rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
+        /// Least variance of each state: of position (m²), velocity (m²/s²) and attitude (rad²).
+        least_variance: f64 = 1e-6, in 0.0..=1.0;
+        /// Full angle of the cone in which the ranger takes the nearest point of the floor.
+        ranger_cone_rad: f64 = 0.261_799_387_8, in 0.0..=3.0,
+            for "sensors.heights" = "time-of-flight";
+        /// Whether differences of ultra-wideband ranges pass the firmware's outlier filter.
+        difference_filter: bool = true, for "sensors.positioning" = "uwb-tdoa";
+    }
+
+    /// Specific force across the body's z axis in flight, as the firmware's filter has it.
+    pub enum HorizontalForce {
+        /// None: a drone without drag feels none. One with drag is taken to be tilted and to move
+        /// otherwise than it does.
+        "zero" => Zero,
+        /// What the accelerometer reads.
+        "measured" => Measured,
+    }
+
+    /// What the angles of sweeps say about the attitude.
+    pub enum SweepAttitude {
+        /// The yaw, by the diagonals of the deck's sensors as one station sees them.
+        "yaw-error" => YawError,
+        /// The turn about all axes, by the slope of each sensor's angle.
+        "slope" => Slope,
     }
 }
 

@@ -1,0 +1,339 @@
+//! The Kalman filter of the Crazyflie's firmware, in double precision.
+//!
+//! Position in the world, velocity in the body, an attitude and its small error. 100 times a second
+//! they are moved by the mean of the inertial readings since; in flight the air is taken to push
+//! along the body's z axis alone. A measurement corrects at once, one scalar after the other, each
+//! linearized where the last one left the state; the turns of a tick are applied at its end. Which
+//! of these habits an estimator keeps is chosen by [`FirmwareOptions`].
+//!
+//! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
+//! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015; M. W. Mueller,
+//! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude", Journal
+//! of Guidance, Control, and Dynamics 40(9), 2017; bitcraze/crazyflie-firmware 2026.08:
+//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Its own C, compiled,
+//! gave the numbers that the tests here compare with (tests/firmware).
+//!
+//! Not modeled: single precision; the attitude's pull to level on the floor without a Lighthouse
+//! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
+//! when a drone is put down and waits.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::deck::{Deck, Rotation};
+use super::ekf::{Model, START};
+use super::sweep_filter::SweepFilter;
+use super::tdoa_filter::TdoaFilter;
+use crate::crazyflie::GRAVITY_M_S2;
+use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles, toward};
+use crate::random::Noise;
+use crate::sensors::SensorOptions;
+use crate::sensors::{DECK_SENSORS_M, Range, Readings, time_of_flight_sigma_m};
+use crate::sim::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
+use crate::vehicle::State;
+
+/// Times are compared to within this.
+const TIME_TOLERANCE_S: f64 = 1e-9;
+/// The drone counts as flying for so long after its motors were driven (`supervisor.c`).
+const FLYING_S: f64 = 2.0;
+/// Largest variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
+const LARGEST_VARIANCE: f64 = 100.0;
+/// An error of the attitude below this on all axes is dropped at the end of a tick, not applied.
+const LEAST_TURN_RAD: f64 = 0.1e-3;
+/// Standard deviation of a yaw error (`lighthouse_position_est.c`).
+const YAW_SIGMA_RAD: f64 = 0.01;
+/// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
+const LEAST_COS_TILT: f64 = 0.1;
+
+/// The filter.
+#[derive(Debug)]
+pub(in crate::sim) struct Firmware {
+    options: FirmwareOptions,
+    model: Model,
+    position_m: Vector3<f64>,
+    /// In the body.
+    velocity_m_s: Vector3<f64>,
+    attitude: Turned,
+    /// The attitude at the end of the last tick, by which a whole tick computes.
+    world_from_body: Matrix3<f64>,
+    /// Error of the attitude since.
+    turn_rad: Vector3<f64>,
+    /// Errors of position, velocity and attitude; their mean is moved into the state at once.
+    normal: Normal,
+    rate_rad_s: Vector3<f64>,
+    /// Sums of rates and forces since the last prediction, and their count; the last means.
+    sums: ([Vector3<f64>; 2], f64),
+    means: [Vector3<f64>; 2],
+    deck: Deck,
+    sweep_filter: SweepFilter,
+    tdoa_filter: TdoaFilter,
+    time_s: f64,
+    predicted_s: f64,
+    /// When the motors were driven last.
+    driven_s: f64,
+    begun: bool,
+}
+
+impl Firmware {
+    /// A filter that believes in a level drone at rest at `position_m`. `noise` decides which
+    /// rotations are dropped.
+    pub(super) fn new(
+        observer: &ObserverOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+        noise: Noise,
+    ) -> Self {
+        let options = observer.firmware.clone();
+        Self {
+            deck: Deck::new(&options, sensors, noise),
+            options,
+            model: Model::new(&observer.ekf, sensors),
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            attitude: Turned::level(),
+            world_from_body: Matrix3::identity(),
+            turn_rad: Vector3::zeros(),
+            normal: Normal::of_drones(1, START, &[]),
+            rate_rad_s: Vector3::zeros(),
+            sums: Default::default(),
+            means: Default::default(),
+            sweep_filter: SweepFilter::default(),
+            tdoa_filter: TdoaFilter::default(),
+            time_s: 0.0,
+            predicted_s: 0.0,
+            driven_s: f64::NEG_INFINITY,
+            begun: false,
+        }
+    }
+
+    /// Learns how its nose was put down.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        self.attitude = Turned::facing(yaw_rad);
+        self.world_from_body = self.attitude.matrix();
+    }
+
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
+        self.time_s += tick_s;
+        self.sweep_filter.wait(tick_s);
+        self.tdoa_filter.wait(tick_s);
+        if readings.throttle > 0.0 {
+            self.driven_s = self.time_s;
+        }
+        // The deck looks at the state of the tick before.
+        let rotations = self.deck.hear(readings.sweeps, self.time_s);
+        let yaw_errors_rad: Vec<Option<f64>> =
+            rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
+
+        let span_s = self.time_s - self.predicted_s;
+        let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
+        if predicts {
+            self.predict(span_s);
+        }
+        self.add_noise(tick_s);
+        for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
+            self.correct_by_sweeps(rotation);
+            if let Some(yaw_error_rad) = yaw_error_rad {
+                let error_rad = self.turn_rad.z - yaw_error_rad;
+                let slope = [Part::One(TURN + 2, 1.0)];
+                self.correct(&slope, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+            }
+        }
+        readings.ranges.iter().for_each(|range| self.correct_by_range(range));
+        self.correct_by_place(readings);
+        self.sums.0[0] += readings.rate_rad_s;
+        self.sums.0[1] += readings.specific_force_m_s2;
+        self.sums.1 += 1.0;
+        self.rate_rad_s = readings.rate_rad_s;
+        if predicts || !rotations.is_empty() || readings.measures_place() {
+            self.settle();
+        }
+    }
+
+    pub(super) fn state(&self) -> State {
+        let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
+        let a = angles(&self.world_from_body);
+        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
+        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
+    }
+
+    /// Standard deviation of a state.
+    #[cfg(test)]
+    pub(super) fn sigma(&self, state: usize) -> f64 {
+        self.normal.sigma(state)
+    }
+
+    /// Moves the state and its covariance over a span by the mean of its inertial readings.
+    fn predict(&mut self, span_s: f64) {
+        let (sums, n) = std::mem::take(&mut self.sums);
+        if n > 0.0 {
+            self.means = sums.map(|sum| sum / n);
+        }
+        let [rate, mut force] = self.means;
+        let flies = self.time_s - self.driven_s < FLYING_S;
+        if flies && self.options.horizontal_force == HorizontalForce::Zero {
+            (force.x, force.y) = (0.0, 0.0);
+        }
+        let (r, v) = (self.world_from_body, self.velocity_m_s);
+        let up = r.row(2).transpose();
+
+        let mut phi = SMatrix::<f64, 9, 9>::identity();
+        let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
+            phi.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+        };
+        set(0, VELOCITY, r * span_s);
+        set(0, TURN, -r * v.cross_matrix() * span_s);
+        set(VELOCITY, VELOCITY, Matrix3::identity() - rate.cross_matrix() * span_s);
+        set(VELOCITY, TURN, up.cross_matrix() * (-GRAVITY_M_S2 * span_s));
+        set(TURN, TURN, turned_back(&(rate * span_s)));
+        self.transform(&phi);
+
+        let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
+        self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
+        self.velocity_m_s += (force - rate.cross(&v) - up * GRAVITY_M_S2) * span_s;
+        self.attitude = self.attitude.by(&(rate * span_s));
+        self.predicted_s = self.time_s;
+    }
+
+    fn add_noise(&mut self, tick_s: f64) {
+        let density = &self.model.density;
+        for axis in 0..3 {
+            let p = &mut self.normal.covariance;
+            p[(VELOCITY + axis, VELOCITY + axis)] += density.acceleration[axis] * tick_s;
+            p[(TURN + axis, TURN + axis)] += density.rate * tick_s;
+        }
+        self.bound();
+    }
+
+    fn correct_by_sweeps(&mut self, rotation: &Rotation) {
+        for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
+            for (plane, angles_rad) in rotation.planes() {
+                let r = self.world_from_body;
+                let station = &self.model.stations[rotation.station];
+                let crossing = station.crossing(plane, &(self.position_m + r * lever));
+                let error_rad = angles_rad[k] - crossing.angle_rad;
+                if !self.sweep_filter.takes(crossing.radius_m * error_rad) {
+                    continue;
+                }
+                let position = crossing.slope_rad_m;
+                let turn = lever.cross(&r.tr_mul(&position));
+                let slope = [Part::Three(0, position), Part::Three(TURN, turn)];
+                let turns = self.options.sweep_attitude == SweepAttitude::Slope;
+                let variance = self.model.sweep_variance(rotation.station);
+                self.correct(&slope[..if turns { 2 } else { 1 }], error_rad, variance);
+            }
+        }
+    }
+
+    /// The angle by which the deck is turned, as one station sees it: rays to its sensors are cut
+    /// with the plane of the deck where the filter has it.
+    fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
+        if self.options.sweep_attitude == SweepAttitude::Slope {
+            return None;
+        }
+        let station = &self.model.stations[rotation.station];
+        let normal = self.world_from_body.column(2).into_owned();
+        let above = normal.dot(&(station.position_m - self.position_m));
+        let seen_m = |k: usize| {
+            let ray = station.ray(rotation.both_rad?.map(|angles_rad| angles_rad[k]));
+            let toward = -normal.dot(&ray);
+            (toward != 0.0).then(|| station.position_m + ray * (above / toward))
+        };
+        let diagonal = |from: usize, to: usize| {
+            let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
+            let believed = self.world_from_body * (b - a);
+            let seen = seen_m(to)? - seen_m(from)?;
+            let length = believed.norm() * seen.norm();
+            let angle_rad = libm::acos((believed.dot(&seen) / length).clamp(-1.0, 1.0));
+            let left = normal.dot(&believed.cross(&seen)) > 0.0;
+            (seen.norm() >= 1e-4).then_some(if left { -angle_rad } else { angle_rad })
+        };
+        Some(0.5 * (diagonal(0, 3)? + diagonal(1, 2)?))
+    }
+
+    fn correct_by_range(&mut self, range: &Range) {
+        let anchors_m = &self.model.anchors_m;
+        let from = |anchor: usize| toward(&(self.position_m - anchors_m[anchor]));
+        let (mut direction, mut expected_m) = from(range.anchor);
+        if let Some(other) = range.minus {
+            let (unit, distance_m) = from(other);
+            expected_m -= distance_m;
+            direction -= unit;
+        }
+        let error_m = range.distance_m - expected_m;
+        let variance = self.model.range[usize::from(range.minus.is_none())];
+        if let Some(other) = range.minus.filter(|_| self.options.difference_filter) {
+            let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
+            let possible = range.distance_m.abs() < apart_m;
+            if !possible || !self.tdoa_filter.takes(error_m, variance.sqrt()) {
+                return;
+            }
+        }
+        self.correct(&[Part::Three(0, direction)], error_m, variance);
+    }
+
+    /// Corrects by positions and heights.
+    fn correct_by_place(&mut self, readings: &Readings<'_>) {
+        if let Some(position_m) = readings.position_m {
+            for axis in 0..3 {
+                let error_m = position_m[axis] - self.position_m[axis];
+                self.correct(&[Part::One(axis, 1.0)], error_m, self.model.position);
+            }
+        }
+        let cos_tilt = self.world_from_body[(2, 2)];
+        if let Some(distance_m) = readings.time_of_flight_m.filter(|_| cos_tilt > LEAST_COS_TILT) {
+            let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
+            let per_m = 1.0 / libm::cos(tilt_rad.max(0.0));
+            let sigma_m = time_of_flight_sigma_m(self.model.ranger_m, distance_m);
+            let error_m = distance_m - self.position_m.z * per_m;
+            self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
+        }
+        if let Some(height_m) = readings.barometer_m {
+            let error_m = height_m - self.position_m.z;
+            self.correct(&[Part::One(2, 1.0)], error_m, self.model.barometer);
+        }
+    }
+
+    fn correct(&mut self, slope: &[Part], value: f64, variance: f64) {
+        self.normal.correct(&Measurement { slope, value, variance }, |_| true);
+        let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
+        self.position_m += position_m;
+        self.velocity_m_s += velocity_m_s;
+        self.turn_rad += turn_rad;
+        self.bound();
+    }
+
+    /// Ends a tick that changed the state: turns the attitude by its error.
+    fn settle(&mut self) {
+        let turn_rad = std::mem::take(&mut self.turn_rad);
+        if turn_rad.amax() > LEAST_TURN_RAD {
+            self.attitude = self.attitude.by(&turn_rad);
+            let mut phi = SMatrix::<f64, 9, 9>::identity();
+            phi.fixed_view_mut::<3, 3>(TURN, TURN).copy_from(&turned_back(&turn_rad));
+            self.transform(&phi);
+        }
+        self.world_from_body = self.attitude.matrix();
+        self.bound();
+    }
+
+    /// `P ← Φ P Φᵀ`, symmetric.
+    fn transform(&mut self, phi: &SMatrix<f64, 9, 9>) {
+        let p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
+        let p = phi * p * phi.transpose();
+        self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
+    }
+
+    /// Keeps every variance within its bounds.
+    fn bound(&mut self) {
+        for state in 0..TURN + 3 {
+            let variance = &mut self.normal.covariance[(state, state)];
+            *variance = variance.max(self.options.least_variance).min(LARGEST_VARIANCE);
+        }
+    }
+}
+
+/// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the turn,
+/// as Mueller, Hehn and D'Andrea derive it.
+fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
+    let cross = (turn_rad * 0.5).cross_matrix();
+    Matrix3::identity() - cross + cross * cross * 0.5
+}

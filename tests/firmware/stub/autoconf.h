@@ -1,0 +1,3 @@
+#pragma once
+#define CONFIG_DECK_LIGHTHOUSE_MAX_N_BS 4
+#define CONFIG_PLATFORM_CF2 1

@@ -1,0 +1,9 @@
+#pragma once
+#define LOG_GROUP_START(x)
+#define LOG_GROUP_STOP(x)
+#define LOG_ADD(...)
+#define LOG_ADD_CORE(...)
+#define LOG_ADD_DEBUG(...)
+#define LOG_ADD_BY_FUNCTION(...)
+#define STATS_CNT_RATE_LOG_ADD(...)
+#define STATS_CNT_RATE_LOG_ADD_DEBUG(...)

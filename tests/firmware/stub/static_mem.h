@@ -1,0 +1,2 @@
+#pragma once
+#define NO_DMA_CCM_SAFE_ZERO_INIT
