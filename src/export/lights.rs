@@ -312,7 +312,8 @@ mod tests {
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
         let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);
         let [half, ..] = screen("color-led", 0.5, [255, 0, 0, 0]);
-        assert_eq!((white, half), (255, 188), "half the light of a screen is level 188");
+        // D65 to four digits is white to a level.
+        assert!(white == 255 && half.abs_diff(188) <= 1, "half the light is level 188: {half}");
     }
 
     #[test]
