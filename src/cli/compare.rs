@@ -15,7 +15,7 @@ use super::table::table;
 use super::{message, show};
 use crate::error::{Error, Result};
 use crate::flight::comparison::{
-    Alignment, Comparison, ComparisonOptions, Discrepancy, Placement, compare,
+    Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
 };
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{Flight, Quantity};
@@ -192,7 +192,7 @@ fn text_of(
     let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
     text += &line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
 
-    if let Some(Placement { turn_rad, shift_m: m, left_m }) = comparison.placement {
+    if let Some(FrameAlignment { turn_rad, shift_m: m, left_m }) = comparison.placement {
         let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
         text += &line(
             "frame",

@@ -158,7 +158,6 @@ fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
     /// Hover after the time at which the script lands, s.
     const HOVER_S: f64 = 3.0;
     /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it there, m.
-    const SINK_M_S: f64 = 0.3;
     const BELOW_M: f64 = 0.1;
     /// Header of a piece with a cubic curve along z, and nothing else (`pptraj_compressed.c`).
     const ALONG_Z: u8 = 0x20;
@@ -172,7 +171,7 @@ fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
     bytes.push(0);
     bytes.extend(milliseconds(over_s.max(0.0) + HOVER_S));
     bytes.push(ALONG_Z);
-    bytes.extend(milliseconds((z_m + BELOW_M) / SINK_M_S));
+    bytes.extend(milliseconds((z_m + BELOW_M) / safety::SINK_M_S));
     bytes.extend([z_m, -BELOW_M, -BELOW_M].into_iter().flat_map(millimeters));
     bytes.extend(end);
     if bytes.len() > TRAJECTORY_MEMORY_BYTES {

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use super::compressed::Compressed;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
+use super::safety::SINK_M_S;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint, conflict};
 use crate::settings::settings;
@@ -17,8 +18,7 @@ use crate::settings::settings;
 const TAKE_OFF_S: f64 = 3.0;
 /// Hover after each, s.
 const HOVER_S: f64 = 0.5;
-/// Speed of landing, m/s, and its shortest duration, s.
-pub(super) const SINK_M_S: f64 = 0.3;
+/// Shortest landing, s.
 const MIN_LAND_S: f64 = 2.0;
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;

@@ -12,8 +12,8 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::compressed::Compressed;
-use super::on_board::SINK_M_S;
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
+use super::safety::SINK_M_S;
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::{Error, Result};
 use crate::plan::Plan;

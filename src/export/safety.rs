@@ -30,6 +30,8 @@ pub const FENCE_M: f64 = 0.1;
 /// Largest distance of the estimated position from what is sent, m. The PID cascade trails by 0.56 s,
 /// 0.45 m at 0.8 m/s.
 pub const STRAY_M: f64 = 0.8;
+/// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
+pub const SINK_M_S: f64 = 0.3;
 /// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
 /// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
@@ -246,7 +248,7 @@ pub fn rules() -> Vec<Rule> {
             "the plan's volume, speed, acceleration, tilt, motors, lights",
             &[Check],
             "those of the profile, within the room".to_owned(),
-            "`src/preflight/profile.rs`",
+            "`src/studio/preflight/profile.rs`",
         ),
         rule(
             "one frame: stations or anchors, take-off marks, a camera whose place is said",
@@ -258,7 +260,7 @@ pub fn rules() -> Vec<Rule> {
             "the camera's place",
             &[Check],
             "some usual camera shows the whole word from within the room".to_owned(),
-            "`src/preflight/placement.rs`",
+            "`src/studio/preflight/placement.rs`",
         ),
         rule("cflib", &[Script], format!("{OLDEST_CFLIB} or newer"), "arming, protocol 8"),
         rule(

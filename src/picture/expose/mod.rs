@@ -59,7 +59,7 @@ use record::Record;
 use sheet::ALL;
 
 pub use film::Film;
-pub use room::Room;
+pub(crate) use room::Room;
 
 /// Most samples of a trace, and most segments of a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;

@@ -29,7 +29,7 @@ pub(crate) struct Surface {
 
 /// The surfaces that a camera sees from inside.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Room {
+pub(crate) struct Room {
     camera_m: Vector3<f64>,
     /// The floor first, where the camera is above it.
     pub(super) surfaces: Vec<Surface>,

@@ -26,7 +26,7 @@ pub enum Severity {
 
 /// Something outside of its room.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outside {
+pub struct OutOfRoom {
     /// What it is.
     pub what: String,
     /// Where it stands, m.
@@ -139,7 +139,7 @@ pub enum Finding {
     /// Of a room: what stands outside of it.
     Frame {
         /// Each with its name, its place and how far outside it is, m.
-        outside: Vec<Outside>,
+        outside: Vec<OutOfRoom>,
         /// How many were looked at.
         n: usize,
     },

@@ -38,7 +38,7 @@ mod written;
 
 pub use checks::{checks, platform};
 use finding::largest;
-pub use finding::{Finding, Outside, Peak, Severity};
+pub use finding::{Finding, OutOfRoom, Peak, Severity};
 pub(crate) use flown::MAX_SATURATED_S;
 use flown::{Flown, check_flown};
 use letters::check_letters;

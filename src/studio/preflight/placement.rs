@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::{Finding, Outside, Profile, Severity, cap_height_m};
+use super::{Finding, OutOfRoom, Profile, Severity, cap_height_m};
 use crate::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
@@ -190,7 +190,7 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Finding {
         let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
         let by_m = sides.into_iter().fold(0.0, f64::max);
         let severity = if index < n_fixed { Severity::Stop } else { Severity::Warning };
-        (by_m > FRAME_M).then_some(Outside { what, place_m, by_m, severity })
+        (by_m > FRAME_M).then_some(OutOfRoom { what, place_m, by_m, severity })
     };
     Finding::Frame { outside: places.into_iter().enumerate().filter_map(outside).collect(), n }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::finding::Outside;
+use super::finding::OutOfRoom;
 use super::flown::MAX_SATURATED_S;
 use super::letters::SHORT_M;
 use super::{Finding, Peak, Severity};
@@ -437,11 +437,11 @@ fn of_battery(taken: &Option<Battery>, warning: &Option<Warning>, low_v: f64) ->
 }
 
 /// What stands outside of the room.
-fn of_frame(outside: &[Outside], n: usize) -> Row {
+fn of_frame(outside: &[OutOfRoom], n: usize) -> Row {
     let farthest = outside.iter().max_by(|a, b| a.by_m.total_cmp(&b.by_m));
     let severity = outside.iter().map(|it| it.severity).max().unwrap_or_default();
     let row = Row::of("frame", severity, farthest.map_or(0.0, |it| it.by_m));
-    let place = |it: &Outside| {
+    let place = |it: &OutOfRoom| {
         let [x, y, z] = it.place_m;
         format!("{} at ({x:.2}, {y:.2}, {z:.2}), {:.2} m outside", it.what, it.by_m)
     };

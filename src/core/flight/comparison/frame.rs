@@ -20,7 +20,7 @@ const NARROW_M: f64 = 0.05;
 
 /// What lays the frame of flight B onto that of A.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Placement {
+pub struct FrameAlignment {
     /// Turn about the vertical.
     pub turn_rad: f64,
     /// Shift after it.
@@ -29,7 +29,7 @@ pub struct Placement {
     pub left_m: f64,
 }
 
-impl Placement {
+impl FrameAlignment {
     fn rotation(&self) -> Rotation3<f64> {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_rad)
     }
@@ -54,12 +54,12 @@ pub(super) fn place(
     options: &ComparisonOptions,
     offset_s: f64,
     clock: &dyn Fn(&Flight) -> Result<f64>,
-) -> Result<(f64, Option<Placement>)> {
+) -> Result<(f64, Option<FrameAlignment>)> {
     let design = |flight: &Flight| !flight.unlogged.contains(&Quantity::Design);
     if design(a) && design(b) {
         return Ok((offset_s, None));
     }
-    let found = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, Placement)>> {
+    let found = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
         let [a, mut b] = [options.part.samples(a)?, options.part.samples(flight)?];
         b.iter_mut().for_each(|sample| sample.time_s += offset_s);
         Ok(fit(&pairs(&a, &b, options.max_gap_s)))
@@ -75,14 +75,14 @@ pub(super) fn place(
             break;
         }
         let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
-        let turn = Placement { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
+        let turn = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
         let mut turned = b.clone();
         turned.samples.iter_mut().for_each(|sample| turn.place(sample));
         let offset_s = clock(&turned)?;
         if let Some((_, further)) =
             found(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
         {
-            best = Placement { turn_rad: turn_rad + further.turn_rad, ..further };
+            best = FrameAlignment { turn_rad: turn_rad + further.turn_rad, ..further };
             best_s = offset_s;
         }
     }
@@ -110,7 +110,7 @@ pub(super) fn place(
 }
 
 /// The distance of pairs, and the turn and shift of B that make it least.
-fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, Placement)> {
+fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;
     }
@@ -126,7 +126,7 @@ fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, Placement)> {
         wide += b.xy().norm_squared() / n;
     }
     let turn_rad = if wide.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
-    let mut placement = Placement { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
+    let mut placement = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
     placement.shift_m = a_m - placement.rotation() * b_m;
     let distance_m = |of: &dyn Fn(&[FlightSample; 2]) -> Vector3<f64>| {
         (pairs.iter().map(|pair| of(pair).norm_squared()).sum::<f64>() / n).sqrt()

@@ -8,7 +8,7 @@
 //! compared part of either flight.
 //!
 //! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn about
-//! the vertical and a shift leave centimeters, it is laid onto the other ([`Placement`]); where they
+//! the vertical and a shift leave centimeters, it is laid onto the other ([`FrameAlignment`]); where they
 //! leave more, and yet most of the distance is theirs, the comparison is refused.
 //!
 //! Not done: clocks of different rates, which are converted where a log is imported.
@@ -29,7 +29,7 @@ mod frame;
 mod tests;
 
 pub use cause::Discrepancy;
-pub use frame::Placement;
+pub use frame::FrameAlignment;
 
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +72,7 @@ pub struct Comparison {
     pub offset_s: f64,
     /// What laid B's frame onto A's; `None` where they are one.
     #[serde(rename = "frame")]
-    pub placement: Option<Placement>,
+    pub placement: Option<FrameAlignment>,
     /// Number of compared samples of A.
     #[serde(rename = "samples")]
     pub n_samples: usize,
