@@ -27,7 +27,6 @@ const COMMANDS: [(&str, &str); 19] = [
     ("rank", "rank team pid --words I:2"),
     ("learn", "learn team I --rounds 1 --repeats 1"),
     ("robustness", "robustness team --words I:1 --times 0,1"),
-    ("specimen", "specimen ae483"),
 ];
 
 /// All keys of a value, at any depth.

@@ -1,4 +1,4 @@
-//! A canvas: lines, areas and words over white or over a photo, as SVG text or as pixels.
+//! A canvas: lines, cells and words over white or over a photo, as SVG text or as pixels.
 //!
 //! Pixels have y down, from the upper left corner. Text is left to the viewer's sans-serif typeface
 //! in SVG, and written in single strokes as pixels.
@@ -43,8 +43,6 @@ enum Mark {
     /// What follows, up to the next one, belongs to this layer.
     Layer(&'static str),
     Line(Vec<[f64; 2]>, Pen),
-    /// A filled polygon.
-    Area(Vec<[f64; 2]>, Rgb),
     /// A filled rectangle without smoothed edges, so that neighbors meet: left, top, right, bottom.
     Cell([f64; 4], Rgb),
     /// A disk of a radius.
@@ -107,10 +105,6 @@ impl<'a> Canvas<'a> {
             [x + radius_px * cos, y + radius_px * sin]
         };
         self.line((0..=24).map(corner), pen);
-    }
-
-    pub(super) fn area(&mut self, points: impl Into<Vec<[f64; 2]>>, color: Rgb) {
-        self.marks.push(Mark::Area(points.into(), color));
     }
 
     /// A rectangle whose neighbors meet it without a seam: left, top, right, bottom.
@@ -185,9 +179,6 @@ impl<'a> Canvas<'a> {
                         hex(*color)
                     )
                 }
-                Mark::Area(points, color) => {
-                    writeln!(svg, "<polygon points=\"{}\" fill=\"{}\"/>", list(points), hex(*color))
-                }
                 Mark::Cell([left, top, right, bottom], color) => writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" \
@@ -252,7 +243,6 @@ fn draw(page: &mut PixmapMut<'_>, mark: &Mark, letters: &Font) {
     };
     match mark {
         Mark::Layer(_) => {}
-        Mark::Area(points, color) => fill(path(points, true), *color, true),
         Mark::Cell([left, top, right, bottom], color) => {
             let corners = [[*left, *top], [*right, *top], [*right, *bottom], [*left, *bottom]];
             fill(path(&corners, true), *color, false);
