@@ -20,8 +20,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 
 use noctograph::error::{Error, Result};
-use noctograph_core::files::Output;
 use noctograph::shoot::Stop;
+use noctograph_core::files::Output;
 
 /// Time between two looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);

@@ -350,7 +350,13 @@ mod tests {
         let missed = found.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
         assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
-        let none = hold_figures(HoldModel::Scalar, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Calm, 0, 0);
+        let none = hold_figures(
+            HoldModel::Scalar,
+            &Scene::preset(Preset::Bzzz).sim(),
+            HoldScenario::Calm,
+            0,
+            0,
+        );
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
     }
 }

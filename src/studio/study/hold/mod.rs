@@ -95,7 +95,9 @@ mod tests {
     #[test]
     fn uncertainty_grows_while_the_satellites_are_silent_and_is_back_within_a_second() {
         for model in [HoldModel::Scalar, HoldModel::Full] {
-            let flight = hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3).unwrap();
+            let flight =
+                hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
+                    .unwrap();
             let sigma_m = |time_s: f64| {
                 let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
                 at.map_or(0.0, |s| s.sigma[0])
