@@ -136,7 +136,8 @@ impl<'a> Canvas<'a> {
             || "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n".to_owned(),
             |photo| {
                 let mut png = Vec::new();
-                photo::write_png(&photo, &mut png, None, &[]).expect("a photo fits into a PNG in memory");
+                photo::write_png(&photo, &mut png, None, &[])
+                    .expect("a photo fits into a PNG in memory");
                 let data = BASE64_STANDARD.encode(&png);
                 format!(
                     "<image width=\"{width}\" height=\"{height}\" \
