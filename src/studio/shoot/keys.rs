@@ -14,7 +14,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
     ("air.downwash", "drones that are planned above each other"),
     ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the firmware's filter believes"),
-    ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
     ("photo.aperture_blades", "spikes, where a lamp dwells"),
