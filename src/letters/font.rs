@@ -103,7 +103,7 @@ impl Font {
     /// # Errors
     ///
     /// [`Error::Input`] with the limit.
-    pub(super) fn check_work(&self) -> Result<()> {
+    pub fn check_work(&self) -> Result<()> {
         match &*self.face {
             Face::Strokes(_) => Ok(()),
             Face::Outlines(face) => face.check_work(),
