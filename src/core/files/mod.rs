@@ -14,9 +14,11 @@ mod lines;
 mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
+mod yaml;
 
 pub use budget::{Budget, push};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
+pub use yaml::{Broken, Entry, Yaml};
