@@ -11,7 +11,6 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, ExposeOptions, Film};
-use noctograph::photo::exr::Precision;
 use noctograph::photo::{self, Metadata, Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
@@ -71,7 +70,7 @@ fn photo(c: &mut Criterion) {
     });
     encodes.bench_function("exr 32", |b| {
         let out = || std::io::Cursor::new(Vec::new());
-        b.iter(|| readout.write_exr(out(), &camera, Precision::Float, &[]).unwrap());
+        b.iter(|| readout.write_exr(out(), &camera, &[]).unwrap());
     });
     encodes.finish();
 }

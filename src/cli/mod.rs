@@ -53,7 +53,6 @@ mod score;
 mod serve;
 mod set;
 mod show;
-mod specimen;
 mod spread;
 mod square_on;
 mod studies;
@@ -168,8 +167,6 @@ verbs! {
         Scene(scene::SceneArgs),
         /// Report what a verb wrote into a folder, as one page (HTML)
         Report(report::ReportArgs),
-        /// Draw a font's characters: order and direction of strokes
-        Specimen(specimen::SpecimenArgs),
     }
     "Install" {
         /// Generate shell completions and man pages

@@ -11,8 +11,8 @@ use crate::shoot::Shot;
 
 /// Widest picture of a movie, pictures a second, and how many: six seconds.
 const MAX_WIDTH_PX: u32 = 960;
-const RATE_HZ: u16 = 24;
-const N_PICTURES: u32 = 144;
+const RATE_HZ: u16 = 12;
+const N_PICTURES: u32 = 72;
 
 /// Refuses a name that is not of a PNG.
 pub(super) fn check(path: &Path) -> Result<()> {

@@ -8,7 +8,6 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::message;
-use super::names::named;
 use super::outcome::{Report, line};
 use super::output::Output;
 use super::progress::Progress;
@@ -21,8 +20,8 @@ use crate::scene::NamedScene;
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::study::{
-    Candidate, Conditions, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
-    candidates_csv, evaluate, rank, tune,
+    Candidate, Conditions, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv,
+    evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
@@ -41,9 +40,6 @@ pub(super) struct TuneArgs {
     /// Budget: a number of flights, or minutes such as 5min
     #[arg(long, value_name = "N", default_value = "2000")]
     budget: String,
-    /// Search method
-    #[arg(long, value_name = "NAME", default_value = "tpe", value_parser = named::<SearchKind>())]
-    search: SearchKind,
     /// Key of the scene to turn; may be repeated [default: the usual ones for its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
@@ -159,7 +155,6 @@ fn options(
     }
     let options = TuneOptions {
         knobs,
-        search: args.search,
         words: args.study.words(6)?,
         budget,
         limits: Limits { duration_s: args.longest, ..Limits::default() },

@@ -132,14 +132,13 @@ pub(super) fn tuning<'py>(
     words: Vec<(String, u32)>,
     knobs: Option<Vec<String>>,
     budget: usize,
-    search: &str,
     conditions: &str,
     seed: u64,
     folder: Option<PathBuf>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>, PyScene)> {
     let (base, stop) = (scene.0.clone(), Stop::default());
-    let (until, conditions, search) = (stop.clone(), conditions.to_owned(), search.to_owned());
+    let (until, conditions) = (stop.clone(), conditions.to_owned());
     let raised = Arc::new(Mutex::new(None));
     let (failed, ended) = (Arc::clone(&raised), stop.clone());
     let mut watch = move |n_flights: usize, best: &Candidate| {
@@ -160,9 +159,9 @@ pub(super) fn tuning<'py>(
             None => Knob::usual(&base),
             Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
         };
-        let (search, limits) = (search.parse()?, Limits::default());
+        let limits = Limits::default();
         let conditions = Conditions::find(&conditions)?;
-        let options = TuneOptions { knobs, search, words, budget, limits, conditions, seed };
+        let options = TuneOptions { knobs, words, budget, limits, conditions, seed };
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
         Ok((tuning_table(&options, &tuned), tuned))

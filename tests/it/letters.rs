@@ -8,25 +8,6 @@ const DRAWING: &str = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 100 
     <circle cx='25' cy='25' r='20' fill='none' stroke='red'/><path d='M60 5 L95 45'/></svg>";
 
 #[test]
-fn a_specimen_is_drawn_as_svg_and_as_png() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = noctograph(folder.path()).args(["specimen", "ae483"]).assert().success();
-    run.stdout("font      ae483: 26 of 26 characters\nfiles     specimen.svg\n");
-    let args = ["specimen", "simplex", "Äß", "-o", "s.png"];
-    noctograph(folder.path()).args(args).assert().success();
-    let png = std::fs::read(folder.path().join("s.png")).unwrap();
-    assert!(png.starts_with(b"\x89PNG"), "a PNG file");
-    let run = noctograph(folder.path()).args(["specimen", "ae483", "-o", "s.pdf"]).assert().code(2);
-    run.stderr(predicate::str::contains("*.png or *.svg"));
-    let run = noctograph(folder.path()).args(["specimen", "ae483", "aZ9", "--json"]).assert();
-    let json: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
-    assert_eq!(json["characters"], "Z", "the font has no small letters and no digits");
-    let run = noctograph(folder.path()).args(["specimen", "comic"]).assert().code(2);
-    run.stderr(predicate::str::contains("ae483, ae483-fixed, simplex"));
-    assert_eq!(names_in(folder.path()), ["s.png", "specimen.svg"], "nothing else");
-}
-
-#[test]
 fn a_drawing_is_flown_and_photographed_and_not_read() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("logo.svg"), DRAWING).unwrap();

@@ -79,91 +79,117 @@ pub struct FixedLens {
     pub longest_s: f64,
 }
 
+/// Figures of a body.
+struct Body {
+    sensor_width_m: f64,
+    /// Pixels along its width, as its pictures have them by default.
+    width_px: f64,
+    /// Its model's names in EXIF.
+    exif: &'static [&'static str],
+    lens: Option<FixedLens>,
+}
+
+/// Figures of a lens.
+struct Lens {
+    focal_length_m: f64,
+    min_f_number: f64,
+    /// Stops by which the rims darken the corner of full frame wide open: see
+    /// [`LensModel::vignetting`].
+    wide_open_stops: f64,
+    distortion: [f64; 4],
+}
+
+/// Bodies that EXIF may name.
+const NAMED_IN_EXIF: [BodyModel; 3] =
+    [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
+
 impl BodyModel {
-    /// The lens that comes with the body; `None` where it can be changed.
-    ///
-    /// Focal lengths are those that see the maker's angle over the sensor's diagonal (4:3).
-    #[must_use]
-    pub fn fixed_lens(&self) -> Option<FixedLens> {
-        let lens = |focal_length_m, f_number, iso, longest_s| {
-            Some(FixedLens { focal_length_m, f_number, iso, longest_s })
+    /// The table of bodies. Focal lengths of fixed lenses are those that see the maker's angle over
+    /// the sensor's diagonal (4:3).
+    fn figures(&self) -> Body {
+        let body =
+            |sensor_width_m, width_px, exif| Body { sensor_width_m, width_px, exif, lens: None };
+        let phone = |sensor_width_m, focal_length_m, f_number, longest_s| {
+            let iso = [50.0, 3200.0];
+            let lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
+            Body { sensor_width_m, width_px: 4000.0, exif: &[], lens }
         };
         match self {
+            Self::Custom(custom) => body(custom.sensor_width_m, 6000.0, &[]),
+            Self::FullFrame24Mp => body(0.036, 6000.0, &[]),
+            Self::A6400 => body(0.0235, 6000.0, &["ILCE-6400"]),
+            Self::CanonEos2000D => {
+                let exif = &["Canon EOS 2000D", "Canon EOS 1500D", "Canon EOS REBEL T7"];
+                body(0.0223, 6000.0, exif)
+            }
+            Self::OneInch => body(0.0132, 5472.0, &["DSC-RX100M7"]),
             // 24 mm equivalent, f/1.78, night mode up to 30 s on a tripod (ijunkie.com, "How to use
             // Night mode on iPhone 11"). Its camera sets ISO itself; the range is an assumption.
-            Self::IPhone15Pro => lens(0.0068, 1.78, [50.0, 3200.0], 30.0),
+            Self::IPhone15Pro => phone(0.0098, 0.0068, 1.78, 30.0),
             // 82°, f/1.68 (dpreview.com, "Google Pixel 8 and Pixel 8 Pro: Camera deep-dive"), 16 s
             // (androidauthority.com/google-pixel-pro-camera-controls-3374272); ISO as Samsung's, an
             // assumption.
-            Self::Pixel8Pro => lens(0.007_06, 1.68, [50.0, 3200.0], 16.0),
+            Self::Pixel8Pro => phone(0.0098, 0.007_06, 1.68, 16.0),
             // 85°, f/1.8 (androidauthority.com/samsung-galaxy-s24-cameras-3403863); ISO 50 to 3200
             // and 30 s in Pro mode (r2.community.samsung.com, "Samsung's Pro Mode explained").
-            Self::Phone | Self::GalaxyS24 => lens(0.0056, 1.8, [50.0, 3200.0], 30.0),
-            _ => None,
+            Self::Phone | Self::GalaxyS24 => phone(0.0082, 0.0056, 1.8, 30.0),
         }
+    }
+
+    /// The lens that comes with the body; `None` where it can be changed.
+    #[must_use]
+    pub fn fixed_lens(&self) -> Option<FixedLens> {
+        self.figures().lens
     }
 
     /// The body of a model name in EXIF.
     #[must_use]
     pub fn from_exif_model(model: &str) -> Option<Self> {
-        match model.trim() {
-            "ILCE-6400" => Some(Self::A6400),
-            "Canon EOS 2000D" | "Canon EOS 1500D" | "Canon EOS REBEL T7" => {
-                Some(Self::CanonEos2000D)
-            }
-            "DSC-RX100M7" => Some(Self::OneInch),
-            _ => None,
-        }
+        NAMED_IN_EXIF.into_iter().find(|body| body.figures().exif.contains(&model.trim()))
     }
 
     /// Width of the sensor.
     #[must_use]
     pub fn sensor_width_m(&self) -> f64 {
-        match self {
-            Self::Custom(body) => body.sensor_width_m,
-            Self::FullFrame24Mp => 0.036,
-            Self::A6400 => 0.0235,
-            Self::CanonEos2000D => 0.0223,
-            Self::OneInch => 0.0132,
-            Self::Phone | Self::GalaxyS24 => 0.0082,
-            Self::IPhone15Pro | Self::Pixel8Pro => 0.0098,
-        }
+        self.figures().sensor_width_m
     }
 
     /// Pixels of the sensor along its width, as its pictures have them by default.
     #[must_use]
     pub fn width_px(&self) -> f64 {
-        match self {
-            Self::Custom(_) | Self::FullFrame24Mp | Self::A6400 | Self::CanonEos2000D => 6000.0,
-            Self::OneInch => 5472.0,
-            Self::Phone | Self::IPhone15Pro | Self::Pixel8Pro | Self::GalaxyS24 => 4000.0,
-        }
+        self.figures().width_px
     }
 }
 
 impl LensModel {
+    /// The table of lenses.
+    fn figures(&self) -> Lens {
+        const NONE: [f64; 4] = [0.0; 4];
+        let lens = |focal_length_m, min_f_number, wide_open_stops, distortion| Lens {
+            focal_length_m,
+            min_f_number,
+            wide_open_stops,
+            distortion,
+        };
+        match self {
+            Self::Custom(custom) => lens(custom.focal_length_m, 0.5, 0.0, custom.distortion),
+            Self::Wide28 => lens(0.028, 2.8, 1.54, NONE),
+            Self::Normal35 => lens(0.035, 2.0, 1.27, NONE),
+            Self::Normal50 => lens(0.050, 1.8, 2.21, NONE),
+            Self::Kit16 => lens(0.016, 3.5, 0.0, [-0.026, 0.0, 0.0, 0.0]),
+        }
+    }
+
     /// Focal length.
     #[must_use]
     pub fn focal_length_m(&self) -> f64 {
-        match self {
-            Self::Custom(lens) => lens.focal_length_m,
-            Self::Wide28 => 0.028,
-            Self::Normal35 => 0.035,
-            Self::Normal50 => 0.050,
-            Self::Kit16 => 0.016,
-        }
+        self.figures().focal_length_m
     }
 
     /// Aperture number of the widest aperture.
     #[must_use]
     pub fn min_f_number(&self) -> f64 {
-        match self {
-            Self::Custom(_) => 0.5,
-            Self::Wide28 => 2.8,
-            Self::Normal35 => 2.0,
-            Self::Normal50 => 1.8,
-            Self::Kit16 => 3.5,
-        }
+        self.figures().min_f_number
     }
 
     /// Share of light that the rims of the lens keep from a point of the sensor, on top of the
@@ -181,13 +207,8 @@ impl LensModel {
     /// `optyczne.pl/398.8`).
     #[must_use]
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
-        let wide_open_stops = match self {
-            Self::Custom(_) | Self::Kit16 => 0.0,
-            Self::Wide28 => 1.54,
-            Self::Normal35 => 1.27,
-            Self::Normal50 => 2.21,
-        };
-        let stops = wide_open_stops * libm::pow(self.min_f_number() / f_number, 2.4);
+        let lens = self.figures();
+        let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);
         let share = off_axis_m / FULL_FRAME_CORNER_M;
         ((1.0 - libm::exp2(-stops)) * share * share).min(1.0)
     }
@@ -195,10 +216,6 @@ impl LensModel {
     /// Distortion k1, k2, p1, p2 (see [`super::Camera::distortion`]).
     #[must_use]
     pub fn distortion(&self) -> [f64; 4] {
-        match self {
-            Self::Custom(lens) => lens.distortion,
-            Self::Kit16 => [-0.026, 0.0, 0.0, 0.0],
-            Self::Wide28 | Self::Normal35 | Self::Normal50 => [0.0; 4],
-        }
+        self.figures().distortion
     }
 }

@@ -15,6 +15,7 @@ mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
 mod text;
+mod yaml;
 
 pub use budget::{Budget, push};
 pub use folder::OutputFolder;
@@ -22,3 +23,4 @@ pub use input::{Limit, entries_in, files_in};
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
 pub use text::{PlainText, decoded, plain_text};
+pub use yaml::{Broken, Entry, Yaml};

@@ -28,8 +28,6 @@ settings! {
         visible_cos: f64 = -1.0, in -1.0..=1.0;
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
-        /// Frequency of its pulse-width modulation; 0 for none.
-        pwm_hz: f64 = 0.0, in 0.0..=1e5;
         /// Bit in the parameter led.bitmask of the firmware, if it has one.
         ///
         /// `led.c`.

@@ -5,7 +5,7 @@ mod options;
 pub mod tables;
 
 pub use fixture::{Die, Drive, Fixture, RING_LEDS};
-pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
+pub use options::{ColorLedLevels, Deck, LightOptions, RingColor, RingEffect, RingFade};
 
 /// Channels of a plan for the color of the ring.
 pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];

@@ -38,8 +38,6 @@ settings! {
         /// The phosphor of a white LED takes about 1 µs: a stroke that goes on too long has other
         /// causes.
         decay_s: f64 = 0.0, in 0.0..=10.0;
-        /// Rendering of pulse-width modulation.
-        pwm: Pwm = Pwm::Off;
         /// Parameter led.bitmask of the firmware: with bit 7 set, bits 0 to 6 turn the LEDs of the
         /// board on, so that 128 turns all of them off. 0 leaves them to the firmware.
         ///
@@ -66,15 +64,6 @@ settings! {
         fixtures: Option<Vec<Fixture>> = None;
         /// Effect of the LED ring (ring.effect of the firmware).
         ring: RingEffect = RingEffect::default();
-    }
-
-    /// Rendering of lamps that are dimmed by pulse width.
-    pub enum Pwm {
-        /// As their mean: right where pulses blur into each other.
-        "off" => Off,
-        /// Pulse by pulse: right where the lamp moves by more than two widths of its spot from pulse
-        /// to pulse (400 Hz at more than 1 m/s in a sharp picture). Makes many samples.
-        "on" => On,
     }
 
     /// Effect of the LED ring. The firmware has more; these are the ones in use.

@@ -48,7 +48,6 @@ pub fn crazyflie() -> Vec<Fixture> {
         spill: 1.0,
         visible_cos: -0.5,
         diameter_m: 0.002,
-        pwm_hz: 0.0,
         bitmask_bit: Some(bit),
     };
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
@@ -104,7 +103,6 @@ pub fn led_ring() -> Vec<Fixture> {
         spill: 0.05,
         visible_cos: -0.5,
         diameter_m: 0.003,
-        pwm_hz: 0.0,
         bitmask_bit: None,
     };
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
@@ -122,7 +120,6 @@ pub fn led_ring() -> Vec<Fixture> {
         spill: 0.0,
         visible_cos: 0.0,
         diameter_m: 0.003,
-        pwm_hz: 400.0,
         bitmask_bit: None,
     }));
     rows
@@ -187,7 +184,6 @@ pub fn color_led() -> Vec<Fixture> {
         spill: 0.2,
         visible_cos: -0.3,
         diameter_m: 0.01,
-        pwm_hz: 1000.0,
         bitmask_bit: None,
     }]
 }

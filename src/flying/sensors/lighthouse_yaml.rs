@@ -1,8 +1,7 @@
 //! Base stations from a Lighthouse configuration file, as cfclient and cflib write it.
 //!
 //! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style after the release
-//! of its YAML library, so that it is read by a full YAML reader (`serde-saphyr`: pure Rust, kept,
-//! with the line of every value). World and station frames are ours already.
+//! of its YAML library. World and station frames are ours already.
 //!
 //! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) are read and
 //! checked, and have no effect: the firmware undoes them before it uses an angle
@@ -10,16 +9,13 @@
 //! the slant of second-generation planes, by the tilt of up to 0.05 rad about 30°: a tenth of the
 //! height's noise. A warning says so.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use serde::Deserialize;
-use serde_saphyr::Spanned;
 
 use super::{Generation, Station};
 use crate::error::{Error, Result};
-use crate::files::Limit;
+use crate::files::{Broken, Limit, Yaml};
 
 /// Largest file that is read; sixteen stations take some 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
@@ -29,44 +25,13 @@ const ROTATION_TOLERANCE: f64 = 1e-3;
 const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
                     stations' geometry estimated";
 
-#[derive(Deserialize)]
-struct File {
-    #[serde(rename = "type")]
-    kind: Spanned<String>,
-    version: Spanned<String>,
-    #[serde(rename = "systemType")]
-    system_type: Option<Spanned<u8>>,
-    #[serde(default)]
-    geos: BTreeMap<u8, Geometry>,
-    #[serde(default)]
-    calibs: BTreeMap<u8, Calibration>,
-}
-
-/// A station's factory calibration.
-#[derive(Deserialize)]
-struct Calibration {
-    sweeps: Spanned<[Sweep; 2]>,
-}
-
-/// Calibration of one plane, under the firmware's names.
-#[derive(Deserialize)]
-struct Sweep {
-    phase: f64,
-    tilt: f64,
-    curve: f64,
-    gibmag: f64,
-    gibphase: f64,
-    #[serde(default)]
-    ogeemag: f64,
-    #[serde(default)]
-    ogeephase: f64,
-}
-
-#[derive(Deserialize)]
-struct Geometry {
-    origin: Spanned<[f64; 3]>,
-    rotation: Spanned<[[f64; 3]; 3]>,
-}
+/// Keys of the file, of a station's geometry and calibration; others are named in a warning.
+const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
+const GEOMETRY: [&str; 2] = ["origin", "rotation"];
+const CALIBRATION: [&str; 2] = ["sweeps", "uid"];
+/// Figures of a plane's calibration, under the firmware's names; the first generation lacks the last two.
+const SWEEP: [&str; 7] = ["phase", "tilt", "curve", "gibmag", "gibphase", "ogeemag", "ogeephase"];
+const N_SWEEP: usize = 5;
 
 /// Largest figure of a calibration, rad: phases lie within a turn, all others far below one.
 const LARGEST_CALIBRATION: f64 = 10.0;
@@ -92,92 +57,120 @@ pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
 
 /// Reads the text of a configuration; `file` is its name in messages.
 fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
-    let config: File = serde_saphyr::from_str(yaml).map_err(|error| {
-        let line = error.location().map_or(1, |place| place.line());
-        let found = error.without_snippet().to_string().replace('\n', "; ");
-        Error::input(format!("{file}:{line}"), found, "a Lighthouse configuration (YAML)", HINT)
-    })?;
-    let place = |line: u64, key: &str| format!("{file}:{line}: {key}");
-    let kind = &config.kind;
-    if kind.value != "lighthouse_system_configuration" {
-        let at = place(kind.referenced.line(), "type");
-        return Err(Error::input(at, &kind.value, "lighthouse_system_configuration", HINT));
-    }
-    if config.version.value != "1" {
-        let at = place(config.version.referenced.line(), "version");
-        return Err(Error::input(at, &config.version.value, "1", HINT));
-    }
-    let generation = match &config.system_type {
-        Some(system) if system.value == 1 => Generation::V1,
-        Some(system) if system.value != 2 => {
-            let at = place(system.referenced.line(), "systemType");
-            return Err(Error::input(at, system.value, "1 or 2", HINT));
+    let broken = |broken: Broken| broken.error(file, HINT);
+    let yaml = Yaml::parse(yaml).map_err(broken)?;
+    let must_be = |key: &str, wanted: &[&str]| -> Result<String> {
+        let value = yaml.get(key).map_err(broken)?;
+        let text = value.text().map_err(broken)?;
+        if wanted.contains(&text) {
+            return Ok(text.to_owned());
         }
+        let at = format!("{file}:{}: {key}", value.line);
+        Err(Error::input(at, text, wanted.join(" or "), HINT))
+    };
+    must_be("type", &["lighthouse_system_configuration"])?;
+    must_be("version", &["1"])?;
+    let generation = match yaml.find("systemType").map_err(broken)? {
+        Some(_) if must_be("systemType", &["1", "2"])? == "1" => Generation::V1,
         _ => Generation::V2,
     };
-    if config.geos.is_empty() {
-        return Err(Error::input(file, "no base station under geos", "at least one", HINT));
-    }
-    let station = |(id, geometry): (&u8, &Geometry)| {
-        let at = |line, key: &str| place(line, &format!("geos.{id}.{key}"));
-        let (origin, rotation) = (&geometry.origin, &geometry.rotation);
-        if !origin.value.iter().all(|x| x.abs() <= 1e4) {
-            let at = at(origin.referenced.line(), "origin");
-            return Err(Error::input(
-                at,
-                format!("{:?}", origin.value),
-                "meters within ±1e4",
-                HINT,
-            ));
-        }
-        let r = Matrix3::from_row_iterator(rotation.value.into_iter().flatten());
-        let off = (r * r.transpose() - Matrix3::identity()).abs().max();
-        if !(off <= ROTATION_TOLERANCE && r.determinant() > 0.0) {
-            let at = at(rotation.referenced.line(), "rotation");
-            return Err(Error::input(at, format!("{:?}", rotation.value), "a rotation", HINT));
-        }
-        Ok(placed(generation, origin.value, &r))
+    let of = |key: &str| match yaml.find(key).map_err(broken)? {
+        Some(value) => value.numbered().map_err(broken),
+        None => Ok(Vec::new()),
     };
-    let stations = config.geos.iter().map(station).collect::<Result<_>>()?;
-    for (id, calibration) in &config.calibs {
-        calibration.check(&place(calibration.sweeps.referenced.line(), &format!("calibs.{id}")))?;
+    let (geos, calibs) = (of("geos")?, of("calibs")?);
+    let mut others = unknown(&yaml, &KEYS).map_err(broken)?;
+    if geos.is_empty() {
+        let found = match others.as_slice() {
+            [] => "no base station under geos".to_owned(),
+            keys => format!("no base station under geos, but {}", keys.join(", ")),
+        };
+        return Err(Error::input(file, found, "at least one", HINT));
     }
-    Ok(LighthouseConfig { stations, warnings: warnings(&config) })
+    let mut stations = Vec::new();
+    for (id, geometry) in &geos {
+        others.extend(unknown(geometry, &GEOMETRY).map_err(broken)?);
+        stations.push(station(generation, geometry, file, *id)?);
+    }
+    for (id, calibration) in &calibs {
+        others.extend(check(calibration, file, *id)?);
+    }
+    let mut warnings = warnings(&geos, &calibs);
+    if !others.is_empty() {
+        warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
+    }
+    Ok(LighthouseConfig { stations, warnings })
+}
+/// A station of its geometry.
+fn station(generation: Generation, geometry: &Yaml, file: &str, id: u8) -> Result<Station> {
+    let broken = |broken: Broken| broken.error(file, HINT);
+    let refused = |value: &Yaml, key: &str, found: String, wanted: &str| {
+        Error::input(format!("{file}:{}: geos.{id}.{key}", value.line), found, wanted, HINT)
+    };
+    let [origin, rotation] = GEOMETRY.map(|key| geometry.get(key).map_err(broken));
+    let (origin, rotation) = (origin?, rotation?);
+    let position_m = origin.numbers::<3>().map_err(broken)?;
+    if !position_m.iter().all(|x| x.abs() <= 1e4) {
+        let found = format!("{position_m:?}");
+        return Err(refused(origin, "origin", found, "meters within ±1e4"));
+    }
+    let mut rows = [[0.0; 3]; 3];
+    for (row, numbers) in rows.iter_mut().zip(rotation.items::<3>().map_err(broken)?) {
+        *row = numbers.numbers().map_err(broken)?;
+    }
+    let r = Matrix3::from_row_iterator(rows.into_iter().flatten());
+    let off = (r * r.transpose() - Matrix3::identity()).abs().max();
+    if !(off <= ROTATION_TOLERANCE && r.determinant() > 0.0) {
+        return Err(refused(rotation, "rotation", format!("{rows:?}"), "a rotation"));
+    }
+    Ok(placed(generation, position_m, &r))
 }
 
-impl Calibration {
-    fn check(&self, place: &str) -> Result<()> {
-        for sweep in &self.sweeps.value {
-            let Sweep { phase, tilt, curve, gibmag, gibphase, ogeemag, ogeephase } = *sweep;
-            let figures = [phase, tilt, curve, gibmag, gibphase, ogeemag, ogeephase];
-            let wild = |figure: &&f64| figure.is_nan() || figure.abs() > LARGEST_CALIBRATION;
-            if let Some(figure) = figures.iter().find(wild) {
+/// Checks the factory calibration of a station; its keys that are not known.
+fn check(calibration: &Yaml, file: &str, id: u8) -> Result<Vec<String>> {
+    let broken = |broken: Broken| broken.error(file, HINT);
+    let sweeps = calibration.get("sweeps").map_err(broken)?;
+    let mut others = unknown(calibration, &CALIBRATION).map_err(broken)?;
+    for sweep in sweeps.items::<2>().map_err(broken)? {
+        others.extend(unknown(sweep, &SWEEP).map_err(broken)?);
+        for (index, key) in SWEEP.into_iter().enumerate() {
+            if index >= N_SWEEP && sweep.find(key).map_err(broken)?.is_none() {
+                continue;
+            }
+            let figure = sweep.get(key).and_then(Yaml::number).map_err(broken)?;
+            if figure.is_nan() || figure.abs() > LARGEST_CALIBRATION {
+                let place = format!("{file}:{}: calibs.{id}", sweeps.line);
                 let wanted = format!("figures within ±{LARGEST_CALIBRATION}");
                 return Err(Error::input(place, figure, wanted, HINT));
             }
         }
-        Ok(())
     }
+    Ok(others)
 }
 
-fn warnings(config: &File) -> Vec<String> {
-    let list = |ids: Vec<&u8>| ids.iter().map(|id| id.to_string()).collect::<Vec<_>>().join(", ");
-    let calibrated: Vec<&u8> =
-        config.calibs.keys().filter(|id| config.geos.contains_key(id)).collect();
-    let homeless: Vec<&u8> =
-        config.calibs.keys().filter(|id| !config.geos.contains_key(id)).collect();
+/// The keys of a mapping that are not among those known, with their lines.
+fn unknown(yaml: &Yaml, known: &[&str]) -> std::result::Result<Vec<String>, Broken> {
+    let others = yaml.entries()?.iter().filter(|entry| !known.contains(&entry.key.as_str()));
+    Ok(others.map(|entry| format!("{} (line {})", entry.key, entry.line)).collect())
+}
+
+fn warnings(geos: &[(u8, &Yaml)], calibs: &[(u8, &Yaml)]) -> Vec<String> {
+    let placed = |id: u8| geos.iter().any(|(other, _)| *other == id);
+    let list = |wanted: bool| {
+        let ids = calibs.iter().map(|(id, _)| *id).filter(|id| placed(*id) == wanted);
+        ids.map(|id| id.to_string()).collect::<Vec<_>>().join(", ")
+    };
+    let (calibrated, homeless) = (list(true), list(false));
     let mut warnings = Vec::new();
     if !calibrated.is_empty() {
         warnings.push(format!(
-            "the factory calibration of base station {} has no effect: sweep angles are simulated \
-             as they are after the firmware has undone it",
-            list(calibrated)
+            "the factory calibration of base station {calibrated} has no effect: sweep angles are \
+             simulated as they are after the firmware has undone it"
         ));
     }
     if !homeless.is_empty() {
         warnings.push(format!(
-            "base station {} is left out: its place is not known, only its calibration",
-            list(homeless)
+            "base station {homeless} is left out: its place is not known, only its calibration"
         ));
     }
     warnings
@@ -255,6 +248,8 @@ version: '1'
         assert!(v1.stations.iter().all(|s| s.generation == Generation::V1));
         let homeless = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
         assert!(homeless.warnings[0].contains("station 7 is left out"), "{homeless:?}");
+        let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
+        assert!(other.warnings[1].contains("wind (line 36) is not known"), "{other:?}");
     }
 
     #[test]
@@ -277,14 +272,14 @@ version: '1'
             (BLOCK.replace("lighthouse_system", "loco"), ":34: type", "loco_configuration"),
             (BLOCK.replace("'1'", "'2'"), ":35: version", "found 2"),
             (BLOCK.replace("systemType: 2", "systemType: 3"), ":33: systemType", "found 3"),
-            (BLOCK.replace("- -1.9584829807281494", "- east"), ":16", "invalid floating point"),
+            (BLOCK.replace("- -1.9584829807281494", "- east"), ":16", "east"),
             (BLOCK.replace("    - 3.152726888656616\n", ""), "lh.yaml:", "3"),
             (BLOCK.replace("- 0.5422989726066589", "- .nan"), ": geos.0.origin", "NaN"),
             (BLOCK.replace("[0.8, 0.0, 0.6]", "[0.9, 0.0, 0.6]"), ":32: geos.1.rotation", "0.9"),
             (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
-            (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "no base station"),
+            (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "but geoz (line 13)"),
             (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
-            (BLOCK.replace("gibmag: 0.006", "gibmag: much"), "lh.yaml:5", "floating point"),
+            (BLOCK.replace("gibmag: 0.006", "gibmag: much"), "lh.yaml:5", "much"),
             (BLOCK.replace("gibmag: 0.006", "gibmag: .nan"), "lh.yaml:4: calibs.0", "NaN"),
             (BLOCK.replace("tilt: 0.05", "tilt: 50"), "lh.yaml:4: calibs.0", "50"),
             (BLOCK.replace("      gibphase: 1.1\n", ""), "lh.yaml:", "gibphase"),

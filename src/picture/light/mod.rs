@@ -13,9 +13,9 @@
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
-//! modeled: light reflected by the body, rare stalls of the radio (up to 0.7 s in the team's log),
-//! the clock of the firmware that ran 1.2 % slow until 2026, effects of the ring that depend on
-//! sensors, a falling battery voltage.
+//! modeled: light reflected by the body, pulses (a lamp that is dimmed by pulse width is its mean),
+//! rare stalls of the radio (up to 0.7 s in the team's log), the clock of the firmware that ran
+//! 1.2 % slow until 2026, effects of the ring that depend on sensors, a falling battery voltage.
 
 use std::cell::LazyCell;
 
@@ -159,7 +159,7 @@ impl Emitter {
 /// # Errors
 ///
 /// [`Error::Input`] for an option out of range, for a flight without positions or without any of the
-/// light columns that the lamps follow, and for too many pulses.
+/// light columns that the lamps follow.
 pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
     if flight.unlogged.contains(&Quantity::Position) {
@@ -174,7 +174,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
-        let sources = sources(fixture, &programs.changes(fixture)?, options.pwm);
+        let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
             let samples = way::shine(stretches, fixture, &changes, options);
@@ -215,7 +215,7 @@ const MAX_COLORS: usize = 8;
 
 /// The sources of light of a row with their levels: one for each color that it ever shows, or one for
 /// each primary color.
-fn sources(fixture: &Fixture, dies: &[Vec<Change>], pwm: Pwm) -> Vec<(Emitter, Vec<Change>)> {
+fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &moments {
@@ -223,10 +223,7 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>], pwm: Pwm) -> Vec<(Emitter, V
         if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
             colors.push(color);
             if colors.len() > MAX_COLORS {
-                return match pwm {
-                    Pwm::Off => by_primary(fixture, &moments),
-                    Pwm::On => by_die(fixture, dies),
-                };
+                return by_primary(fixture, &moments);
             }
         }
     }
@@ -258,15 +255,6 @@ fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, V
         (Emitter { intensity_cd: most_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
     };
     [0, 1, 2].map(primary).into()
-}
-
-/// One source for each die.
-fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
-    let alone = |die: usize| {
-        let color: Vec<f64> = (0..dies.len()).map(|i| if i == die { 1.0 } else { 0.0 }).collect();
-        (emitter(fixture, &color), dies[die].clone())
-    };
-    (0..dies.len()).map(alone).collect()
 }
 
 /// The levels of all dies at every change of one.

@@ -7,9 +7,8 @@ use super::color::mixture;
 use super::radio::{Change, Timer, arrivals, arrivals_of};
 use super::ring::{Frame, byte, frames};
 use super::tables::{color_led, led_ring};
-use super::{COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, Pwm, packed};
+use super::{COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, packed};
 use crate::crazyflie::COLOR_LED_TICK_S;
-use crate::error::{Error, Result};
 use crate::flight::Flight;
 
 /// Programs of the lamps of one drone during one flight.
@@ -34,9 +33,6 @@ pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
 /// `color_led_deck.h`), the same in every release that knows the deck, 2025.12 and later.
 const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
 
-/// Most pulses of a lamp: some 100 MB.
-const MAX_PULSES: f64 = 1e6;
-
 impl<'a> Programs<'a> {
     pub(super) fn new(
         flight: &'a Flight,
@@ -50,9 +46,9 @@ impl<'a> Programs<'a> {
     }
 
     /// Changes of the level of each die, which is dark before the first.
-    pub(super) fn changes(&self, fixture: &Fixture) -> Result<Vec<Vec<Change>>> {
+    pub(super) fn changes(&self, fixture: &Fixture) -> Vec<Vec<Change>> {
         let alike = |changes: Vec<Change>| vec![changes; fixture.dies.len()];
-        let dies = match (&fixture.drive, self.bitmask(fixture)) {
+        match (&fixture.drive, self.bitmask(fixture)) {
             (_, Some(level)) => alike(self.steady(level)),
             (Drive::Always, _) => alike(self.steady(1.0)),
             (Drive::Command(channel), _) => alike(self.commanded(channel)),
@@ -64,12 +60,6 @@ impl<'a> Programs<'a> {
             }
             (Drive::Ring(led), _) => (0..3).map(|die| self.ring(*led, die)).collect(),
             (Drive::ColorLed, _) => self.color_led(),
-        };
-        match self.options.pwm {
-            Pwm::On if fixture.pwm_hz > 0.0 => {
-                dies.iter().map(|changes| self.pulses(changes, fixture)).collect()
-            }
-            _ => Ok(dies),
         }
     }
 
@@ -170,43 +160,6 @@ impl<'a> Programs<'a> {
             f64::from(packed(&wrgb, level.map_or(1.0, |levels| levels[row])))
         });
         sent.collect()
-    }
-
-    /// Levels between 0 and 1 as pulses of full level.
-    fn pulses(&self, changes: &[Change], fixture: &Fixture) -> Result<Vec<Change>> {
-        let timer = Timer { period_s: 1.0 / fixture.pwm_hz, phase_s: 0.0 };
-        let ends = changes.iter().skip(1).map(|next| next.time_s).chain([self.end_s]);
-        let dimmed = |level: f64| level > 0.0 && level < 1.0;
-        let spans: Vec<(Change, f64)> = changes.iter().copied().zip(ends).collect();
-
-        let lit = spans.iter().filter(|(change, _)| dimmed(change.level));
-        let pulses = lit.map(|(c, end_s)| (end_s - c.time_s) * fixture.pwm_hz).sum::<f64>();
-        if pulses > MAX_PULSES {
-            return Err(Error::input(
-                "light.pwm",
-                format!("on, with {pulses:.0} pulses of `{}`", fixture.name),
-                format!("at most {MAX_PULSES:.0} pulses of a lamp"),
-                "set light.pwm = \"off\", or a lower pwm_hz in light.fixtures",
-            ));
-        }
-
-        let mut out = Vec::new();
-        for (change, end_s) in spans {
-            if !dimmed(change.level) {
-                out.push(change);
-                continue;
-            }
-            let on_s = change.level * timer.period_s;
-            let mut number = timer.next(change.time_s - on_s);
-            while timer.tick_s(number) < end_s {
-                let time_s = timer.tick_s(number);
-                let from_s = time_s.max(change.time_s);
-                out.push(Change { time_s: from_s, level: 1.0 });
-                out.push(Change { time_s: (time_s + on_s).min(end_s).max(from_s), level: 0.0 });
-                number += 1.0;
-            }
-        }
-        Ok(out)
     }
 }
 

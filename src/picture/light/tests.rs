@@ -256,25 +256,6 @@ proptest::proptest! {
 }
 
 #[test]
-fn pulses_leave_the_light_of_their_mean() {
-    let mean = solid([20, 60, 200]);
-    let pulsed = LightOptions { pwm: Pwm::On, ..mean.clone() };
-    let light_cd_s = |options| {
-        let trace = lit(options, &["headlights"]);
-        let ring = trace.lamps.iter().filter(|lamp| lamp.emitter.name == "ring 3");
-        let of = |lamp: &Lamp| {
-            let levels = stretches(lamp).into_iter();
-            let light = levels.map(|(a, b)| 0.5 * (a.level + b.level) * (b.time_s - a.time_s));
-            light.sum::<f64>() * lamp.emitter.intensity_cd
-        };
-        (ring.clone().count(), ring.map(of).sum::<f64>())
-    };
-    let ((_, by_pulses), (lamps, by_mean)) = (light_cd_s(&pulsed), light_cd_s(&mean));
-    assert!((by_pulses / by_mean - 1.0).abs() < 1e-9, "{by_pulses} and {by_mean} cd s");
-    assert_eq!(lamps, 1, "a steady mixture is one lamp");
-}
-
-#[test]
 fn the_color_led_follows_its_firmwares_curve() {
     let options = |color_led_levels| LightOptions {
         deck: Deck::ColorLed,
@@ -474,7 +455,7 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
         (0..12).map(change).collect()
     };
     let dies: Vec<Vec<Change>> = (0..4).map(changes).collect();
-    let sources = sources(fixture, &dies, Pwm::Off);
+    let sources = sources(fixture, &dies);
     assert_eq!(sources.len(), 3);
     for row in 0..12 {
         let wanted = emitter(fixture, &[0, 1, 2, 3].map(|die| levels(row, die)));
@@ -485,5 +466,4 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
         let off = (found.sum::<Vector3<f64>>() - wanted).norm();
         assert!(off < 1e-9 * wanted.norm(), "{row}: {off}");
     }
-    assert_eq!(super::sources(fixture, &dies, Pwm::On).len(), 4, "pulses are those of dies");
 }

@@ -4,7 +4,7 @@ use std::io::{Seek, Write};
 
 use exr::math::Vec2;
 use exr::meta::attribute::{Chromaticities, Text};
-use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16};
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
 
 use super::{Readout, metadata, narrow};
 use crate::camera::Camera;
@@ -17,20 +17,11 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.329),
 };
 
-/// Precision of an EXR file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// 16 bits: three digits of light.
-    Half,
-    /// 32 bits: the readout, exactly.
-    Float,
-}
-
 impl Readout {
-    /// Writes the readout as an uncompressed EXR file with the attributes chromaticities,
-    /// whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one), software, and
-    /// comments, a line `keyword: text` for each note, in UTF-8 as the official library and its
-    /// Python module read text. No time stamp.
+    /// Writes the readout as an uncompressed EXR file, 32 bits a channel, with the attributes
+    /// chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one),
+    /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official library
+    /// and its Python module read text. No time stamp.
     ///
     /// # Errors
     ///
@@ -39,7 +30,6 @@ impl Readout {
         &self,
         out: impl Write + Seek,
         camera: &Camera,
-        precision: Precision,
         notes: &[(&str, String)],
     ) -> std::io::Result<()> {
         let width = self.width_px as usize;
@@ -49,22 +39,11 @@ impl Readout {
             let rgb = &self.rgb[3 * (p.y() * width + p.x())..][..3];
             (rgb[0], rgb[1], rgb[2])
         };
-        macro_rules! write {
-            ($pixel:expr) => {{
-                let channels = SpecificChannels::rgb($pixel);
-                let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
-                let mut image = Image::from_layer(layer);
-                image.attributes.chromaticities = Some(CHROMATICITIES);
-                image.write().non_parallel().to_buffered(out)
-            }};
-        }
-        let written = match precision {
-            Precision::Float => write!(at),
-            Precision::Half => write!(|p| {
-                let (r, g, b) = at(p);
-                (f16::from_f32(r), f16::from_f32(g), f16::from_f32(b))
-            }),
-        };
+        let channels = SpecificChannels::rgb(at);
+        let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
+        let mut image = Image::from_layer(layer);
+        image.attributes.chromaticities = Some(CHROMATICITIES);
+        let written = image.write().non_parallel().to_buffered(out);
         written.map_err(|error| match error {
             exr::error::Error::Io(source) => source,
             other => std::io::Error::other(other),
@@ -100,44 +79,40 @@ mod tests {
         let readout = Readout { width_px: 5, height_px: 3, rgb: rgb.clone(), white_lx_s: 0.78 };
         let options = CameraOptions { focus_m: Some(2.5), ..CameraOptions::default() };
         let camera = options.camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
-        for (precision, error) in [(Precision::Float, 0.0), (Precision::Half, 1.0 / 2048.0)] {
-            let mut file = std::io::Cursor::new(Vec::new());
-            let notes = [("noctograph.scene", "word = \"Zoë 漢 ψ\"\n".to_owned())];
-            readout.write_exr(&mut file, &camera, precision, &notes).unwrap();
-            let mut again = std::io::Cursor::new(Vec::new());
-            readout.write_exr(&mut again, &camera, precision, &notes).unwrap();
-            assert!(file == again, "the same bytes twice");
+        let mut file = std::io::Cursor::new(Vec::new());
+        let notes = [("noctograph.scene", "word = \"Zoë 漢 ψ\"\n".to_owned())];
+        readout.write_exr(&mut file, &camera, &notes).unwrap();
+        let mut again = std::io::Cursor::new(Vec::new());
+        readout.write_exr(&mut again, &camera, &notes).unwrap();
+        assert!(file == again, "the same bytes twice");
 
-            use exr::prelude::{ReadChannels, ReadLayers};
-            file.set_position(0);
-            let image = exr::prelude::read()
-                .no_deep_data()
-                .largest_resolution_level()
-                .rgb_channels(
-                    |_, _| vec![0.0_f32; 45],
-                    |values, p, (r, g, b): (f32, f32, f32)| {
-                        values[3 * (p.y() * 5 + p.x())..][..3].copy_from_slice(&[r, g, b]);
-                    },
-                )
-                .first_valid_layer()
-                .all_attributes()
-                .from_buffered(&mut file)
-                .unwrap();
-            let read = &image.layer_data.channel_data.pixels;
-            for (read, wrote) in read.iter().zip(&rgb) {
-                assert!((read - wrote).abs() <= error * wrote.abs(), "{read} for {wrote}");
-            }
-            let attributes = &image.layer_data.attributes;
-            assert_eq!(attributes.exposure, Some(46.0));
-            assert_eq!(attributes.aperture, Some(8.0));
-            assert_eq!(attributes.iso_speed, Some(100.0));
-            assert_eq!(attributes.focus, Some(2.5));
-            // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
-            assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
-            assert_eq!(attributes.capture_date, None, "no time stamp");
-            let comments = std::str::from_utf8(attributes.comments.as_ref().unwrap().as_slice());
-            assert_eq!(comments, Ok("noctograph.scene: word = \"Zoë 漢 ψ\"\n\n"));
-            assert_eq!(image.attributes.chromaticities, Some(CHROMATICITIES));
-        }
+        use exr::prelude::{ReadChannels, ReadLayers};
+        file.set_position(0);
+        let image = exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgb_channels(
+                |_, _| vec![0.0_f32; 45],
+                |values, p, (r, g, b): (f32, f32, f32)| {
+                    values[3 * (p.y() * 5 + p.x())..][..3].copy_from_slice(&[r, g, b]);
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(&mut file)
+            .unwrap();
+        let read = &image.layer_data.channel_data.pixels;
+        assert_eq!(read, &rgb, "the readout, exactly");
+        let attributes = &image.layer_data.attributes;
+        assert_eq!(attributes.exposure, Some(46.0));
+        assert_eq!(attributes.aperture, Some(8.0));
+        assert_eq!(attributes.iso_speed, Some(100.0));
+        assert_eq!(attributes.focus, Some(2.5));
+        // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
+        assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
+        assert_eq!(attributes.capture_date, None, "no time stamp");
+        let comments = std::str::from_utf8(attributes.comments.as_ref().unwrap().as_slice());
+        assert_eq!(comments, Ok("noctograph.scene: word = \"Zoë 漢 ψ\"\n\n"));
+        assert_eq!(image.attributes.chromaticities, Some(CHROMATICITIES));
     }
 }

@@ -1,4 +1,4 @@
-//! A canvas: lines, areas and words over white or over a photo, as SVG text or as pixels.
+//! A canvas: lines, cells and words over white or over a photo, as SVG text or as pixels.
 //!
 //! Pixels have y down, from the upper left corner. Text is left to the viewer's sans-serif typeface
 //! in SVG, and written in single strokes as pixels.
@@ -24,7 +24,7 @@ const STROKE_SHARE: f64 = 0.12;
 const SPACE_SHARE: f64 = 0.25;
 
 /// What a line is drawn with.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Pen {
     pub(super) color: Rgb,
     pub(super) width_px: f64,
@@ -43,8 +43,6 @@ enum Mark {
     /// What follows, up to the next one, belongs to this layer.
     Layer(&'static str),
     Line(Vec<[f64; 2]>, Pen),
-    /// A filled polygon.
-    Area(Vec<[f64; 2]>, Rgb),
     /// A filled rectangle without smoothed edges, so that neighbors meet: left, top, right, bottom.
     Cell([f64; 4], Rgb),
     /// A disk of a radius.
@@ -55,6 +53,8 @@ enum Mark {
         anchor: Anchor,
         cap_px: f64,
         color: Rgb,
+        /// Read from below to above.
+        upward: bool,
     },
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Canvas<'a> {
 
 impl Pen {
     /// A whole line.
-    pub(super) fn new(color: Rgb, width_px: f64) -> Self {
+    pub(super) const fn new(color: Rgb, width_px: f64) -> Self {
         Self { color, width_px, dashed: false }
     }
 }
@@ -109,10 +109,6 @@ impl<'a> Canvas<'a> {
         self.line((0..=24).map(corner), pen);
     }
 
-    pub(super) fn area(&mut self, points: impl Into<Vec<[f64; 2]>>, color: Rgb) {
-        self.marks.push(Mark::Area(points.into(), color));
-    }
-
     /// A rectangle whose neighbors meet it without a seam: left, top, right, bottom.
     pub(super) fn cell(&mut self, sides: [f64; 4], color: Rgb) {
         self.marks.push(Mark::Cell(sides, color));
@@ -132,7 +128,21 @@ impl<'a> Canvas<'a> {
         cap_px: f64,
         color: Rgb,
     ) {
-        self.marks.push(Mark::Text { text: text.into(), at, anchor, cap_px, color });
+        let (text, upward) = (text.into(), false);
+        self.marks.push(Mark::Text { text, at, anchor, cap_px, color, upward });
+    }
+
+    /// Writes a text from below to above, with its middle at the height of `at` and its lower edge
+    /// left of it.
+    pub(super) fn text_upward(
+        &mut self,
+        text: impl Into<String>,
+        at: [f64; 2],
+        cap_px: f64,
+        color: Rgb,
+    ) {
+        let (text, anchor, upward) = (text.into(), Anchor::Middle, true);
+        self.marks.push(Mark::Text { text, at, anchor, cap_px, color, upward });
     }
 
     /// An SVG file's text, with the photo inside.
@@ -186,9 +196,6 @@ impl<'a> Canvas<'a> {
                         hex(*color)
                     )
                 }
-                Mark::Area(points, color) => {
-                    writeln!(svg, "<polygon points=\"{}\" fill=\"{}\"/>", list(points), hex(*color))
-                }
                 Mark::Cell([left, top, right, bottom], color) => writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" \
@@ -202,7 +209,11 @@ impl<'a> Canvas<'a> {
                     "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius_px:.1}\" fill=\"{}\"/>",
                     hex(*color)
                 ),
-                Mark::Text { text, at: [x, y], anchor, cap_px, color } => {
+                Mark::Text { text, at: [x, y], anchor, cap_px, color, upward } => {
+                    let turned = match upward {
+                        true => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
+                        false => String::new(),
+                    };
                     let anchor = match anchor {
                         Anchor::Start => "start",
                         Anchor::Middle => "middle",
@@ -211,7 +222,7 @@ impl<'a> Canvas<'a> {
                     writeln!(
                         svg,
                         "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" \
-                         font-size=\"{:.1}\" fill=\"{}\">{}</text>",
+                         font-size=\"{:.1}\" fill=\"{}\"{turned}>{}</text>",
                         cap_px / CAP_SHARE,
                         hex(*color),
                         escaped(text)
@@ -253,7 +264,6 @@ fn draw(page: &mut PixmapMut<'_>, mark: &Mark, letters: &Font) {
     };
     match mark {
         Mark::Layer(_) => {}
-        Mark::Area(points, color) => fill(path(points, true), *color, true),
         Mark::Cell([left, top, right, bottom], color) => {
             let corners = [[*left, *top], [*right, *top], [*right, *bottom], [*left, *bottom]];
             fill(path(&corners, true), *color, false);
@@ -263,16 +273,23 @@ fn draw(page: &mut PixmapMut<'_>, mark: &Mark, letters: &Font) {
             fill(PathBuilder::from_circle(x, y, narrow(*radius_px)), *color, true);
         }
         Mark::Line(points, pen) => stroke(page, points, *pen),
-        Mark::Text { text, at: [x, y], anchor, cap_px, color } => {
-            let (_, right) = strokes_of(letters, text, [0.0, *y], *cap_px);
+        Mark::Text { text, at: [x, y], anchor, cap_px, color, upward } => {
+            let (_, right) = strokes_of(letters, text, [0.0, 0.0], *cap_px);
             let left = match anchor {
-                Anchor::Start => *x,
-                Anchor::Middle => x - 0.5 * right,
-                Anchor::End => x - right,
+                Anchor::Start => 0.0,
+                Anchor::Middle => -0.5 * right,
+                Anchor::End => -right,
             };
             let pen = Pen::new(*color, (STROKE_SHARE * cap_px).max(1.0));
-            let (lines, _) = strokes_of(letters, text, [left, *y], *cap_px);
-            lines.iter().for_each(|line| stroke(page, line, pen));
+            let (lines, _) = strokes_of(letters, text, [left, 0.0], *cap_px);
+            let place = |[right, down]: [f64; 2]| match upward {
+                true => [x + down, y - right],
+                false => [x + right, y + down],
+            };
+            for line in lines {
+                let line: Vec<[f64; 2]> = line.into_iter().map(place).collect();
+                stroke(page, &line, pen);
+            }
         }
     }
 }
@@ -363,13 +380,13 @@ mod tests {
 
     #[test]
     fn both_backends_draw_the_same_picture() {
-        let mut canvas = Canvas::white([100.0, 60.0]);
-        canvas.layer("shapes");
-        canvas.cell([10.0, 10.0, 30.0, 30.0], [255, 0, 0]);
-        canvas.line([[40.0, 20.0], [60.0, 20.0]], Pen::new([0, 0, 255], 4.0));
-        canvas.dot([80.0, 20.0], 5.0, [0, 255, 0]);
-        canvas.text("I<&", [50.0, 50.0], Anchor::Middle, 14.0, [0, 0, 0]);
-        let picture = canvas.pixels();
+        let mut labeled = Canvas::white([100.0, 60.0]);
+        labeled.layer("shapes");
+        labeled.cell([10.0, 10.0, 30.0, 30.0], [255, 0, 0]);
+        labeled.line([[40.0, 20.0], [60.0, 20.0]], Pen::new([0, 0, 255], 4.0));
+        labeled.dot([80.0, 20.0], 5.0, [0, 255, 0]);
+        labeled.text("I<&", [50.0, 50.0], Anchor::Middle, 14.0, [0, 0, 0]);
+        let picture = labeled.pixels();
         let at = |x: usize, y: usize| &picture.rgb8[3 * (100 * y + x)..][..3];
         assert_eq!([at(10, 10), at(29, 29)], [[255, 0, 0]; 2], "a cell has whole pixels");
         assert_eq!([at(9, 10), at(30, 29)], [[255; 3]; 2], "and no edge beyond");
@@ -377,7 +394,17 @@ mod tests {
         let black = (0..100).filter(|x| (36..51).any(|y| at(*x, y)[0] < 128));
         let [first, last] = [black.clone().min(), black.max()].map(Option::unwrap);
         assert!((45..=55).contains(&((first + last) / 2)), "in the middle: {first} to {last}");
+        let mut canvas = Canvas::white([60.0, 100.0]);
+        canvas.text_upward("II", [40.0, 50.0], 14.0, [0, 0, 0]);
+        let picture = canvas.pixels();
+        let at = |x: usize, y: usize| picture.rgb8[3 * (60 * y + x)];
+        let dark: Vec<usize> = (0..100).filter(|y| (26..41).any(|x| at(x, *y) < 128)).collect();
+        let around = [dark[0], dark[dark.len() - 1]];
+        assert_eq!(around[0] + around[1], 99, "about the middle: {around:?}");
+        assert!(around[1] - around[0] < 20, "two strokes beside each other: {around:?}");
         let svg = canvas.svg();
+        assert!(svg.contains("rotate(-90 40.0 50.0)"), "{svg}");
+        let svg = labeled.svg();
         assert!(svg.contains("<g id=\"shapes\"") && svg.contains("I&lt;&amp;</text>"), "{svg}");
         assert_eq!(svg.matches("<g").count(), svg.matches("</g>").count());
     }

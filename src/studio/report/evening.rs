@@ -1,7 +1,8 @@
 //! An evening's page: its flights, its drones over time, and the conditions that they make.
 
 use super::Page;
-use super::figure::{Curve, Figure, Panel, Pen};
+use super::canvas::Pen;
+use super::figure::{Curve, Figure, Panel};
 use super::studies::{COLORS, around};
 use crate::study::{Evening, EveningLog, LogFigures};
 
@@ -48,7 +49,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
             // A short bar at each flight, so that one alone is seen.
             let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
             let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
-            Curve { pen: Pen { color, width_px: 2.0 }, pieces }
+            Curve { pen: Pen::new(color, 2.0), pieces }
         };
         drones.iter().zip(COLORS).map(curve).collect()
     };
@@ -67,7 +68,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
         ("rotor lag (ms)", 20.0, |f| f.lag_s.map(|lag_s| 1e3 * lag_s)),
     ];
     if sound > 0 {
-        let pens = COLORS.map(|color| Pen { color, width_px: 2.0 });
+        let pens = COLORS.map(|color| Pen::new(color, 2.0));
         let figure = Figure {
             title: "Thrust, trim and lag, flight by flight".to_owned(),
             legend: drones.iter().map(|(name, _)| (*name).to_owned()).zip(pens).collect(),

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use super::canvas::{Anchor, Canvas, Pen, Rgb};
 
 /// Width of a figure.
 pub(super) const WIDTH_PX: f64 = 800.0;
@@ -20,32 +19,32 @@ const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
 /// Room below each panel, and more below the last for the name of its axis.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
-/// plotters draws on whole pixels; a canvas this many times as fine, shown smaller, is smooth.
-const FINENESS: f64 = 8.0;
-/// Height of the words at places.
+/// Sizes of the letters of numbers, names and titles, and the height kept free for words at places.
+const NUMBER_EM_PX: f64 = 11.3;
+const NAME_EM_PX: f64 = 12.1;
+const TITLE_EM_PX: f64 = 16.1;
+const MARK_EM_PX: f64 = 9.7;
 const MARK_PX: f64 = 12.0;
+/// Height of capitals, and depth of the lower edge of a text below its middle, by its size.
+const CAP_SHARE: f64 = 0.7;
+const MIDDLE_SHARE: f64 = 0.26;
+/// Height of a line of text above its lower edge, by its size.
+const ASCENT_SHARE: f64 = 0.76;
+/// Length of the marks of an axis, and the room between axis and numbers.
+const TICK_PX: f64 = 4.0;
+const LABEL_PX: f64 = 8.0;
+/// Room along an axis for each of its numbers, and how many it has room for at least.
+const ROOM_PX: f64 = 60.0;
+const LEAST_NUMBERS: f64 = 4.0;
 /// Points of a curve nearer to each other than this are one.
 const THINNEST_PX: f64 = 0.4;
 
-pub(super) const BLACK: RGBColor = RGBColor(0, 0, 0);
-pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
-pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
-pub(super) const GRAY: RGBColor = RGBColor(186, 186, 186);
-const INK: RGBColor = RGBColor(64, 64, 64);
-const GRID: RGBColor = RGBColor(232, 232, 232);
-
-/// How a curve looks.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pen {
-    pub(super) color: RGBColor,
-    pub(super) width_px: f64,
-}
-
-impl Pen {
-    fn style(self) -> ShapeStyle {
-        ShapeStyle { color: self.color.to_rgba(), filled: false, stroke_width: fine(self.width_px) }
-    }
-}
+pub(super) const BLACK: Rgb = [0, 0, 0];
+pub(super) const BLUE: Rgb = [0, 114, 178];
+pub(super) const VERMILION: Rgb = [213, 94, 0];
+pub(super) const GRAY: Rgb = [186, 186, 186];
+const INK: Rgb = [64, 64, 64];
+const GRID: Rgb = [232, 232, 232];
 
 /// A line through points, in pieces where it is interrupted.
 #[derive(Clone, Debug)]
@@ -97,56 +96,44 @@ pub(super) struct Figure {
 impl Figure {
     /// The figure as an SVG file's text, [`WIDTH_PX`] wide.
     pub(super) fn svg(&self) -> String {
-        let height_px = self.head_px()
-            + BELOW_PX[1]
-            + EDGE_PX
-            + self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum::<f64>();
-        let size = (fine(WIDTH_PX), fine(height_px));
-        let mut text = String::new();
-        {
-            let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
-            self.draw(&root).expect("drawing into memory cannot fail");
-        }
-        let drawn = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-        let shown = format!("width=\"{WIDTH_PX}\" height=\"{height_px}\"");
-        text.replacen(&drawn, &shown, 1)
-    }
-
-    fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
-        root.fill(&WHITE)?;
-        let lines: Vec<&str> = self.title.split('\n').collect();
-        let title = lines.join(" / ");
-        // A long word is written smaller, so that it is not cut off.
-        let wide_em = 0.5 * title.chars().count() as f64;
-        let style = text_style((PANEL_WIDTH_PX / wide_em).clamp(2.0, 20.0), INK, HPos::Left);
-        root.draw_text(&title, &style, at(SIDES_PX[0], 24.0))?;
-        self.draw_legend(root)?;
+        let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
+        let height_px = self.head_px() + panels_px + BELOW_PX[1] + EDGE_PX;
+        let mut canvas = Canvas::white([WIDTH_PX, height_px]);
+        self.draw_title(&mut canvas);
+        self.draw_legend(&mut canvas);
         let mut top_px = self.head_px();
         for (index, panel) in self.panels.iter().enumerate() {
-            let last = index + 1 == self.panels.len();
-            let below_px = if last { BELOW_PX[0] + BELOW_PX[1] } else { BELOW_PX[0] };
-            let area = root.clone().shrink(
-                at(EDGE_PX, top_px),
-                at(WIDTH_PX - EDGE_PX - SIDES_PX[1], panel.height_px + below_px),
-            );
-            panel.draw(&area, below_px, if last { self.x_name } else { "" })?;
-            top_px += panel.height_px + below_px;
+            panel.draw(&mut canvas, top_px);
+            top_px += panel.height_px + BELOW_PX[0];
+            if index + 1 == self.panels.len() {
+                let bottom_px = top_px + BELOW_PX[1] - MIDDLE_SHARE * NAME_EM_PX;
+                let middle = [SIDES_PX[0] + 0.5 * PANEL_WIDTH_PX, bottom_px];
+                text(&mut canvas, self.x_name, middle, Anchor::Middle, NAME_EM_PX);
+            }
         }
-        root.present()
+        canvas.svg()
     }
 
-    fn draw_legend<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
+    fn draw_title(&self, canvas: &mut Canvas<'_>) {
+        let title = self.title.replace('\n', " / ");
+        // A long word is written smaller, so that it is not cut off.
+        let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
+        let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
+        let at = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
+        text(canvas, &title, at, Anchor::Start, em_px);
+    }
+
+    fn draw_legend(&self, canvas: &mut Canvas<'_>) {
         let (places, n_rows) = self.legend_places();
         // One row is in the middle of the room of two closer ones.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
         for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
             let high_px = first_px + f64::from(row) * LEGEND_ROW_PX;
-            let sample = [at(left_px, high_px), at(left_px + LEGEND_LINE_PX, high_px)];
-            root.draw(&PathElement::new(sample, pen.style()))?;
-            let from = at(left_px + LEGEND_LINE_PX + 8.0, high_px);
-            root.draw_text(name, &text_style(15.0, INK, HPos::Left), from)?;
+            let right_px = left_px + LEGEND_LINE_PX;
+            canvas.line([[left_px, high_px], [right_px, high_px]], *pen);
+            let at = [right_px + 8.0, high_px + MIDDLE_SHARE * NAME_EM_PX];
+            text(canvas, name, at, Anchor::Start, NAME_EM_PX);
         }
-        Ok(())
     }
 
     /// Where the entries of the legend begin, with their rows; and the number of rows.
@@ -170,52 +157,60 @@ impl Figure {
     }
 }
 
-type Shift = plotters::coord::Shift;
-type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
-
 impl Panel {
-    fn draw<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        below_px: f64,
-        x_name: &str,
-    ) -> Drawn<B> {
-        let mut chart = ChartBuilder::on(area)
-            .x_label_area_size(fine(below_px))
-            .y_label_area_size(fine(SIDES_PX[0] - EDGE_PX))
-            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
-        #[expect(clippy::cast_possible_truncation, reason = "a few")]
-        let n_labels = |length_px: f64| (length_px / 60.0).max(4.0) as usize;
-        chart
-            .configure_mesh()
-            .x_labels(n_labels(PANEL_WIDTH_PX))
-            .y_labels(n_labels(self.height_px))
-            .max_light_lines(0)
-            .bold_line_style(Pen { color: GRID, width_px: 1.0 }.style())
-            .axis_style(Pen { color: INK, width_px: 1.0 }.style())
-            .set_all_tick_mark_size(fine(4.0))
-            .label_style(text_style(14.0, INK, HPos::Center))
-            .axis_desc_style(text_style(15.0, INK, HPos::Center))
-            .x_label_formatter(&|x| number(*x))
-            .y_label_formatter(&|y| number(*y))
-            .x_desc(x_name)
-            .y_desc(self.y_name)
-            .draw()?;
-        let per_px = [PANEL_WIDTH_PX, self.height_px];
-        let per_px = [(&self.x, per_px[0]), (&self.y, per_px[1])]
+    fn draw(&self, canvas: &mut Canvas<'_>, top_px: f64) {
+        let per_px = [(&self.x, PANEL_WIDTH_PX), (&self.y, self.height_px)]
             .map(|(range, length_px)| (range.end - range.start) / length_px);
+        let place = |(x, y): (f64, f64)| {
+            let [right, down] = [(x - self.x.start) / per_px[0], (self.y.end - y) / per_px[1]];
+            [SIDES_PX[0] + right, top_px + down]
+        };
+        self.draw_axes(canvas, top_px, &place);
         for curve in &self.curves {
             for piece in &curve.pieces {
-                let points = thinned(piece, per_px);
-                chart.draw_series([PathElement::new(points, curve.pen.style())])?;
+                canvas.line(thinned(piece, per_px).into_iter().map(place), curve.pen);
             }
         }
         for (mark, (right_px, down_px)) in self.marks.iter().zip(self.places(per_px)) {
-            let style = text_style(MARK_PX, INK, HPos::Left);
-            let text = Text::new(mark.text.clone(), (whole(right_px), whole(down_px)), style);
-            chart.draw_series([EmptyElement::at(mark.at) + text])?;
+            let [x, y] = place(mark.at);
+            let at = [x + right_px, y + down_px + MIDDLE_SHARE * MARK_EM_PX];
+            text(canvas, &mark.text, at, Anchor::Start, MARK_EM_PX);
         }
-        Ok(())
+    }
+
+    /// The grid, both axes with their marks and numbers, and the name of the vertical one.
+    fn draw_axes(
+        &self,
+        canvas: &mut Canvas<'_>,
+        top_px: f64,
+        place: &dyn Fn((f64, f64)) -> [f64; 2],
+    ) {
+        let [left, right] = [SIDES_PX[0], SIDES_PX[0] + PANEL_WIDTH_PX];
+        let (bottom, middle) = (top_px + self.height_px, top_px + 0.5 * self.height_px);
+        let (grid, ink) = (Pen::new(GRID, 1.0), Pen::new(INK, 1.0));
+        let x_places = ticks(&self.x, PANEL_WIDTH_PX).into_iter();
+        let x_places: Vec<_> = x_places.map(|x| (x, place((x, self.y.start))[0])).collect();
+        let y_places = ticks(&self.y, self.height_px).into_iter();
+        let y_places: Vec<_> = y_places.map(|y| (y, place((self.x.start, y))[1])).collect();
+        for (_, x_px) in &x_places {
+            canvas.line([[*x_px, top_px], [*x_px, bottom]], grid);
+        }
+        for (_, y_px) in &y_places {
+            canvas.line([[left, *y_px], [right, *y_px]], grid);
+        }
+        canvas.line([[left, top_px], [left, bottom], [right, bottom]], ink);
+        for (x, x_px) in x_places {
+            canvas.line([[x_px, bottom], [x_px, bottom + TICK_PX]], ink);
+            let at = [x_px, bottom + LABEL_PX + ASCENT_SHARE * NUMBER_EM_PX];
+            text(canvas, &number(x), at, Anchor::Middle, NUMBER_EM_PX);
+        }
+        for (y, y_px) in y_places {
+            canvas.line([[left - TICK_PX, y_px], [left, y_px]], ink);
+            let at = [left - LABEL_PX, y_px + MIDDLE_SHARE * NUMBER_EM_PX];
+            text(canvas, &number(y), at, Anchor::End, NUMBER_EM_PX);
+        }
+        let at = [EDGE_PX + ASCENT_SHARE * NAME_EM_PX, middle];
+        canvas.text_upward(self.y_name, at, CAP_SHARE * NAME_EM_PX, INK);
     }
 
     /// Where the words of the marks begin, right of and below their places: each at the nearest of
@@ -300,30 +295,38 @@ fn thinned(points: &[(f64, f64)], [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f
     kept
 }
 
-fn text_style(size_px: f64, color: RGBColor, across: HPos) -> TextStyle<'static> {
-    let font = ("sans-serif", fine(size_px)).into_font();
-    font.color(&color).pos(Pos::new(across, VPos::Center))
+fn text(canvas: &mut Canvas<'_>, text: &str, at: [f64; 2], anchor: Anchor, em_px: f64) {
+    canvas.text(text, at, anchor, CAP_SHARE * em_px, INK);
+}
+
+/// Round numbers within a range, as many as there is room for along its axis: multiples of 1, 2 or 5
+/// times a power of ten.
+fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
+    let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
+    let decade = libm::floor(libm::log10((range.end - range.start) / most));
+    for step in [1.0, 2.0, 5.0, 10.0] {
+        // Tenths and hundredths as quotients of whole numbers, so that they are rounded once.
+        let [times, parts] = match decade < 0.0 {
+            true => [step, libm::pow(10.0, -decade)],
+            false => [step * libm::pow(10.0, decade), 1.0],
+        };
+        let first = (range.start * parts / times - 1e-9).ceil();
+        let n = (range.end * parts / times + 1e-9).floor() - first + 1.0;
+        if n <= most {
+            let mut ticks = Vec::new();
+            while (ticks.len() as f64) < n {
+                ticks.push((first + ticks.len() as f64) * times / parts);
+            }
+            return ticks;
+        }
+    }
+    Vec::new()
 }
 
 /// A number with as many decimals as it needs, and a proper minus.
 fn number(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
     rounded.to_string().replace('-', "−")
-}
-
-fn at(x_px: f64, y_px: f64) -> (i32, i32) {
-    (whole(x_px), whole(y_px))
-}
-
-/// Pixels on the fine canvas, also to the left or above.
-#[expect(clippy::cast_possible_truncation, reason = "a figure is a few thousand pixels")]
-fn whole(px: f64) -> i32 {
-    (px * FINENESS).round() as i32
-}
-
-/// A length on the fine canvas.
-fn fine(px: f64) -> u32 {
-    whole(px).unsigned_abs()
 }
 
 #[cfg(test)]
@@ -374,16 +377,16 @@ mod tests {
     #[test]
     fn words_stand_in_the_drawing_where_they_were_placed_beside_curves_and_not_on_them() {
         let mark = |text: &str| Mark { at: (5.0, 5.0), text: text.to_owned() };
-        let pen = Pen { color: BLUE, width_px: 2.0 };
+        let pen = Pen::new(BLUE, 2.0);
         let bar = Curve { pen, pieces: vec![vec![(5.0, 5.0), (9.0, 5.0)]] };
         let panel = Panel { marks: vec![mark("one"), mark("two")], ..square(vec![bar]) };
         let figure =
             Figure { title: "t".into(), legend: Vec::new(), x_name: "x", panels: vec![panel] };
         let svg = figure.svg();
         let y_of = |text: &str| -> f64 {
-            let before = svg.split(&format!("\n{text}\n")).next().unwrap();
+            let before = svg.split(&format!(">{text}</text>")).next().unwrap();
             let y = before.rsplit(" y=\"").next().unwrap().split('"').next().unwrap();
-            y.parse::<f64>().unwrap() / FINENESS
+            y.parse::<f64>().unwrap()
         };
         let [one, two] = ["one", "two"].map(y_of);
         let bar_px = HEAD_PX + 200.0;
@@ -397,10 +400,27 @@ mod tests {
             let figure = Figure { title, legend: Vec::new(), x_name: "x", panels: Vec::new() };
             let svg = figure.svg();
             let size = svg.split("font-size=\"").nth(1).unwrap().split('"').next().unwrap();
-            size.parse::<f64>().unwrap() / FINENESS
+            size.parse::<f64>().unwrap()
         };
         assert_eq!(size_px(10), size_px(60), "as large as ever");
         assert!(size_px(200) * 200.0 * 0.6 < PANEL_WIDTH_PX, "{} px", size_px(200));
+    }
+
+    #[test]
+    fn axes_have_round_numbers_within_them_and_room_for_each() {
+        assert_eq!(ticks(&(-0.3..0.3), 150.0), [-0.2, 0.0, 0.2]);
+        assert_eq!(ticks(&(0.0..2.95), 704.0), [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]);
+        assert_eq!(ticks(&(0.0..105.0), 150.0), [0.0, 50.0, 100.0]);
+        assert_eq!(ticks(&(0.0..1000.0), 660.0).len(), 11, "both ends are within");
+        assert_eq!(ticks(&(1.0..1.0), 150.0), [0.0; 0], "no length");
+        for exponent in -6..6 {
+            let length = libm::pow(10.0, f64::from(exponent));
+            for start in [-3.3, 0.0, 7.1] {
+                let range = start * length..(start + 1.7) * length;
+                let n = ticks(&range, 300.0).len();
+                assert!((2..=5).contains(&n), "{n} in {range:?}");
+            }
+        }
     }
 
     #[test]

@@ -2,9 +2,8 @@
 
 use std::ops::Range;
 
-use super::figure::{
-    BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, Pen, VERMILION,
-};
+use super::canvas::Pen;
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, VERMILION};
 use crate::flight::tracking::CORRIDOR_M;
 use crate::flight::{BATTERY_V, Flight, FlightSample};
 
@@ -21,8 +20,8 @@ pub struct NamedFlight {
 const LONGEST_LINE_S: f64 = 0.2;
 /// Heights of a panel with equal scales on both axes; a flight wider or taller gets more air.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
-const DESIGN: Pen = Pen { color: GRAY, width_px: 5.0 };
-const CORRIDOR: Pen = Pen { color: BLACK, width_px: 1.5 };
+const DESIGN: Pen = Pen::new(GRAY, 5.0);
+const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
 /// The flights from above, x to the right and y up, over the first trace's design, with black lines
 /// where the safety corridor ends. SVG.
@@ -69,10 +68,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let error = |sample: &FlightSample| sample.position_m - sample.design_m;
     let curves = |axis: usize| -> Vec<Curve> {
         let value = |s: &FlightSample| (s.time_s, error(s)[axis]);
-        let zero = Curve {
-            pen: Pen { color: BLACK, width_px: 1.0 },
-            pieces: vec![vec![(x.start, 0.0), (x.end, 0.0)]],
-        };
+        let zero =
+            Curve { pen: Pen::new(BLACK, 1.0), pieces: vec![vec![(x.start, 0.0), (x.end, 0.0)]] };
         [zero].into_iter().chain(designed().map(|(t, pen)| t.curve(pen, value))).collect()
     };
     let all = designed().flat_map(|(trace, _)| &trace.samples).map(error);
@@ -148,7 +145,7 @@ fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 fn pen(index: usize) -> Pen {
-    Pen { color: [BLUE, VERMILION][index % 2], width_px: 1.75 }
+    Pen::new([BLUE, VERMILION][index % 2], 1.75)
 }
 
 /// The last trace first, so that the first lies on top.

@@ -1,20 +1,19 @@
 //! Figure of a flight at constant altitude: truth, estimates with their bands, innovations.
 
-use plotters::style::RGBColor;
-
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
+use super::canvas::Pen;
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
 use crate::sim::{AltitudeSensor, HeightReading};
 use crate::study::{Hold, HoldSample};
 
 /// Height of a panel.
 const PANEL_PX: f64 = 150.0;
-const TRUTH: Pen = Pen { color: BLACK, width_px: 1.0 };
-const ESTIMATE: Pen = Pen { color: BLUE, width_px: 1.5 };
-const SECOND: Pen = Pen { color: VERMILION, width_px: 1.5 };
-const THIRD: Pen = Pen { color: RGBColor(0, 158, 115), width_px: 1.0 };
-const SET: Pen = Pen { color: RGBColor(230, 159, 0), width_px: 1.0 };
-const THROWN: Pen = Pen { color: RGBColor(204, 121, 167), width_px: 2.0 };
-const BAND: Pen = Pen { color: GRAY, width_px: 1.0 };
+const TRUTH: Pen = Pen::new(BLACK, 1.0);
+const ESTIMATE: Pen = Pen::new(BLUE, 1.5);
+const SECOND: Pen = Pen::new(VERMILION, 1.5);
+const THIRD: Pen = Pen::new([0, 158, 115], 1.0);
+const SET: Pen = Pen::new([230, 159, 0], 1.0);
+const THROWN: Pen = Pen::new([204, 121, 167], 2.0);
+const BAND: Pen = Pen::new(GRAY, 1.0);
 
 /// Innovations beyond this are drawn at the edge of their panel.
 const EDGE_SIGMAS: f64 = 5.0;

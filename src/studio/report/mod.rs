@@ -1,11 +1,10 @@
 //! Report: products as pictures and pages for people.
 //!
 //! Products in: [`Flight`](crate::flight::Flight)s, [`Plan`](crate::plan::Plan)s and
-//! [`Photo`](crate::photo::Photo)s. Products out: plots as SVG text; one photo laid over another
-//! ([`photos`]); and sheets of a [`Font`](crate::letters::Font)'s characters, as SVG text or pixels
-//! ([`specimen`]).
+//! [`Photo`](crate::photo::Photo)s. Products out: plots as SVG text, and one photo laid over another
+//! ([`photos`]).
 //!
-//! Method: curves are thinned to what a pixel can show and drawn with plotters; nothing but the
+//! Method: curves are thinned to what a pixel can show and drawn on one canvas; nothing but the
 //! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colors are those of
 //! Okabe and Ito (2008), which people with any color vision can tell apart.
 //!
@@ -28,7 +27,6 @@ mod place;
 mod plans;
 mod sheet;
 mod shot;
-pub mod specimen;
 mod spread;
 mod studies;
 

@@ -1,20 +1,19 @@
 //! The drawing of a plan: what is lit, what is dark, how fast, and when.
 
-use plotters::style::RGBColor;
-
-use super::figure::{Curve, Mark, Pen};
+use super::canvas::{Pen, Rgb};
+use super::figure::{Curve, Mark};
 use super::flights::View;
 use crate::plan::Plan;
 
 /// Lit speeds as shares of the fastest, and their colors from slow to fast.
-const SPEEDS: [(f64, RGBColor); 4] = [
-    (0.25, RGBColor(204, 51, 17)),
-    (0.5, RGBColor(238, 153, 51)),
-    (0.9, RGBColor(51, 160, 120)),
-    (f64::INFINITY, RGBColor(0, 84, 160)),
+const SPEEDS: [(f64, Rgb); 4] = [
+    (0.25, [204, 51, 17]),
+    (0.5, [238, 153, 51]),
+    (0.9, [51, 160, 120]),
+    (f64::INFINITY, [0, 84, 160]),
 ];
 const LIT_PX: f64 = 4.5;
-const DARK: Pen = Pen { color: RGBColor(120, 120, 120), width_px: 1.5 };
+const DARK: Pen = Pen::new([120, 120, 120], 1.5);
 /// A dash and the gap after it, together; a dark way is drawn in its first half.
 const DASH_M: f64 = 0.03;
 /// Strokes beyond this number have no times beside them: nobody could read them.
@@ -45,7 +44,7 @@ pub fn plan_view(plans: &[Plan], word: &str) -> String {
         if pieces.is_empty() {
             continue;
         }
-        let pen = Pen { color, width_px: LIT_PX };
+        let pen = Pen::new(color, LIT_PX);
         let name = if to.is_finite() {
             format!("below {to:.2} m/s")
         } else {

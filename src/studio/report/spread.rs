@@ -1,15 +1,16 @@
 //! Plots of a spread: its flights from the front, and its bands over time.
 
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
+use super::canvas::Pen;
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
 use super::flights::View;
 use crate::flight::{Flight, FlightSample};
 use crate::study::{BAND_FRAC, Band, Spread};
 
-const DESIGN: Pen = Pen { color: GRAY, width_px: 5.0 };
-const FLIGHT: Pen = Pen { color: BLUE, width_px: 0.6 };
-const ALL: Pen = Pen { color: BLUE, width_px: 1.75 };
-const WITHIN: Pen = Pen { color: VERMILION, width_px: 1.75 };
-const ZERO: Pen = Pen { color: BLACK, width_px: 1.0 };
+const DESIGN: Pen = Pen::new(GRAY, 5.0);
+const FLIGHT: Pen = Pen::new(BLUE, 0.6);
+const ALL: Pen = Pen::new(BLUE, 1.75);
+const WITHIN: Pen = Pen::new(VERMILION, 1.75);
+const ZERO: Pen = Pen::new(BLACK, 1.0);
 
 /// The lit strokes of a spread's flights from the front, over their design. SVG.
 ///

@@ -2,22 +2,14 @@
 
 use std::ops::Range;
 
-use plotters::style::RGBColor;
+use super::canvas::{Pen, Rgb};
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
 
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
-
-const ORANGE: RGBColor = RGBColor(230, 159, 0);
+const ORANGE: Rgb = [230, 159, 0];
 
 /// Okabe and Ito (2008), from the strongest on.
-pub(super) const COLORS: [RGBColor; 7] = [
-    BLUE,
-    VERMILION,
-    RGBColor(0, 158, 115),
-    ORANGE,
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    BLACK,
-];
+pub(super) const COLORS: [Rgb; 7] =
+    [BLUE, VERMILION, [0, 158, 115], ORANGE, [204, 121, 167], [86, 180, 233], BLACK];
 
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
@@ -40,10 +32,10 @@ pub fn pareto(
         let [dx, dy] = [wide * size, high * size];
         [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
     };
-    let gray = Pen { color: GRAY, width_px: 1.5 };
-    let orange = Pen { color: ORANGE, width_px: 1.0 };
-    let blue = Pen { color: BLUE, width_px: 2.0 };
-    let vermilion = Pen { color: VERMILION, width_px: 3.0 };
+    let gray = Pen::new(GRAY, 1.5);
+    let orange = Pen::new(ORANGE, 1.0);
+    let blue = Pen::new(BLUE, 2.0);
+    let vermilion = Pen::new(VERMILION, 3.0);
     let crosses = |points: &[(f64, f64)], size| -> Vec<_> {
         points.iter().flat_map(|point| cross(point, size)).collect()
     };
@@ -78,7 +70,7 @@ pub fn pareto(
 pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     // More curves than colors are told apart by their width.
     let widths = [2.0, 4.0].into_iter().cycle();
-    let pens = widths.flat_map(|width_px| COLORS.map(|color| Pen { color, width_px }));
+    let pens = widths.flat_map(|width_px| COLORS.map(|color| Pen::new(color, width_px)));
     let named: Vec<_> = curves.iter().zip(pens).collect();
     let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
     let curve = |((_, points), pen): &(&(String, Vec<_>), _)| Curve {

@@ -108,7 +108,6 @@ const RULES: &[Rule] = &[
         |s| s.light.led_bitmask < 128 || !has_lamp(s, |f| f.bitmask_bit.is_some()),
         "bit 7, which lets it switch lamps, is not set, or no lamp has a bit in it",
     ),
-    (&["light.pwm"], |s| !has_lamp(s, |f| f.pwm_hz > 0.0), "no lamp is dimmed by pulse width"),
     (
         &["camera.lens", "camera.f_number", "camera.base_iso"],
         |s| s.camera.body.fixed_lens().is_some(),

@@ -6,7 +6,6 @@ use std::path::Path;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::expose::Film;
-use crate::photo::exr::Precision;
 use crate::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
 use crate::photo::{self, Metadata, Photo, read_out};
 use crate::scene::Scene;
@@ -22,8 +21,6 @@ settings! {
         "png16" => Png16,
         /// OpenEXR, linear light as the sensor read it, 32 bits a channel.
         "exr" => Exr,
-        /// The same, 16 bits a channel.
-        "exr-half" => ExrHalf,
     }
 }
 
@@ -101,11 +98,9 @@ pub(super) fn encode(
             let camera = (camera, dots_per_inch);
             readout()?.write_png16(&mut out, scene.photo.tone, camera, &notes, Some(&toml))
         }
-        Format::Exr | Format::ExrHalf => {
-            let half = format == Format::ExrHalf;
-            let precision = if half { Precision::Half } else { Precision::Float };
+        Format::Exr => {
             notes.push(("noctograph.scene", scene.to_toml()));
-            readout()?.write_exr(&mut out, camera, precision, &notes)
+            readout()?.write_exr(&mut out, camera, &notes)
         }
     };
     written.expect("a checked picture fits into memory");

@@ -16,7 +16,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("air.downwash", "drones that are planned above each other"),
     ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the firmware's filter believes"),
     ("sensors.lighthouse.panes_m", "`coverage`, and sweeps where the pane reflects enough"),
-    ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
     (
         "camera.metering.room_stops",

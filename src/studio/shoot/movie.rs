@@ -2,21 +2,15 @@
 //!
 //! Light adds up, so a moment's film is that of the moment before and the light in between; it is
 //! developed as the whole would be, without the noise of the sensor, with the room's light of the
-//! time so far. A movie develops every few pictures only: in between, a pixel that is written has the
-//! share of the change whose light has arrived, and glare waits. The lamps are drawn as points, as they
-//! look to the eye.
+//! time so far. In a movie the lamps are drawn as points, as they look to the eye.
 
 use super::Shot;
 use crate::camera::{Camera, ImagePoint};
 use crate::error::Result;
-use crate::expose::{ExposeOptions, Film, project};
+use crate::expose::{Film, project};
 use crate::light::{Lamp, LightSample, LightTrace};
 use crate::photo::{Noise, Photo, PhotoOptions, develop};
 
-/// Pictures of a movie for each one that is developed.
-const STEP: u32 = 12;
-/// Change of a pixel, in levels, from which it counts as written and not as glare.
-const WRITTEN_LEVELS: u8 = 8;
 /// Width of the point of a lamp (σ) by the width of the picture.
 const POINT_SHARE: f64 = 0.0025;
 
@@ -53,34 +47,14 @@ impl Shot {
         each: &mut dyn FnMut(&Photo) -> Result<()>,
     ) -> Result<()> {
         let mut film = Growing::new(self, width_px)?;
-        let mut before = film.photo()?;
-        let pictures: Vec<u32> = (1..=n).collect();
-        for step in pictures.chunks(STEP as usize) {
-            let mut written = vec![0; before.rgb8.len() / 3];
-            let mut arrived = Vec::new();
-            let mut from_s = film.time_s;
-            for picture in step {
-                let to_s = film.moment_s(*picture, n);
-                add(&mut written, film.written(from_s, to_s)?);
-                arrived.push((to_s, written.clone()));
-                from_s = to_s;
+        (1..=n).try_for_each(|picture| {
+            film.expose_to(film.moment_s(picture, n))?;
+            let mut photo = film.photo()?;
+            if picture < n {
+                self.draw_lamps(&mut photo, &film.camera, film.time_s);
             }
-            film.expose_to(from_s)?;
-            let after = film.photo()?;
-            for (time_s, share) in &arrived {
-                let mut picture = if *time_s < from_s {
-                    between(&before, &after, share, &written)
-                } else {
-                    after.clone()
-                };
-                if *time_s < film.end_s {
-                    self.draw_lamps(&mut picture, &film.camera, *time_s);
-                }
-                each(&picture)?;
-            }
-            before = after;
-        }
-        Ok(())
+            each(&photo)
+        })
     }
 
     /// Draws the lamps that are lit at a time as points.
@@ -136,35 +110,18 @@ impl<'a> Growing<'a> {
         self.start_s + (self.end_s - self.start_s) * f64::from(moment) / f64::from(n)
     }
 
-    /// Counts of the light between two times, by channel.
-    fn counts(&self, from_s: f64, to_s: f64, options: &ExposeOptions) -> Result<Vec<u32>> {
-        let camera =
-            Camera { shutter_open_s: from_s, shutter_close_s: to_s, ..self.camera.clone() };
-        let latent = project(&part(&self.shot.trace, from_s, to_s), &camera, options)?;
-        Ok(latent.at_scale(self.film.scale_log2)?.develop_on_all().counts)
-    }
-
     /// Adds the light up to a time.
     fn expose_to(&mut self, end_s: f64) -> Result<()> {
-        let more = self.counts(self.time_s, end_s, &self.shot.scene.expose)?;
-        add(&mut self.film.counts, more);
+        let (shutter_open_s, shutter_close_s) = (self.time_s, end_s);
+        let camera = Camera { shutter_open_s, shutter_close_s, ..self.camera.clone() };
+        let lit = part(&self.shot.trace, self.time_s, end_s);
+        let latent = project(&lit, &camera, &self.shot.scene.expose)?;
+        let more = latent.at_scale(self.film.scale_log2)?.develop_on_all().counts;
+        for (sum, count) in self.film.counts.iter_mut().zip(more) {
+            *sum = sum.saturating_add(count);
+        }
         self.time_s = end_s;
         Ok(())
-    }
-
-    /// Light of each pixel between two times, without that on the floor.
-    fn written(&self, from_s: f64, to_s: f64) -> Result<Vec<u32>> {
-        let expose = self.shot.scene.expose.clone();
-        let options = ExposeOptions { floor_albedo: 0.0, room_m: None, ..expose };
-        let mut counts = self.counts(from_s, to_s, &options)?;
-        let green_and_blue = counts.split_off(counts.len() / 3);
-        let n_pixels = counts.len();
-        for (sum, (green, blue)) in
-            counts.iter_mut().zip(green_and_blue.iter().zip(&green_and_blue[n_pixels..]))
-        {
-            *sum = (*sum / 3) + (green / 3) + (blue / 3);
-        }
-        Ok(counts)
     }
 
     /// The photo so far.
@@ -172,12 +129,6 @@ impl<'a> Growing<'a> {
         let camera = Camera { shutter_close_s: self.time_s, ..self.camera.clone() };
         let scene = &self.shot.scene;
         develop(&self.film, &camera, &scene.expose, &self.options, scene.seed)
-    }
-}
-
-fn add(sums: &mut [u32], more: Vec<u32>) {
-    for (sum, count) in sums.iter_mut().zip(more) {
-        *sum = sum.saturating_add(count);
     }
 }
 
@@ -190,23 +141,6 @@ fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
         Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.to_vec() }
     };
     LightTrace { lamps: trace.lamps.iter().map(part).collect() }
-}
-
-/// A picture between two photos: a pixel that is written has the share of its light that has arrived.
-fn between(before: &Photo, after: &Photo, arrived: &[u32], whole: &[u32]) -> Photo {
-    let mut picture = before.clone();
-    let (pixels, _) = picture.rgb8.as_chunks_mut::<3>();
-    let (later, _) = after.rgb8.as_chunks::<3>();
-    for (((pixel, later), arrived), whole) in pixels.iter_mut().zip(later).zip(arrived).zip(whole) {
-        if *arrived == 0 || pixel.iter().zip(later).all(|(a, b)| a.abs_diff(*b) < WRITTEN_LEVELS) {
-            continue;
-        }
-        let share = f64::from(*arrived) / f64::from(*whole);
-        for (level, later) in pixel.iter_mut().zip(later) {
-            *level = mixed(*level, *later, share);
-        }
-    }
-    picture
 }
 
 /// Adds a white point to a picture.
@@ -282,6 +216,14 @@ mod tests {
         .unwrap();
         assert_eq!(pictures.len(), 30);
         assert!(most_off(&pictures[29], &shot.photo) <= 2);
+        let mut developed = pictures.iter();
+        shot.moments(320, 30, &mut |_, moment| {
+            let pixels = developed.next().unwrap().rgb8.chunks(3).zip(moment.rgb8.chunks(3));
+            let n_other = pixels.filter(|(a, b)| a != b).count();
+            assert!(n_other < 100, "each is developed, and drawn on by points: {n_other} pixels");
+            Ok(())
+        })
+        .unwrap();
         let bright = |photo: &Photo| photo.rgb8.iter().filter(|level| **level > 128).count();
         let bright: Vec<usize> = pictures.iter().map(bright).collect();
         assert!(bright[0] < 10 && bright[29] > 100, "{bright:?}");

@@ -51,7 +51,6 @@ pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use remedy::{Remedy, SEEDS, remedies};
 pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
-pub use search::{Search, SearchKind};
 pub use shard::{Shard, shards};
 pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::design::evaluate_prepared;
 use super::knobs::{Knob, settings, turned};
-use super::search::{Search, SearchKind};
+use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
 use super::{Conditions, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
@@ -37,8 +37,6 @@ const PENALTY: f64 = 20.0;
 pub struct TuneOptions {
     /// The knobs.
     pub knobs: Vec<Knob>,
-    /// The search.
-    pub search: SearchKind,
     /// Words that are trained on, each with its number of seeds for a candidate.
     pub words: Vec<(String, u32)>,
     /// Flights in all, finals included.
@@ -202,8 +200,7 @@ pub fn tune(
     if tuning.limits.duration_s.is_none() {
         tuning.limits.duration_s = as_it_is.duration_s;
     }
-    let n_points = 2 * (options.budget - finals) / n_each;
-    let mut search = Search::new(options.search, options.knobs.len(), n_points, options.seed);
+    let mut search = Search::new(options.knobs.len(), options.seed);
     let mut candidates = vec![as_it_is];
     let mut best = 0;
     while tuning.n_flights + n_each + finals <= options.budget {
@@ -381,7 +378,6 @@ mod tests {
     fn options(budget: usize) -> TuneOptions {
         TuneOptions {
             knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
-            search: SearchKind::Tpe,
             words: vec![("L".to_owned(), 2)],
             budget,
             limits: Limits::default(),

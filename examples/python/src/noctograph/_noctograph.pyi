@@ -138,7 +138,6 @@ def tuning(
     words: list[tuple[str, int]],
     knobs: Sequence[str] | None,
     budget: int,
-    search: str,
     conditions: str,
     seed: int,
     folder: Path | None,

@@ -192,7 +192,6 @@ def tune(
     seeds: int = 6,
     knobs: Sequence[str] | None = None,
     budget: int = 2000,
-    search: str = "tpe",
     conditions: str = "room",
     seed: int = 0,
     folder: PathLike | None = None,
@@ -211,8 +210,6 @@ def tune(
         controller by default.
     budget : int
         Flights in all.
-    search : str
-        Search method, as for ``noctograph tune --search``.
     conditions, seed, folder
         As for `rank`.
     callback : callable, optional
@@ -227,5 +224,5 @@ def tune(
         The keys of ``noctograph tune --json`` and all candidates.
     """
     counted = _words(scene, words, seeds)
-    text, keys, tuned = _tuning(scene, counted, knobs, budget, search, conditions, seed, folder, callback)
+    text, keys, tuned = _tuning(scene, counted, knobs, budget, conditions, seed, folder, callback)
     return tuned, Report(text, keys)
