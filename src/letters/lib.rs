@@ -9,7 +9,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as letters;
-use noctograph_core::{digest, error, files, geometry, settings, statistics, srgb};
+use noctograph_core::{digest, error, files, geometry, settings, srgb, statistics};
 
 mod arcs;
 mod center_line;
@@ -23,12 +23,12 @@ mod outline;
 mod shape;
 mod shaping;
 mod smooth;
+mod stored;
 mod stroke_font;
 mod typeface;
 mod vector;
 
 pub use typeface::has_outline;
-
 
 pub use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
@@ -36,4 +36,3 @@ pub use font::Font;
 pub use layout::write;
 pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, Picture, StrokeOrder, Strokes};
 pub use options::{Align, Fitting, LetterOptions, Pace, Trace};
-

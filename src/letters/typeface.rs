@@ -5,8 +5,10 @@
 //! height apart, the lower one on the baseline.
 //!
 //! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs that
-//! touch are traced together, so that joined letters are one line. Not read: variations, and in text that
-//! is not shaped ligatures and kerning outside the table `kern`.
+//! touch are traced together, so that joined letters are one line. A face for plotters and engravers,
+//! whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph that is an area, such
+//! as a heart, is its outline. Not read: variations, and in text that is not shaped ligatures and kerning
+//! outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -17,15 +19,16 @@ use kurbo::{Affine, BezPath};
 use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 
 use super::Trace;
-use super::center_line::{center_lines, outlines};
+use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{Placed, shaped};
+use super::stored;
 use crate::error::{Error, Result};
 use crate::files::Budget;
-use crate::geometry::distance;
+use crate::geometry::{distance, polyline_length_m};
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -42,6 +45,11 @@ const MAX_COORDINATE: f64 = 100.0;
 /// Largest distance of an outline's polyline from its curves, in cap heights.
 const CURVES: f64 = 2e-4;
 
+/// A glyph is an area where it is so many times as thick as the face's letters, and its center lines
+/// are shorter than so many of its thicknesses: a bold I has 4, but it is as thick as a letter.
+const THICK: f64 = 2.5;
+const LONG: f64 = 6.0;
+
 /// A face, and the characters traced so far.
 pub(super) struct Typeface {
     face: Font,
@@ -50,6 +58,10 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of its strokes in cap heights; 0 where outlines are traced.
     half_width: f64,
+    /// Whether the width is that of letters, with which other glyphs are compared.
+    has_stems: bool,
+    /// Whether its contours are strokes.
+    is_stored: bool,
     traced: Mutex<Traced>,
 }
 
@@ -90,24 +102,33 @@ impl Typeface {
         let budget = Budget::of(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refuse("another file".into()))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
-        let mut typeface = Self { face, trace, cap: 1.0, half_width: 0.0, traced };
+        let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
+        let mut typeface = Self { face, trace, cap, half_width, has_stems, is_stored, traced };
         // Of a face without any of them, such as one of emoji, it is the first that has an outline.
         let outline = |c| outline(&typeface.face, typeface.glyph(c)?, &typeface.traced().budget);
         let known = CAPITALS.chars().chain(typeface.characters().take(SEARCHED)).find_map(outline);
+        let is_stored = stored::SIGNS.iter().any(|signs| {
+            stored::are_strokes(&signs.chars().filter_map(outline).collect::<Vec<BezPath>>())
+        });
+        typeface.is_stored = is_stored;
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
         }
-        if trace == Trace::CenterLine {
+        if trace == Trace::CenterLine && !typeface.is_stored {
             let traced = typeface.traced();
-            let stems = STEMS.chars().chain(typeface.characters().take(SEARCHED));
-            let stems = stems
-                .filter_map(|c| typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget));
-            let widths = stems.map(|contours| center_lines(&contours, &traced.budget).half_width);
-            let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
+            let stems = STEMS.chars().map(|c| (true, c));
+            let stems = stems.chain(typeface.characters().take(SEARCHED).map(|c| (false, c)));
+            let widths = stems.filter_map(|(is_stem, c)| {
+                let contours =
+                    typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget)?;
+                Some((is_stem, center_lines(&contours, &traced.budget).half_width))
+            });
+            let width = widths.into_iter().find(|(_, width)| (1e-4..=0.4).contains(width));
             traced.budget.check()?;
             drop(traced);
-            typeface.half_width = width.ok_or_else(|| refuse("no strokes".into()))?;
+            let found = width.ok_or_else(|| refuse("no strokes".into()))?;
+            (typeface.has_stems, typeface.half_width) = found;
         }
         Ok(typeface)
     }
@@ -210,13 +231,23 @@ impl Typeface {
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
+        if self.is_stored {
+            let lines = stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
+            let runs: Vec<Run> =
+                lines.into_iter().map(|points| Run { lit: true, points }).collect();
+            return (!runs.is_empty()).then_some(Shape { advance, runs, lost: 0.0 });
+        }
         let contours = self.contours(parts, budget)?;
         let mut lost = 0.0;
         let lines = match self.trace {
             Trace::CenterLine => {
                 let found = center_lines(&contours, budget);
-                lost = found.lost;
-                found.lines
+                if self.is_area(&found) {
+                    outlines(&contours, budget)
+                } else {
+                    lost = found.lost;
+                    found.lines
+                }
             }
             Trace::Outline => outlines(&contours, budget),
         };
@@ -230,6 +261,14 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
+    /// Whether a glyph is an area and no stroke: thicker than the face's letters, and short for its
+    /// thickness.
+    fn is_area(&self, found: &CenterLines) -> bool {
+        let length: f64 = found.lines.iter().map(|line| polyline_length_m(line)).sum();
+        let is_thick = !self.has_stems || found.thickest > THICK * self.half_width;
+        is_thick && length < 2.0 * LONG * found.thickest
+    }
+
     /// Font units in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
@@ -237,6 +276,18 @@ impl Typeface {
 
     /// The outline of glyphs in cap heights; `None` where they have none.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
+        let mut contours = polylines(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
+        for contour in &mut contours {
+            if contour[0] == contour[contour.len() - 1] {
+                contour.pop();
+            }
+        }
+        contours.retain(|contour| contour.len() > 2);
+        (!contours.is_empty()).then_some(contours)
+    }
+
+    /// The path of glyphs in cap heights.
+    fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
         for (id, at) in parts {
             let mut part = outline(&self.face, *id, budget)?;
@@ -246,17 +297,7 @@ impl Typeface {
             path.extend(part);
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
-        if size(&path) > MAX_COORDINATE {
-            return None;
-        }
-        let mut contours = polylines(&path, CURVES, MAX_POINTS)?;
-        for contour in &mut contours {
-            if contour[0] == contour[contour.len() - 1] {
-                contour.pop();
-            }
-        }
-        contours.retain(|contour| contour.len() > 2);
-        (!contours.is_empty()).then_some(contours)
+        (size(&path) <= MAX_COORDINATE).then_some(path)
     }
 }
 

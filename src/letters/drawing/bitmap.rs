@@ -19,8 +19,8 @@ use super::{ColoredLine, MAX_POINTS};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry::{bounds, distance};
-use crate::letters::center_line::{center_lines, outlines};
 use crate::letters::Picture;
+use crate::letters::center_line::{center_lines, outlines};
 use crate::letters::options::{LetterOptions, Trace};
 use crate::letters::outline::{Contour, Filled, mean_stroke_width};
 

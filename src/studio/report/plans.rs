@@ -61,6 +61,9 @@ pub fn plan_view(plans: &[Plan], word: &str) -> String {
     view.svg(&format!("{word}, planned: {longest_s:.1} s"), "z (m)", ranges)
 }
 
+/// Length of the line that shows a point of light, and largest extent of one.
+const DOT_M: f64 = 0.008;
+
 /// A short piece of the design.
 struct Line {
     from: (f64, f64),
@@ -93,7 +96,28 @@ fn lines(plan: &Plan) -> Vec<Line> {
         }
         along_m += length_m;
     }
+    lines.extend(dots(plan, &lit));
     lines
+}
+
+/// A short line for each stroke that has no length to be seen: a point of light.
+fn dots<'a>(plan: &'a Plan, lit: &'a [f64]) -> impl Iterator<Item = Line> + 'a {
+    let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
+    let runs: Vec<Vec<usize>> = rows.chunk_by(|a, b| a + 1 == *b).map(<[usize]>::to_vec).collect();
+    runs.into_iter().filter_map(|run| {
+        let place =
+            |row: &usize| (plan.setpoints[*row].position_m.x, plan.setpoints[*row].position_m.z);
+        let (x, z) = place(&run[0]);
+        let is_still = |row: &usize| libm::hypot(place(row).0 - x, place(row).1 - z) < DOT_M;
+        let (half, speed_m_s) = (0.5 * DOT_M, 1e-6);
+        run.iter().all(is_still).then_some(Line {
+            from: (x - half, z),
+            to: (x + half, z),
+            lit: true,
+            speed_m_s,
+            along_m: 0.0,
+        })
+    })
 }
 
 /// Lines that follow each other, as pieces of a curve.
