@@ -22,13 +22,16 @@ const BACK: f64 = -0.999;
 
 /// Whether most of some outlines have a contour without area.
 pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
-    let is_thin = |path: &&BezPath| {
-        contours(path).iter().any(|contour| {
-            let (area, length) = (contour.area().abs(), contour.perimeter(1e-3));
-            length > 0.0 && area <= THIN * length * length
-        })
-    };
-    2 * paths.iter().filter(is_thin).count() > paths.len()
+    let has_thin = |path: &&BezPath| contours(path).iter().any(is_thin);
+    2 * paths.iter().filter(has_thin).count() > paths.len()
+}
+
+/// Whether a contour, closed, has no area.
+fn is_thin(contour: &BezPath) -> bool {
+    let mut closed = contour.clone();
+    closed.close_path();
+    let (area, length) = (closed.area().abs(), closed.perimeter(1e-3));
+    length > 0.0 && area <= THIN * length * length
 }
 
 /// A stroke for each contour, as it is stored; `None` for too many points.
@@ -40,7 +43,7 @@ pub(super) fn strokes(
     let mut strokes = Vec::new();
     let mut left = max_points;
     for contour in contours(path) {
-        let is_thin = contour.area().abs() <= THIN * contour.perimeter(1e-3).powi(2);
+        let is_thin = is_thin(&contour);
         for mut line in polylines(&contour, tolerance, left)? {
             left = left.saturating_sub(line.len());
             line.dedup();

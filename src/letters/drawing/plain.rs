@@ -380,7 +380,7 @@ impl<'a, 'input> Writer<'a, 'input> {
             write!(self.text, "<path d=\"M{SIGN_X} {index}h1v1z\" fill=\"#000\" stroke=\"none\"");
         let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
         for (_, name, value) in own {
-            if matches!(&**name, "display" | "visibility" | "opacity") {
+            if matches!(&**name, "display" | "visibility" | "opacity" | "id") {
                 write_attribute("", name, value, &mut self.text);
             }
         }

@@ -124,14 +124,14 @@ pub(super) enum Shown {
 }
 
 impl<'a> Page<'a> {
-    /// `size` is the page's larger side.
     pub(super) fn new(
         painted: &[Painted],
         cuts: &[Cut],
         gradients: &'a [Gradient],
-        size: f64,
+        [width, height]: [f64; 2],
         budget: &'a Budget,
     ) -> Self {
+        let size = width.max(height);
         let area = |path: &BezPath, even_odd| Area::new(path, even_odd, size, budget);
         let limits = cuts.iter().map(|cut| match cut {
             Cut::Page(path) => Limit::Page(area(path, false)),
@@ -160,21 +160,25 @@ impl<'a> Page<'a> {
         let paper = if colors.clone().all(|color| is_white(&color)) { 0.0 } else { 255.0 };
         let mut page =
             Self { layers: Vec::new(), limits, gradients, paper: [paper; 3], size, budget };
-        let mut grounds = vec![page.paper];
+        let mut ground = page.paper;
         for (element, item) in painted.iter().enumerate() {
             if let Some((paint, alpha)) = item.fill {
                 let fill = layer(element, area(&item.path, item.even_odd), paint, alpha, item);
                 let [left, bottom, right, top] = fill.area.bounds;
+                let slack = BESIDE * size;
+                let covers = left <= slack && top >= -slack;
                 if let Paint::Plain(color) = paint
-                    && (right - left).min(top - bottom) > 0.5 * size
+                    && covers
+                    && right >= width - slack
+                    && bottom <= slack - height
                 {
-                    grounds.push(color.map(f64::from));
+                    ground = color.map(f64::from);
                 }
                 page.layers.push(fill);
             }
             if let Some((paint @ Paint::Plain(color), alpha)) = item.stroke
                 && item.stroke_area.is_some()
-                && grounds.iter().any(|ground| alike(*ground, color.map(f64::from)))
+                && alike(ground, color.map(f64::from))
             {
                 let outline = area(&stroke_outline(item, size), false);
                 let stroke = layer(element, outline, paint, alpha, item);
@@ -234,12 +238,12 @@ impl<'a> Page<'a> {
             None => None,
         });
         match parts {
-            None => (Shown::Whole(paint), false),
+            (_, true) => (Shown::Whole(paint), false),
             // The edge of what lies under an outline in the color of the paper.
-            Some(parts) if parts.is_empty() && is_alike && item.fill.is_some() => {
+            (parts, _) if parts.is_empty() && is_alike && item.fill.is_some() => {
                 (self.rim(index, item, &near), is_alike)
             }
-            Some(parts) => (Shown::Parts(parts), is_alike),
+            (parts, _) => (Shown::Parts(parts), is_alike),
         }
     }
 
@@ -247,11 +251,12 @@ impl<'a> Page<'a> {
     fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Shown {
         let Some((paint, _)) = item.fill else { return Shown::Parts(Vec::new()) };
         let Some(own) = near.iter().find(|layer| layer.element == index && !layer.is_stroke) else {
-            return Shown::Whole(paint);
+            // A line encloses nothing.
+            return Shown::Parts(Vec::new());
         };
-        let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
+        let look = |is_own: bool, place: [f64; 2], sides: [[f64; 2]; 2]| {
             let in_own = sides.map(|side| self.lies_at(own, side));
-            if in_own == [false; 2] && sides.iter().all(|side| !own.area.holds(*side)) {
+            if is_own && in_own == [false; 2] && sides.iter().all(|side| !own.area.holds(*side)) {
                 // Thinner than a look to its sides.
                 let covers = |layer: &&&Layer<'a>| layer.element > index && layer.alpha >= OPAQUE;
                 let covered = near.iter().filter(covers).any(|layer| self.lies_at(layer, place));
@@ -272,17 +277,18 @@ impl<'a> Page<'a> {
             Some(of_other.unwrap_or(paint))
         };
         let lines = self.lines(&item.path);
-        let whole = self.parts(&lines, item, near, &mut look);
-        let Some(mut parts) = whole else { return Shown::Whole(paint) };
+        let (mut parts, is_whole) =
+            self.parts(&lines, item, near, &mut |place, sides| look(true, place, sides));
+        if let (true, Some((_, paint))) = (is_whole, parts.first()) {
+            return Shown::Whole(*paint);
+        }
         // Where a clip ends it.
         for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
             let [left, bottom, right, top] = bounds(contour.iter().copied());
             if own.area.meets([left, bottom, right, top]) {
                 let lines = std::slice::from_ref(contour);
-                match self.parts(lines, item, near, &mut look) {
-                    None => parts.push((contour.clone(), paint)),
-                    Some(some) => parts.extend(some),
-                }
+                let mut look = |place, sides| look(false, place, sides);
+                parts.extend(self.parts(lines, item, near, &mut look).0);
             }
         }
         Shown::Parts(parts)
@@ -292,14 +298,14 @@ impl<'a> Page<'a> {
         polylines(path, FLATNESS * self.size, MAX_POINTS).unwrap_or_default()
     }
 
-    /// The parts of lines that are seen; `None` where these are all.
+    /// The parts of lines that are seen, and whether these are all of them, in one paint.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
         item: &Painted,
         near: &[&Layer<'a>],
         look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Paint>,
-    ) -> Option<Vec<Part>> {
+    ) -> (Vec<Part>, bool) {
         let mut areas: Vec<&Area<'a>> = near.iter().map(|layer| &layer.area).collect();
         near.iter().for_each(|layer| self.areas(&layer.cuts, &mut areas));
         self.areas(&item.cuts, &mut areas);
@@ -341,7 +347,7 @@ impl<'a> Page<'a> {
                     shares.insert(0, 0.0);
                 }
                 if !self.budget.spend_steps(STEPS * shares.len()) {
-                    return Some(parts);
+                    return (parts, false);
                 }
                 let at = |share: f64| [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
                 for piece in shares.windows(2) {
@@ -386,7 +392,7 @@ impl<'a> Page<'a> {
             parts.extend(pieces.into_iter().filter_map(|(points, seen)| Some((points, seen?))));
         }
         let one_paint = parts.windows(2).all(|pair| pair[0].1 == pair[1].1);
-        (!(is_whole && one_paint)).then_some(parts)
+        (parts, is_whole && one_paint)
     }
 
     /// Whether a place is within some cuts.

@@ -117,7 +117,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     others.into_iter().for_each(|(what, row)| named.add(what, *row));
     let gradients = std::mem::take(&mut walk.gradients);
     let mut drawing = Drawing { warnings: named.sentences(file), ..Drawing::default() };
-    let page = Page::new(&painted, &walk.cuts, &gradients, walk.size, &budget);
+    let page = Page::new(&painted, &walk.cuts, &gradients, size, &budget);
     budget.check()?;
     let (mut left, mut n_alike) = (MAX_POINTS as f64, 0);
     for (index, mut item) in painted.into_iter().enumerate() {
@@ -397,8 +397,14 @@ fn dashed(
     let scale = placed.determinant().abs().sqrt();
     let period: f64 = style.dash_pattern.iter().map(|dash| scale * dash).sum();
     let least = DASH * period;
-    let dashes: Vec<f64> =
-        style.dash_pattern.iter().map(|dash| (scale * dash).max(least)).collect();
+    let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
+    for index in 0..dashes.len() {
+        let longer = (least - dashes[index]).max(0.0);
+        dashes[index] += longer;
+        let next = (index + 1) % dashes.len();
+        dashes[next] = (dashes[next] - longer).max(0.0);
+    }
+    dashes.iter_mut().for_each(|dash| *dash = dash.max(least));
     let n_dashes = drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
     *left -= n_dashes;
     if left.is_nan() || *left < 0.0 {

@@ -237,7 +237,7 @@ fn lines_without_length_are_points_of_light_where_their_caps_show() {
         assert_eq!(ends(&body(cap))[..], [&points[..], &[[10, 80, 90, 80]]].concat()[..], "{cap}");
     }
     assert_eq!(ends(&body("butt")), [[10, 80, 90, 80]], "as in browsers");
-    let dotted = "<path d='M10 20H100' stroke='#000' fill='none' stroke-linecap='round' \
+    let dotted = "<path d='M10 20H105' stroke='#000' fill='none' stroke-linecap='round' \
                   stroke-dasharray='0 30'/>";
     assert_eq!(ends(dotted), [10, 40, 70, 100].map(|x| [x, 20, x, 20]));
     let alone = "<path d='M10 20h0' stroke='#000' stroke-linecap='round'/>";
