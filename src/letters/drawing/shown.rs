@@ -26,8 +26,9 @@ const ALIKE: f64 = 3.0;
 const FLATNESS: f64 = 2e-4;
 const BESIDE: f64 = 4e-4;
 
-/// Steps of a line's piece.
+/// Steps of a line's piece, and of a point of an area.
 const STEPS: usize = 20;
+const POINT_STEPS: usize = 200;
 
 /// An element that is painted.
 pub(super) struct Painted {
@@ -62,9 +63,10 @@ struct Area<'a> {
 
 impl<'a> Area<'a> {
     fn new(path: &BezPath, even_odd: bool, size: f64, budget: &'a Budget) -> Self {
-        let mut contours = polylines(path, FLATNESS * size, MAX_POINTS).unwrap_or_default();
+        let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
+        let mut contours = polylines(path, FLATNESS * size, most).unwrap_or_default();
         contours.retain(|contour| contour.len() > 2);
-        budget.spend_steps(STEPS * contours.iter().map(Vec::len).sum::<usize>());
+        budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
         let bounds = bounds(contours.iter().flatten().copied());
         Self { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
     }

@@ -14,94 +14,30 @@ use super::transform;
 use crate::files::Budget;
 
 /// Properties that are followed, here or by usvg.
+#[rustfmt::skip]
 const FOLLOWED: &[&str] = &[
-    "clip-path",
-    "clip-rule",
-    "color",
-    "cx",
-    "cy",
-    "d",
-    "display",
-    "fill",
-    "fill-opacity",
-    "fill-rule",
-    "height",
-    "marker-end",
-    "marker-mid",
-    "marker-start",
-    "mask",
-    "mask-type",
-    "opacity",
-    "overflow",
-    "r",
-    "rx",
-    "ry",
-    "stop-color",
-    "stop-opacity",
-    "stroke",
-    "stroke-dasharray",
-    "stroke-dashoffset",
-    "stroke-linecap",
-    "stroke-opacity",
-    "stroke-width",
-    "transform",
-    "transform-origin",
-    "visibility",
-    "width",
-    "x",
-    "y",
+    "clip-path", "clip-rule", "color", "cx", "cy", "d", "display", "fill", "fill-opacity",
+    "fill-rule", "height", "marker-end", "marker-mid", "marker-start", "mask", "mask-type",
+    "opacity", "overflow", "r", "rx", "ry", "stop-color", "stop-opacity", "stroke",
+    "stroke-dasharray", "stroke-dashoffset", "stroke-linecap", "stroke-opacity", "stroke-width",
+    "transform", "transform-origin", "visibility", "width", "x", "y",
 ];
 
 /// Properties that change nothing of a line's place and color, or belong to text, which is refused.
+#[rustfmt::skip]
 const WITHOUT_EFFECT: &[&str] = &[
-    "alignment-baseline",
-    "all-space-treatment",
-    "aria-label",
-    "background",
-    "background-color",
-    "baseline-shift",
-    "block-progression",
-    "clip",
-    "color-interpolation",
-    "color-interpolation-filters",
-    "color-profile",
-    "color-rendering",
-    "color-scheme",
-    "cursor",
-    "direction",
-    "dominant-baseline",
-    "enable-background",
-    "flood-color",
-    "flood-opacity",
-    "image-rendering",
-    "isolation",
-    "kerning",
-    "letter-spacing",
-    "lighting-color",
-    "line-height",
-    "margin",
-    "max-height",
-    "max-width",
-    "outline",
-    "padding",
-    "paint-order",
-    "pointer-events",
-    "shape-inside",
-    "shape-margin",
-    "shape-padding",
-    "shape-rendering",
-    "solid-color",
-    "solid-opacity",
-    "stroke-linejoin",
-    "stroke-miterlimit",
-    "transition",
-    "unicode-bidi",
-    "user-select",
-    "vertical-align",
-    "white-space",
-    "will-change",
-    "word-spacing",
-    "writing-mode",
+    "align-items", "alignment-baseline", "all-space-treatment", "aria-label", "background",
+    "background-color", "baseline-shift", "block-progression", "border", "bottom", "box-sizing",
+    "clip", "color-interpolation", "color-interpolation-filters", "color-profile",
+    "color-rendering", "color-scheme", "contain", "content", "cursor", "direction",
+    "dominant-baseline", "enable-background", "flex", "float", "flood-color", "flood-opacity",
+    "hyphens", "image-rendering", "isolation", "justify-content", "kerning", "left",
+    "letter-spacing", "lighting-color", "line-height", "margin", "max-height", "max-width",
+    "outline", "overflow-x", "overflow-y", "padding", "paint-order", "pointer-events", "position",
+    "right", "shape-inside", "shape-margin", "shape-padding", "shape-rendering", "solid-color",
+    "solid-opacity", "stroke-linejoin", "stroke-miterlimit", "tab-size", "top", "touch-action",
+    "transition", "unicode-bidi", "user-select", "vertical-align", "white-space", "will-change",
+    "word-spacing", "writing-mode", "z-index",
 ];
 
 /// Values by which a property that is not followed has no effect.
@@ -117,7 +53,10 @@ const MAX_VARIABLES: usize = 32;
 /// Steps of a byte of a value.
 const STEPS: usize = 5;
 
-/// Stands for `--`, which simplecss takes for no name, and for `:root`.
+/// Most `@media` within each other.
+const MAX_MEDIA: usize = 4;
+
+/// Attribute that stands for `:root`, which simplecss does not know.
 const ROOT: &str = "noctograph-root";
 
 /// Attributes of an element as they are drawn: prefix, name and value.
@@ -142,7 +81,7 @@ impl Named {
     /// One sentence for each.
     pub(super) fn sentences(&self, file: &str) -> Vec<String> {
         let sentence = |(what, (n, row)): (&String, &(usize, u32))| {
-            let s = if *n == 1 { ("element uses", "") } else { ("elements use", "first at ") };
+            let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
             format!("{n} {} {what}: not followed ({}{file}:{row})", s.0, s.1)
         };
         self.0.iter().map(sentence).collect()
@@ -166,7 +105,7 @@ pub(super) fn resolved(
         .collect();
     let mut rules: Vec<Rule<'_>> = Vec::new();
     for (row, sheet) in &sheets {
-        parse_rules(sheet, *row, &mut rules, named);
+        parse_rules(sheet, *row, 0, &mut rules, named);
     }
     rules.sort_by_key(|rule| rule.selector.specificity());
     let mut all = HashMap::new();
@@ -204,6 +143,7 @@ pub(super) fn resolved(
             values.push((prefix, attribute.name().to_owned(), attribute.value().to_owned()));
         }
         declared.retain(|name, _| !name.starts_with("--"));
+        let of_css: Vec<String> = declared.keys().cloned().collect();
         for (name, (value, _)) in declared {
             let names: &[&str] = match &*name {
                 "marker" => &["marker-start", "marker-mid", "marker-end"],
@@ -220,9 +160,15 @@ pub(super) fn resolved(
             }
         }
         variables.insert(node.id(), scope);
+        for (_, name, value) in &mut values {
+            let is_root = node.parent_element().is_none();
+            if is_root && name == "background" && value.parse::<svgtypes::Color>().is_ok() {
+                *name = "background-color".into();
+            }
+        }
         geometry(node, &mut values);
         transforms(node, &mut values, row(node), named);
-        check(node, &values, row(node), named);
+        check(node, &values, &of_css, row(node), named);
         all.insert(node.id(), values);
     }
     Ok(all)
@@ -268,7 +214,13 @@ fn find_outside(text: &str, signs: &[char]) -> Option<usize> {
     None
 }
 
-fn parse_rules<'a>(sheet: &'a str, row: u32, rules: &mut Vec<Rule<'a>>, named: &mut Named) {
+fn parse_rules<'a>(
+    sheet: &'a str,
+    row: u32,
+    depth: usize,
+    rules: &mut Vec<Rule<'a>>,
+    named: &mut Named,
+) {
     let mut rest = sheet.trim();
     while !rest.is_empty() {
         let end = find_outside(rest, &['{', ';']).unwrap_or(rest.len());
@@ -281,14 +233,14 @@ fn parse_rules<'a>(sheet: &'a str, row: u32, rules: &mut Vec<Rule<'a>>, named: &
             rest = after.get(1..).unwrap_or("").trim_start();
             continue;
         };
-        let (mut depth, mut close) = (1_usize, block.len());
+        let (mut open, mut close) = (1_usize, block.len());
         for (at, c) in block.char_indices() {
-            depth = match c {
-                '{' => depth + 1,
-                '}' => depth - 1,
-                _ => depth,
+            open = match c {
+                '{' => open + 1,
+                '}' => open - 1,
+                _ => open,
             };
-            if depth == 0 {
+            if open == 0 {
                 close = at;
                 break;
             }
@@ -299,8 +251,8 @@ fn parse_rules<'a>(sheet: &'a str, row: u32, rules: &mut Vec<Rule<'a>>, named: &
             let name = at_rule.split(|c: char| !c.is_alphanumeric() && c != '-').next();
             match name.unwrap_or("") {
                 "font-face" | "keyframes" | "-webkit-keyframes" | "namespace" | "charset" => {}
-                "media" if matches!(at_rule[5..].trim(), "all" | "screen") => {
-                    parse_rules(body, row, rules, named);
+                "media" if depth < MAX_MEDIA && matches!(at_rule[5..].trim(), "all" | "screen") => {
+                    parse_rules(body, row, depth + 1, rules, named);
                 }
                 "media" if at_rule[5..].trim() == "print" => {}
                 _ => named.add(format!("@{at_rule}"), row),
@@ -433,12 +385,14 @@ fn transforms(node: Node<'_, '_>, values: &mut Attributes, row: u32, named: &mut
 }
 
 /// Names what of an element is not followed.
-fn check(node: Node<'_, '_>, values: &Attributes, row: u32, named: &mut Named) {
+fn check(node: Node<'_, '_>, values: &Attributes, of_css: &[String], row: u32, named: &mut Named) {
     let tag = node.tag_name().name();
     if matches!(tag, "style" | "script" | "font" | "glyph" | "font-face" | "namedview") {
         return;
     }
-    let is_attribute_only = |name: &str| !is_css(name);
+    // An attribute that is no property is none to a browser, either.
+    let is_attribute_only =
+        |name: &str| !is_css(name) && !of_css.iter().any(|declared| declared == name);
     let own = |wanted: &str| {
         let found = values.iter().find(|(prefix, name, _)| prefix.is_empty() && name == wanted);
         found.map_or("", |(_, _, value)| value.trim())
@@ -507,8 +461,8 @@ fn is_of_text(name: &str) -> bool {
     name.starts_with("font") || name.starts_with("text-") || name.starts_with('-')
 }
 
-/// Whether a name that is neither followed nor without effect is a property of CSS, and not an
-/// attribute that no browser looks at.
+/// Whether a name that is neither followed nor without effect is a property of CSS that is meant where
+/// it stands as an attribute, too.
 fn is_css(name: &str) -> bool {
     const CSS: &[&str] = &[
         "animation",

@@ -157,6 +157,14 @@ fn what_a_later_shape_covers_is_not_drawn() {
     let dark = white.replace("#fff", "#222");
     assert_eq!(ends(&format!("{ground}{light}{dark}")), parts, "the paper may be dark");
     assert_eq!(ends(&light).len(), 2, "white ink alone");
+    let colors = format!("{light}<path d='M0 80H200' stroke='red'/>");
+    let night = page(&colors).replace("viewBox", "style='background:#000' viewBox");
+    assert_eq!(read(night.as_bytes()).unwrap().0.len(), 3, "a ground of CSS");
+    let (lines, warnings) = read(page(&colors).as_bytes()).unwrap();
+    assert!(
+        lines.len() == 1 && warnings[0].contains("the color of what is beneath"),
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -347,6 +355,7 @@ fn what_is_not_followed_is_named_with_its_number_and_place() {
         ("transform", "<path style='transform:translate(10%)' d='M0 5H9' stroke='red'/>"),
         ("offset-path", "<path style='offset-path:path(\"M0 0\")' d='M0 5H9' stroke='red'/>"),
         ("zoom", "<g style='zoom:2'/>"),
+        ("new-property `3`", "<g style='new-property:3'/>"),
         ("path data", "<path d='M0 5H9 Lx' stroke='red'/>"),
         ("r `calc(", "<circle style='r:calc(1px + 2px)' stroke='red'/>"),
         ("another file", "<use href='b.svg#x'/>"),
