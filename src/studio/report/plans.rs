@@ -178,4 +178,12 @@ mod tests {
             .sum();
         assert!((lit_m - (1.583_095 + 1.1 + 0.3)).abs() < 0.06, "{lit_m} m of light");
     }
+
+    #[test]
+    fn a_point_of_light_is_drawn_as_long_as_can_be_seen() {
+        let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let plan = plan(&write("i", &options).unwrap(), &PlanOptions::even()).unwrap();
+        let long = |line: &&Line| line.lit && (line.to.0 - line.from.0 - DOT_M).abs() < 1e-9;
+        assert_eq!(lines(&plan).iter().filter(long).count(), 1, "the dot of the i");
+    }
 }
