@@ -194,6 +194,7 @@ impl<'a> Page<'a> {
     pub(super) fn shown(&self, index: usize, item: &Painted) -> (Shown, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
+        self.budget.spend_steps(self.layers.len() / 8);
         let near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
         let Some((paint, alpha)) = item.stroke else {

@@ -539,3 +539,70 @@ fn an_svg_with_less_detail_has_fewer_strokes() {
     assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));
     assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
 }
+
+/// A picture of areas in one ink, each by its corners in shares of the picture.
+fn areas(shapes: &[&[[f32; 2]]]) -> image::RgbaImage {
+    let [width, height] = SIZE;
+    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
+    let mut paint = tiny_skia::Paint::default();
+    paint.set_color_rgba8(0, 0, 0, 255);
+    paint.anti_alias = true;
+    for shape in shapes {
+        let mut path = tiny_skia::PathBuilder::new();
+        for (index, [x, y]) in shape.iter().enumerate() {
+            let (x, y) = (x * width as f32, y * height as f32);
+            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+        }
+        path.close();
+        let (path, rule) = (path.finish().unwrap(), tiny_skia::FillRule::Winding);
+        pixmap.fill_path(&path, &paint, rule, tiny_skia::Transform::identity(), None);
+    }
+    image::RgbaImage::from_raw(width, height, pixmap.take()).unwrap()
+}
+
+fn star(x: f32, y: f32, r: f32) -> Vec<[f32; 2]> {
+    let corner = |k: u8| {
+        let r = if k % 2 == 0 { r } else { 0.4 * r };
+        let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
+        [x + r * sin, y - 1.5 * r * cos]
+    };
+    (0..10).map(corner).collect()
+}
+
+#[test]
+fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
+    let triangle: &[[f32; 2]] = &[[0.7, 0.1], [0.8, 0.3], [0.6, 0.3]];
+    let square: &[[f32; 2]] = &[[0.05, 0.1], [0.5, 0.1], [0.5, 0.9], [0.05, 0.9]];
+    let bar: &[[f32; 2]] = &[[0.55, 0.8], [0.95, 0.8], [0.95, 0.83], [0.55, 0.83]];
+    let star = star(0.75, 0.55, 0.1);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    areas(&[triangle, square, bar, &star]).save(&path).unwrap();
+    let strokes = draw(&path, &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
+    let lines = lit(&strokes);
+    let closed: Vec<f64> = lines
+        .iter()
+        .filter(|(from, to, _)| distance(*from, *to) < 0.05)
+        .map(|line| line.2)
+        .collect();
+    assert_eq!((lines.len(), closed.len()), (4, 3), "three outlines and a line: {lines:?}");
+    assert!(closed.iter().all(|length| *length > 0.9), "{closed:?}");
+}
+
+#[test]
+fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
+    let bar: &[[f32; 2]] = &[[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
+    let black = areas(&[bar]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let drawn = |ink: [u8; 3]| {
+        let mut picture = black.clone();
+        picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
+        picture.save(&path).unwrap();
+        let strokes = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();
+        (strokes.n_strokes(), (10.0 * strokes.length_m()).round())
+    };
+    for ink in [[255; 3], [255, 240, 0], [0; 3], [200, 30, 30], [180, 255, 180]] {
+        assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
+    }
+}
