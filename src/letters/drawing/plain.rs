@@ -305,6 +305,8 @@ impl<'a, 'input> Writer<'a, 'input> {
             let linked = || self.ids.get(target(value)?).map(|node| node.tag_name().name());
             match &**name {
                 "filter" | "pathLength" => continue,
+                // Properties of CSS may have names that attributes cannot have.
+                name if !is_name(name) => continue,
                 "stroke-dasharray" | "stroke-dashoffset" if dashes.is_some() => continue,
                 "marker-start" | "marker-mid" | "marker-end" if self.in_marker => {
                     if linked() == Some("marker") {
@@ -426,6 +428,11 @@ impl<'a, 'input> Writer<'a, 'input> {
         let _ = write!(text, "{stop}</{tag}>");
         self.text += &text;
     }
+}
+
+fn is_name(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
 }
 
 /// Length of a shape's path in user units.

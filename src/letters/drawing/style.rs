@@ -476,7 +476,6 @@ fn is_css(name: &str) -> bool {
         "mask-mode",
         "mask-position",
         "mask-size",
-        "offset",
         "offset-distance",
         "offset-path",
         "perspective",

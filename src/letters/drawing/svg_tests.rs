@@ -225,6 +225,15 @@ fn styles_transforms_and_geometry_of_css_are_followed() {
                     <circle cx='90' cy='50' r='var(--wide)' style='r:var(--wide);fill:red'/>";
     let (lines, _) = read(page(variable).as_bytes()).unwrap();
     assert_eq!(rounded(&lines), [[0, 10, 50, 10], [0, 20, 50, 20], [120, 50, 120, 50]]);
+    let inkscape = "<g xmlns:i='http://www.inkscape.org/' i:label='L' style='display:inline;\
+                    fill:none;stroke:#000;stroke-width:.2;-inkscape-stroke:none;opacity:1;\
+                    font-variation-settings:normal;vector-effect:none;paint-order:normal;\
+                    mix-blend-mode:normal;filter:none'><path d='M0 10H50'/></g>";
+    assert_eq!(ends(inkscape), [[0, 10, 50, 10]], "as editors write it");
+    let shaded = "<linearGradient id='g' x1='0' x2='9' gradientUnits='userSpaceOnUse'>\
+                  <stop offset='.3' stop-color='red'/><stop offset='80%' style='stop-color:blue;\
+                  stop-opacity:1'/></linearGradient><path d='M0 10H50' stroke='url(#g)'/>";
+    assert_eq!(ends(shaded), [[0, 10, 50, 10]]);
     let order = "<style>.a{stroke:none} path{stroke:#000!important}</style>\
                  <path class='a' style='stroke:none' d='M0 10H50'/>";
     assert_eq!(ends(order), [[0, 10, 50, 10]], "what is important goes first");
