@@ -74,12 +74,13 @@ fn what_of_a_drawing_is_not_followed_is_said_by_every_verb() {
     let folder = tempfile::tempdir().unwrap();
     let odd = DRAWING.replace("</svg>", "\n<g filter='url(#f)'/><g filter='url(#f)'/></svg>");
     std::fs::write(folder.path().join("odd.svg"), odd).unwrap();
-    let said = "2 elements use filter: not followed (first at odd.svg:2)";
+    let said = "2 elements use filter: not followed (first at ";
     let plan = ["plan", "--drawing", "odd.svg", "-o", "plan.csv", "--json"];
     let run = noctograph(folder.path()).args(plan).assert().success();
     let found = json(&run.get_output().stdout);
-    assert_eq!(found["drawing"]["warnings"], serde_json::json!([said]));
-    run.stderr(predicate::str::contains(format!("warning: {said}")));
+    let warning = found["drawing"]["warnings"][0].as_str().unwrap();
+    assert!(warning.starts_with(said) && warning.ends_with("odd.svg:2)"), "{warning}");
+    run.stderr(predicate::str::contains("warning: 2 elements use filter"));
     let check = ["check", "--drawing", "odd.svg"];
     let run = noctograph(folder.path()).args(check).assert();
     let output = run.get_output();

@@ -282,9 +282,7 @@ impl<'a> Page<'a> {
         let lines = self.lines(&item.path);
         let (mut parts, is_whole) =
             self.parts(&lines, item, near, &mut |place, sides| look(true, place, sides));
-        if let (true, Some((_, paint))) = (is_whole, parts.first()) {
-            return Shown::Whole(*paint);
-        }
+        let n_own = parts.len();
         // Where a clip ends it.
         for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
             let [left, bottom, right, top] = bounds(contour.iter().copied());
@@ -294,7 +292,10 @@ impl<'a> Page<'a> {
                 parts.extend(self.parts(lines, item, near, &mut look).0);
             }
         }
-        Shown::Parts(parts)
+        match parts.first() {
+            Some((_, paint)) if is_whole && parts.len() == n_own => Shown::Whole(*paint),
+            _ => Shown::Parts(parts),
+        }
     }
 
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {

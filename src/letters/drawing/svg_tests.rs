@@ -78,6 +78,10 @@ fn the_rim_of_a_clipped_fill_goes_along_the_clip() {
     let length: f64 = lines.iter().map(|line| polyline_length_m(line)).sum();
     let wanted = std::f64::consts::PI * 40.0 + 80.0;
     assert!((length - wanted).abs() < 0.5, "half a circle and its diameter: {length}, {wanted}");
+    let holed = "<mask id='m'><rect width='100%' height='100%' fill='#fff'/><circle cx='100' \
+                 cy='50' r='20'/></mask><rect x='20' y='20' width='160' height='60' \
+                 mask='url(#m)'/>";
+    assert_eq!(ends(holed), [[20, 20, 20, 20], [120, 50, 120, 50]], "the hole of a mask");
 }
 
 #[test]
