@@ -459,7 +459,7 @@ fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
 ///
 /// [`Error::Input`] for the name of a picture, which is hardly a word.
 pub(super) fn set_word(scene: &mut Scene, word: &str) -> Result<()> {
-    let ends = [".svg", ".png", ".jpg", ".jpeg", ".inkml"];
+    let ends = [".svg", ".png", ".jpg", ".jpeg"];
     if ends.iter().any(|end| word.to_lowercase().ends_with(end)) && Path::new(word).is_file() {
         let hint = format!("draw it with --drawing {word}");
         return Err(Error::input("input", format!("the file {word}"), "a word", hint));

@@ -10,13 +10,12 @@ use crate::preflight::Profile;
 /// The word as it is drawn.
 #[derive(Debug, Args)]
 pub(super) struct LetterFlags {
-    /// Font of a word, and of the text in an SVG drawing: ae483, ae483-fixed, simplex, or a file
-    /// *.strokes, *.ttf or *.otf
+    /// Font of a word: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
     /// Drawing instead of a word: *.svg, a picture *.png or *.jpg (lines on paper, a
-    /// logo, a photograph), or handwriting as *.json or
-    /// *.inkml; the color LED deck and the ring write in its colors
+    /// logo, a photograph), or handwriting as *.json; the color LED deck and the ring write in its
+    /// colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default: 1; 0.5 for

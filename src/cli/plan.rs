@@ -8,7 +8,7 @@ use clap::Args;
 use super::flags::{DesignFlags, FlightFlags, set_word, warn_of_fewer_drones};
 use super::outcome::{Report, line};
 use super::output::{Output, Outputs, is_svg};
-use super::show;
+use super::{show, warn};
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
@@ -64,6 +64,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     };
     let (mut text, mut json) = (table(title, &planned), json(title, &planned));
     show::add_drawing(&strokes, &mut text, &mut json);
+    warn(&strokes.warnings);
     Ok(Report::new(text, json).with_files(&files))
 }
 

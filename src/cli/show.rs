@@ -115,6 +115,9 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
     *text += &line("drawing", &found);
     let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
     json["drawing"] = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
+    if !strokes.warnings.is_empty() {
+        json["drawing"]["warnings"] = json!(strokes.warnings);
+    }
     if strokes.picture != Picture::Auto {
         json["drawing"]["picture"] = json!(strokes.picture.name());
     }

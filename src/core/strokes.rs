@@ -46,6 +46,9 @@ pub struct Strokes {
     /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
     /// bitmap.
     pub picture: Picture,
+    /// What of a drawing's file is not followed, and what is not as it seems: a sentence each, with
+    /// the place in the file.
+    pub warnings: Vec<String>,
 }
 
 /// Strokes of a drawing that are not drawn.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 
 /// Longest text, in characters: an hour of flight at 14 s a letter.
-pub(super) const MAX_LETTERS: usize = 256;
+const MAX_LETTERS: usize = 256;
 
 /// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
 /// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
@@ -151,7 +151,8 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     let (font, order) = (Some(font.name().to_owned()), StrokeOrder::Free);
     let (colors, joints_m) = (Vec::new(), Vec::new());
     let (left_out, picture) = (LeftOut::default(), Picture::Auto);
-    Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture }
+    let warnings = Vec::new();
+    Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture, warnings }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
@@ -238,43 +239,6 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
         before = Some(character);
     }
     (cells, pen * size_m)
-}
-
-/// The strokes of a line from the pen's place on, and its advance, in cap heights.
-///
-/// # Errors
-///
-/// As [`write`], for a character that the font lacks.
-pub(super) fn line(
-    text: &str,
-    font: &Font,
-    options: &LetterOptions,
-) -> Result<(Vec<Vec<[f64; 2]>>, f64)> {
-    let drawn = drawable(&text.nfc().collect::<String>(), font);
-    font.check_work()?;
-    let text = drawn?;
-    let in_caps = |length_m: f64| Some(length_m / options.cap_height_m);
-    let unit = LetterOptions {
-        cap_height_m: 1.0,
-        width_m: in_caps(options.box_width_m()),
-        gap_m: in_caps(options.box_gap_m()),
-        spacing_m: 0.0,
-        ..options.clone()
-    };
-    let (cells, advance) = cells(&text, font, &unit);
-    let strokes = |Placed { shape, at_m, width_m, .. }: Placed| {
-        let runs = shape.map_or_else(Vec::new, |shape| {
-            let (left, across) = match font.fit() {
-                Fit::Box => (at_m, width_m),
-                Fit::Proportional => (at_m - shape.cell().0, 1.0),
-            };
-            let place = |[x, y]: &[f64; 2]| [left + across * x, *y];
-            let lit = shape.runs.iter().filter(|run| run.lit);
-            lit.map(|run| run.points.iter().map(place).collect()).collect()
-        });
-        runs.into_iter()
-    };
-    Ok((cells.into_iter().flat_map(strokes).collect(), advance))
 }
 
 /// Advance of a space, in cap heights, where a font has none: Hershey's.

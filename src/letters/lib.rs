@@ -9,7 +9,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 extern crate self as letters;
-use noctograph_core::{error, files, geometry, settings, statistics};
+use noctograph_core::{digest, error, files, geometry, settings, srgb, statistics};
 
 mod arcs;
 mod center_line;
@@ -23,6 +23,7 @@ mod outline;
 mod shape;
 mod shaping;
 mod smooth;
+mod stored;
 mod stroke_font;
 mod typeface;
 mod vector;

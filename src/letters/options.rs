@@ -12,13 +12,11 @@ settings! {
     /// 0.1 m apart.
     pub struct LetterOptions {
         /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
-        /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`. Text in
-        /// an SVG drawing is written with it, too.
+        /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
         font: String = "ae483".into();
         /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
-        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg`, `*.json` or `*.inkml`; empty:
-        /// none.
+        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg` or `*.json`; empty: none.
         drawing: String = String::new();
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.

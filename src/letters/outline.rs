@@ -47,11 +47,16 @@ impl<'a> Filled<'a> {
     }
 
     /// Whether the contours wind about a point; `false` once the budget is spent.
-    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+    pub(super) fn holds(&self, place: [f64; 2]) -> bool {
+        self.winding(place) != 0
+    }
+
+    /// How often the contours wind about a point; 0 once the budget is spent.
+    pub(super) fn winding(&self, [x, y]: [f64; 2]) -> i32 {
         let mut winding = 0;
         let bin = &self.bins[self.bin(y)];
         if !self.budget.spend_steps(STEPS * (bin.len() + 10)) {
-            return false;
+            return 0;
         }
         for place in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*place as usize];
@@ -62,7 +67,29 @@ impl<'a> Filled<'a> {
                 }
             }
         }
-        winding != 0
+        winding
+    }
+
+    /// Adds where edges cross a leg, as shares of its length; some of them more than once.
+    pub(super) fn crossings(&self, [from, to]: [[f64; 2]; 2], shares: &mut Vec<f64>) {
+        let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+        let along = [to[0] - from[0], to[1] - from[1]];
+        let (first, last) = (self.bin(from[1].min(to[1])), self.bin(from[1].max(to[1])));
+        let n: usize = self.bins[first..=last].iter().map(|bin| bin.len() + 10).sum();
+        if !self.budget.spend_steps(STEPS * n) {
+            return;
+        }
+        for place in self.bins[first..=last].iter().flatten() {
+            let [a, b] = self.edges[*place as usize];
+            let edge = [b[0] - a[0], b[1] - a[1]];
+            let (area, off) = (cross(along, edge), [a[0] - from[0], a[1] - from[1]]);
+            let (share, on_edge) = (cross(off, edge) / area, cross(off, along) / area);
+            let slack = 1e-9;
+            if (-slack..=1.0 + slack).contains(&share) && (-slack..=1.0 + slack).contains(&on_edge)
+            {
+                shares.push(share.clamp(0.0, 1.0));
+            }
+        }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]

@@ -5,8 +5,10 @@
 //! height apart, the lower one on the baseline.
 //!
 //! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs that
-//! touch are traced together, so that joined letters are one line. Not read: variations, and in text that
-//! is not shaped ligatures and kerning outside the table `kern`.
+//! touch are traced together, so that joined letters are one line. A face for plotters and engravers,
+//! whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph that is an area, such
+//! as a heart, is its outline. Not read: variations, and in text that is not shaped ligatures and kerning
+//! outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -17,15 +19,16 @@ use kurbo::{Affine, BezPath};
 use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 
 use super::Trace;
-use super::center_line::{center_lines, outlines};
+use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{Placed, shaped};
+use super::stored;
 use crate::error::{Error, Result};
 use crate::files::Budget;
-use crate::geometry::distance;
+use crate::geometry::{distance, polyline_length_m};
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -42,6 +45,11 @@ const MAX_COORDINATE: f64 = 100.0;
 /// Largest distance of an outline's polyline from its curves, in cap heights.
 const CURVES: f64 = 2e-4;
 
+/// A glyph is an area where it is so many times as thick as the face's letters, and its center lines
+/// are shorter than so many of its thicknesses: a bold I has 4, but it is as thick as a letter.
+const THICK: f64 = 2.5;
+const LONG: f64 = 6.0;
+
 /// A face, and the characters traced so far.
 pub(super) struct Typeface {
     face: Font,
@@ -50,6 +58,10 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of its strokes in cap heights; 0 where outlines are traced.
     half_width: f64,
+    /// Whether the width is that of letters, with which other glyphs are compared.
+    has_stems: bool,
+    /// Whether its contours are strokes.
+    is_stored: bool,
     traced: Mutex<Traced>,
 }
 
@@ -90,24 +102,33 @@ impl Typeface {
         let budget = Budget::of(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refuse("another file".into()))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
-        let mut typeface = Self { face, trace, cap: 1.0, half_width: 0.0, traced };
+        let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
+        let mut typeface = Self { face, trace, cap, half_width, has_stems, is_stored, traced };
         // Of a face without any of them, such as one of emoji, it is the first that has an outline.
         let outline = |c| outline(&typeface.face, typeface.glyph(c)?, &typeface.traced().budget);
         let known = CAPITALS.chars().chain(typeface.characters().take(SEARCHED)).find_map(outline);
+        let is_stored = stored::SIGNS.iter().any(|signs| {
+            stored::are_strokes(&signs.chars().filter_map(outline).collect::<Vec<BezPath>>())
+        });
+        typeface.is_stored = is_stored;
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
         }
-        if trace == Trace::CenterLine {
+        if trace == Trace::CenterLine && !typeface.is_stored {
             let traced = typeface.traced();
-            let stems = STEMS.chars().chain(typeface.characters().take(SEARCHED));
-            let stems = stems
-                .filter_map(|c| typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget));
-            let widths = stems.map(|contours| center_lines(&contours, &traced.budget).half_width);
-            let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
+            let stems = STEMS.chars().map(|c| (true, c));
+            let stems = stems.chain(typeface.characters().take(SEARCHED).map(|c| (false, c)));
+            let widths = stems.filter_map(|(is_stem, c)| {
+                let contours =
+                    typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget)?;
+                Some((is_stem, center_lines(&contours, &traced.budget).half_width))
+            });
+            let width = widths.into_iter().find(|(_, width)| (1e-4..=0.4).contains(width));
             traced.budget.check()?;
             drop(traced);
-            typeface.half_width = width.ok_or_else(|| refuse("no strokes".into()))?;
+            let found = width.ok_or_else(|| refuse("no strokes".into()))?;
+            (typeface.has_stems, typeface.half_width) = found;
         }
         Ok(typeface)
     }
@@ -210,13 +231,23 @@ impl Typeface {
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
+        if self.is_stored {
+            let lines = stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
+            let runs: Vec<Run> =
+                lines.into_iter().map(|points| Run { lit: true, points }).collect();
+            return (!runs.is_empty()).then_some(Shape { advance, runs, lost: 0.0 });
+        }
         let contours = self.contours(parts, budget)?;
         let mut lost = 0.0;
         let lines = match self.trace {
             Trace::CenterLine => {
                 let found = center_lines(&contours, budget);
-                lost = found.lost;
-                found.lines
+                if self.is_area(&found) {
+                    outlines(&contours, budget)
+                } else {
+                    lost = found.lost;
+                    found.lines
+                }
             }
             Trace::Outline => outlines(&contours, budget),
         };
@@ -230,6 +261,14 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
+    /// Whether a glyph is an area and no stroke: thicker than the face's letters, and short for its
+    /// thickness.
+    fn is_area(&self, found: &CenterLines) -> bool {
+        let length: f64 = found.lines.iter().map(|line| polyline_length_m(line)).sum();
+        let is_thick = !self.has_stems || found.thickest > THICK * self.half_width;
+        is_thick && length < 2.0 * LONG * found.thickest
+    }
+
     /// Font units in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
@@ -237,6 +276,18 @@ impl Typeface {
 
     /// The outline of glyphs in cap heights; `None` where they have none.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
+        let mut contours = polylines(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
+        for contour in &mut contours {
+            if contour[0] == contour[contour.len() - 1] {
+                contour.pop();
+            }
+        }
+        contours.retain(|contour| contour.len() > 2);
+        (!contours.is_empty()).then_some(contours)
+    }
+
+    /// The path of glyphs in cap heights.
+    fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
         for (id, at) in parts {
             let mut part = outline(&self.face, *id, budget)?;
@@ -246,17 +297,7 @@ impl Typeface {
             path.extend(part);
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
-        if size(&path) > MAX_COORDINATE {
-            return None;
-        }
-        let mut contours = polylines(&path, CURVES, MAX_POINTS)?;
-        for contour in &mut contours {
-            if contour[0] == contour[contour.len() - 1] {
-                contour.pop();
-            }
-        }
-        contours.retain(|contour| contour.len() > 2);
-        (!contours.is_empty()).then_some(contours)
+        (size(&path) <= MAX_COORDINATE).then_some(path)
     }
 }
 
@@ -395,5 +436,144 @@ mod tests {
         assert_eq!(strokes(&face, 'I'), (1, 1));
         assert_eq!(strokes(&face, 'O'), (2, 2), "within and without");
         assert_eq!(face.shape('I').unwrap().runs[0].points.len(), 5, "four corners");
+    }
+
+    /// A face of glyphs of straight contours, in units of 1/700 of a capital.
+    fn face(glyphs: &[(char, &[&[[i16; 2]]])]) -> Typeface {
+        let half = |n: usize| u16::try_from(n).unwrap();
+        let (mut glyf, mut loca, mut hmtx) = (Vec::new(), vec![0_u32; 2], vec![0; 4]);
+        let mut groups = Vec::new();
+        for (index, (c, contours)) in glyphs.iter().enumerate() {
+            let points: Vec<[i16; 2]> = contours.iter().copied().flatten().copied().collect();
+            let side = |of: fn(i16, i16) -> i16, axis: usize| {
+                points.iter().map(|point| point[axis]).reduce(of).unwrap()
+            };
+            let box_ = [side(i16::min, 0), side(i16::min, 1), side(i16::max, 0), side(i16::max, 1)];
+            glyf.extend(i16::try_from(contours.len()).unwrap().to_be_bytes());
+            glyf.extend(box_.into_iter().flat_map(i16::to_be_bytes));
+            let mut end = 0;
+            for contour in *contours {
+                end += contour.len();
+                glyf.extend(half(end - 1).to_be_bytes());
+            }
+            glyf.extend([0, 0]);
+            glyf.extend(vec![1; points.len()]);
+            for axis in 0..2 {
+                let mut last = 0;
+                for point in &points {
+                    glyf.extend((point[axis] - last).to_be_bytes());
+                    last = point[axis];
+                }
+            }
+            glyf.resize(glyf.len().next_multiple_of(4), 0);
+            loca.push(u32::try_from(glyf.len()).unwrap());
+            hmtx.extend([500_u16, 0].into_iter().flat_map(u16::to_be_bytes));
+            let glyph = u32::try_from(index + 1).unwrap();
+            groups.push([u32::from(*c), u32::from(*c), glyph]);
+        }
+        groups.sort_unstable();
+        let n = half(glyphs.len() + 1);
+        let n_groups = u32::try_from(groups.len()).unwrap();
+        let mut cmap: Vec<u8> =
+            [0_u16, 1, 3, 10, 0, 12, 12, 0].into_iter().flat_map(u16::to_be_bytes).collect();
+        let head = [16 + 12 * n_groups, 0, n_groups];
+        cmap.extend(head.iter().chain(groups.iter().flatten()).flat_map(|n| n.to_be_bytes()));
+        let mut head = vec![0; 54];
+        (head[18], head[19], head[51]) = (3, 232, 1);
+        let mut hhea = vec![0; 36];
+        hhea[34..].copy_from_slice(&n.to_be_bytes());
+        let maxp = [&[0, 1, 0, 0][..], &n.to_be_bytes()].concat();
+        let loca = loca.into_iter().flat_map(u32::to_be_bytes).collect();
+        let tables = [
+            (b"cmap", cmap),
+            (b"glyf", glyf),
+            (b"head", head),
+            (b"hhea", hhea),
+            (b"hmtx", hmtx),
+            (b"loca", loca),
+            (b"maxp", maxp),
+        ];
+        let bytes = super::super::glyph::face_of(&tables);
+        Typeface::read(bytes, Trace::CenterLine, "face.ttf").unwrap()
+    }
+
+    /// The points of a character's strokes, in units of 1/700 of a capital.
+    fn drawn(face: &Typeface, character: char) -> Vec<Vec<[i64; 2]>> {
+        #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
+        let round = |point: &[f64; 2]| point.map(|x| (700.0 * x).round() as i64);
+        let shape = face.shape(character).unwrap();
+        shape.runs.iter().map(|run| run.points.iter().map(round).collect()).collect()
+    }
+
+    #[test]
+    fn a_face_of_open_contours_is_drawn_as_it_is_stored() {
+        let face = face(&[
+            ('L', &[&[[0, 700], [0, 0], [400, 0]]]),
+            ('E', &[&[[400, 0], [0, 0], [0, 700], [400, 700]], &[[0, 350], [350, 350]]]),
+            ('H', &[&[[0, 700], [0, 0]], &[[0, 350], [400, 350]], &[[400, 700], [400, 0]]]),
+            ('T', &[&[[0, 700], [400, 700]], &[[200, 700], [200, 0]]]),
+            ('D', &[&[[0, 0], [0, 700], [400, 500], [400, 200], [0, 0]]]),
+        ]);
+        assert_eq!(drawn(&face, 'L'), [[[0, 700], [0, 0], [400, 0]]], "one, and not closed");
+        assert_eq!("EHTD".chars().map(|c| drawn(&face, c).len()).collect::<Vec<_>>(), [2, 3, 2, 1]);
+        assert_eq!(drawn(&face, 'E')[0][0], [400, 0]);
+        let d = drawn(&face, 'D');
+        assert_eq!((d[0][0], d[0].len()), (d[0][4], 5), "closed where it is stored so");
+    }
+
+    #[test]
+    fn a_face_of_lines_there_and_back_is_drawn_once() {
+        let face = face(&[
+            ('V', &[&[[0, 700], [200, 0], [400, 700], [200, 0]]]),
+            ('H', &[&[[0, 700], [0, 0]], &[[0, 350], [400, 350]], &[[400, 700], [400, 0]]]),
+            ('L', &[&[[0, 700], [0, 0], [400, 0], [0, 0]]]),
+        ]);
+        assert_eq!(drawn(&face, 'V'), [[[0, 700], [200, 0], [400, 700]]]);
+        assert_eq!(drawn(&face, 'L'), [[[0, 700], [0, 0], [400, 0]]]);
+        assert_eq!(drawn(&face, 'H').len(), 3);
+    }
+
+    #[test]
+    fn a_solid_glyph_is_its_outline_and_a_stroke_its_center_line() {
+        let star: Vec<[i16; 2]> = (0..10)
+            .map(|k| {
+                let r = if k % 2 == 0 { 350.0 } else { 140.0 };
+                let (sin, cos) = libm::sincos(f64::from(k) * std::f64::consts::PI / 5.0);
+                #[expect(clippy::cast_possible_truncation, reason = "font units")]
+                [350.0 + r * sin, 350.0 + r * cos].map(|x| x.round() as i16)
+            })
+            .collect();
+        let h: &[[i16; 2]] = &[
+            [0, 0],
+            [0, 700],
+            [70, 700],
+            [70, 385],
+            [400, 385],
+            [400, 700],
+            [470, 700],
+            [470, 0],
+            [400, 0],
+            [400, 315],
+            [70, 315],
+            [70, 0],
+        ];
+        let face = face(&[
+            ('H', &[h]),
+            ('I', &[&[[0, 0], [0, 700], [80, 700], [80, 0]]]),
+            ('.', &[&[[0, 0], [0, 90], [90, 90], [90, 0]]]),
+            ('\u{2665}', &[&[[350, 0], [0, 420], [100, 650], [350, 500], [600, 650], [700, 420]]]),
+            ('\u{2605}', &[&star]),
+            ('\u{25a0}', &[&[[0, 0], [0, 600], [600, 600], [600, 0]]]),
+        ]);
+        let is_closed = |c: char| {
+            let shape = face.shape(c).unwrap();
+            shape.runs.len() == 1 && shape.runs[0].points.first() == shape.runs[0].points.last()
+        };
+        assert!("\u{2665}\u{2605}\u{25a0}".chars().all(is_closed), "areas");
+        assert!(!"HI.".chars().any(is_closed), "lines and a dot");
+        assert_eq!(face.shape('\u{2605}').unwrap().runs[0].points.len(), 11, "ten corners");
+        // Without letters to compare with, as a face of emoji.
+        let alone = self::face(&[('\u{2605}', &[&star])]);
+        assert_eq!(alone.shape('\u{2605}').unwrap().runs[0].points.len(), 11);
     }
 }

@@ -24,7 +24,7 @@ pub(crate) fn of(reader: &str) -> Option<(usize, Grower)> {
         "scene" | "embedded" | "lighthouse" | "anchors" | "conditions" => (MIB, grown),
         "strokes" => (4 * MIB, grown),
         "typeface" => (64 * MIB, |_, most, random| heavy::typeface(most, random)),
-        "svg" | "handwriting" | "inkml" => (8 * MIB, grown),
+        "svg" | "handwriting" => (8 * MIB, grown),
         "log-usd" => (128 * MIB, |_, most, random| heavy::log_usd(most, random)),
         "log-json" | "log-cfclient" | "log-csv" => (128 * MIB, grown),
         "log-folder" => (32 * MIB, grown),

@@ -124,7 +124,6 @@ pub(crate) fn all() -> Vec<Reader> {
         reader("svg", "a.svg", drawing, || SVG.map(|svg| svg.as_bytes().to_vec()).to_vec()),
         reader("picture", "a.jpg", drawing, || vec![sketch()]),
         reader("handwriting", "a.json", drawing, || vec![PAGE.into()]),
-        reader("inkml", "a.inkml", drawing, || vec![INK.into()]),
         reader("log-json", "log.json", log, || vec![log_json()]),
         reader("log-cfclient", "log.csv", log, || vec![CFCLIENT.into()]),
         reader("log-usd", "log00", log, || vec![log_usd(1), log_usd(2)]),
@@ -317,7 +316,7 @@ fn jpeg() -> Vec<u8> {
     bytes
 }
 
-const SVG: [&str; 4] = [
+const SVG: [&str; 5] = [
     "<!DOCTYPE svg [<!ENTITY a 'red'><!ENTITY b '&a;'>]><svg xmlns='http://www.w3.org/2000/svg'
     xmlns:x='y' width='9' height='9'><style>.a, g > path { stroke: &b;; stroke-width: 2px }
     /* c */ #b:hover { fill: none } @media x { a { b: c } }</style><desc>&b; &a;</desc>
@@ -333,20 +332,20 @@ const SVG: [&str; 4] = [
     gradientUnits='userSpaceOnUse' gradientTransform='rotate(9)'><stop stop-color='red'/><stop
     offset='.5' stop-color='#0f0'/></linearGradient><radialGradient id='r' href='#g' cx='9' r='20'
     spreadMethod='reflect'/><path d='M0 0h50v9' stroke='url(#g)'/><g style='font-size:9pt;fill:red'>
-    <text x='5' y='9' dy='1' text-anchor='middle'>N O<tspan x='7' fill='url(#r)'>OR</tspan></text></g></svg>",
+    <text x='5' y='9' display='none'>N O<tspan x='7' fill='url(#r)'>OR</tspan></text></g></svg>",
+    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 60 60'><style>:root{--i:#000;--w:3px}
+    .a{stroke:var(--i, red);transform:translate(5px,2px) rotate(.1turn)}</style>
+    <clipPath id='c'><circle cx='20' cy='9' r='9'/></clipPath><mask id='m' maskUnits='userSpaceOnUse'
+    width='60' height='60'><rect width='30' height='60' fill='#fff'/></mask><g mask='url(#m)'>
+    <path class='a' clip-path='url(#c)' d='M0 5H60M9 9h0' stroke-linecap='round' fill='none'/></g>
+    <svg x='5' y='5' width='9' height='9'><path d='M0 0L20 20' stroke='red' pathLength='4'
+    stroke-dasharray='1'/></svg><rect x='5' width='20' height='30' fill='#fff'/><circle r='9'/></svg>",
     "<!DOCTYPE svg [<!ENTITY ns 'http://www.w3.org/2000/svg'>]><svg xmlns='&ns;' width='9' height='9'>
     <path d='M0 0h9v9' stroke='red'/></svg>",
 ];
 
 const PAGE: &str = "{\"strokes\": [[[0, 0, 1], [10, 10, 1.5]], [[5, 0, 3], [5, 10, 4]], \
                     [[7, 7, 5]]], \"y\": \"down\", \"other\": null}";
-
-const INK: &str = "<ink xmlns='http://www.w3.org/2003/InkML'><definitions><context><traceFormat>
-    <channel name='X' type='decimal'/><channel name='Y' type='decimal' orientation='-ve'/>
-    <channel name='F'/><channel name='T' units='ms'/></traceFormat></context></definitions>
-    <traceGroup><trace>0 0 7 0, 10 0 7 500</trace><trace type='penUp'>1 1 1 600</trace>
-    <trace id='b' continuation='begin'>0 5 9 0700, 5'5\"9 800</trace>
-    <trace continuation='end' priorRef='#b'>10 5 9 900</trace></traceGroup></ink>";
 
 const CFCLIENT: &str = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z,stateEstimate.yaw\n\
                         1000,0.0,0.1,0.2,0.5\n1100,0.1,0.1,0.3,0.5\n1200,0.2,0.1,0.4,0.6\n\

@@ -28,7 +28,7 @@ use crate::files::{Limit, files_in};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
-use crate::shoot::{Judging, Shoot, Stop};
+use crate::shoot::{Judging, Problem, Shoot, Stop};
 
 /// Size of the photo while one types, and of the large one.
 const LIVE: &str = "--size=960x540";
@@ -93,7 +93,8 @@ impl Studio {
                 }
             };
             let (verdict, jpeg) = rayon::join(judge, || photo::jpeg(&shot.photo, JPEG_QUALITY));
-            let obstacles = shot.problems.iter().filter(|problem| problem.is_obstacle());
+            let is_said = |it: &&Problem| it.is_obstacle() || matches!(it, Problem::Drawing(_));
+            let obstacles = shot.problems.iter().filter(is_said);
             let obstacles: Vec<String> = obstacles.map(|it| it.sentence(mentioned)).collect();
             let flight_s = shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
             Ok(json!({

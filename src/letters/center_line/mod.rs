@@ -45,6 +45,8 @@ const DOT: f64 = 0.01 / 21.0;
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
     pub(super) half_width: f64,
+    /// Half width where the ink is thickest.
+    pub(super) thickest: f64,
     /// Longest part of the medial axis whose ink no line touches, where it is too long for a corner:
     /// a stroke of the face that was lost. In cap heights; 0: none.
     pub(super) lost: f64,
@@ -60,7 +62,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let rim = rim(contours, &ink, spacing);
     if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
-        return CenterLines { lines: Vec::new(), half_width: 0.0, lost: 0.0 };
+        return CenterLines { lines: Vec::new(), half_width: 0.0, thickest: 0.0, lost: 0.0 };
     }
     let mut axis = Axis::new(&rim, &ink);
     let parts = parts(&axis.neighbors);
@@ -89,7 +91,8 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
         true => lost(&axis, &whole, &lines, half_width),
         false => 0.0,
     };
-    CenterLines { lines, half_width, lost }
+    let thickest = axis.radii.iter().copied().fold(0.0, f64::max);
+    CenterLines { lines, half_width, thickest, lost }
 }
 
 /// The rim in cap heights, as few points as its error allows.

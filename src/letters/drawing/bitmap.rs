@@ -4,7 +4,7 @@
 //! paper's brightness is estimated block by block, so that shadows are none. The threshold is Otsu's
 //! (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch of ink with
 //! its holes is traced as a typeface's characters are ([`center_lines`]), or along its outline where it
-//! is too thick for a pen. A line has the hue of its ink where that is not gray. A photograph, whose paper
+//! is an area by itself: too thick for its length. A line has the hue of its ink where that is not gray. A photograph, whose paper
 //! would have texture, is drawn by its edges ([`super::photograph`]).
 
 use std::io::Cursor;
@@ -18,11 +18,12 @@ use super::photograph::edges;
 use super::{ColoredLine, MAX_POINTS};
 use crate::error::{Error, Result};
 use crate::files::Budget;
-use crate::geometry::{bounds, distance};
+use crate::geometry::{bounds, distance, polyline_length_m};
 use crate::letters::Picture;
-use crate::letters::center_line::{center_lines, outlines};
+use crate::letters::center_line::{CenterLines, center_lines, outlines};
 use crate::letters::options::{LetterOptions, Trace};
 use crate::letters::outline::{Contour, Filled, mean_stroke_width};
+use crate::statistics::median;
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -51,6 +52,15 @@ const TEXTURE: f64 = 0.175;
 const PHOTOGRAPH: f64 = 0.5;
 /// Mean width of a patch that is outlined, by the drawing's larger side.
 const THICK: f64 = 0.1;
+/// A patch is an area, whatever lies beside it, where its center line is shorter than so many of its
+/// thicknesses, and it is so many times as thick as the drawing's lines, or as this share of the drawing
+/// where it has none: a dash of the pen is short, but no thicker than the pen.
+const LONG: f64 = 6.0;
+const PENS: f64 = 2.0;
+const POINT: f64 = 0.03;
+/// Brightness of light ink, and the share of a transparent picture's ink that is as light.
+const LIGHT: u32 = 150;
+const ALL_LIGHT: f64 = 0.98;
 /// Least chroma of a colored ink, by its brightness.
 const CHROMA: f64 = 0.35;
 
@@ -88,13 +98,26 @@ pub(super) fn read(
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let scale = size(extent)?;
     let mut lines = Vec::new();
+    let mut traced: Vec<(Vec<Contour>, Option<CenterLines>)> = Vec::new();
     for patch in patches {
         let patch: Vec<Contour> =
             patch.iter().map(|c| c.iter().map(|p| p.map(|x| x * scale)).collect()).collect();
         let is_thick = mean_stroke_width(&patch) > THICK * larger * scale;
-        let drawn = match options.trace {
-            Trace::CenterLine if !is_thick => center_lines(&patch, &budget).lines,
-            Trace::CenterLine | Trace::Outline => outlines(&patch, &budget),
+        let is_traced = options.trace == Trace::CenterLine && !is_thick;
+        let found = is_traced.then(|| center_lines(&patch, &budget));
+        budget.check()?;
+        traced.push((patch, found));
+    }
+    let length =
+        |found: &CenterLines| found.lines.iter().map(|line| polyline_length_m(line)).sum::<f64>();
+    let is_short = |found: &CenterLines| length(found) < 2.0 * LONG * found.thickest;
+    let pens = traced.iter().filter_map(|(_, found)| found.as_ref()).filter(|it| !is_short(it));
+    let pen = median(pens.map(|found| found.half_width)).map_or(0.0, |half| PENS * half);
+    let least = pen.max(0.5 * POINT * larger * scale);
+    for (patch, found) in traced {
+        let drawn = match found.filter(|found| !(is_short(found) && found.thickest > least)) {
+            Some(found) => found.lines,
+            None => outlines(&patch, &budget),
         };
         budget.check()?;
         let drawn = drawn.into_iter().map(|line| line.into_iter().map(|p| p.map(|x| x / scale)));
@@ -110,7 +133,8 @@ pub(super) fn read(
     Ok((colored.collect(), options.detail.unwrap_or(1.0), Picture::Drawing))
 }
 
-/// The picture in upright position, on white where it is transparent, and at most as large as needed.
+/// The picture in upright position, and at most as large as needed. Where it is transparent it lies on
+/// white, or on black if its ink is light.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
     let refuse = |found: &dyn std::fmt::Display| {
         let wanted = "a PNG image or a JPEG photo";
@@ -132,10 +156,20 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
     }
     picture.apply_orientation(orientation);
     let mut on_white = RgbImage::new(picture.width(), picture.height());
-    for (pixel, rgba) in on_white.pixels_mut().zip(picture.into_rgba8().pixels()) {
+    let picture = picture.into_rgba8();
+    let [mut n_ink, mut n_light] = [0_u32; 2];
+    for [r, g, b, alpha] in picture.pixels().map(|pixel| pixel.0.map(u32::from)) {
+        let is_ink = alpha > 127;
+        n_ink += u32::from(is_ink);
+        n_light += u32::from(is_ink && 299 * r + 587 * g + 114 * b > 1000 * LIGHT);
+    }
+    let is_transparent = n_ink < picture.width() * picture.height();
+    let is_light = f64::from(n_light) >= ALL_LIGHT * f64::from(n_ink);
+    let ground = if is_transparent && is_light { 0 } else { 255 };
+    for (pixel, rgba) in on_white.pixels_mut().zip(picture.pixels()) {
         let [.., alpha] = rgba.0.map(u32::from);
         for (channel, value) in pixel.0.iter_mut().zip(rgba.0) {
-            let sum = u32::from(value) * alpha + 255 * (255 - alpha);
+            let sum = u32::from(value) * alpha + ground * (255 - alpha);
             *channel = u8::try_from((sum + 127) / 255).unwrap_or(255);
         }
     }

@@ -1,8 +1,7 @@
-//! Style sheets: how much work usvg takes to match and apply them.
+//! Style sheets: how much work it takes to match and apply them.
 //!
-//! usvg tries each rule on each element, writes the declarations of those that match into it, and
-//! counts lines from the beginning of the sheet wherever a value ends. Nothing of it can be stopped on
-//! the way, so it is taken off the drawing's budget beforehand, as an upper bound.
+//! Each rule is tried on each element, and the declarations of those that match are written into it.
+//! That is taken off the drawing's budget beforehand, as an upper bound.
 
 use std::collections::HashMap;
 
@@ -22,8 +21,6 @@ const DECLARATION: usize = 48;
 struct Elements {
     /// All of them.
     n: usize,
-    /// Those that `<use>` and markers add.
-    added: usize,
     depth: usize,
     /// Attributes and, in eights of bytes, classes; with all other values.
     classes: usize,
@@ -32,19 +29,18 @@ struct Elements {
     named: HashMap<String, usize>,
 }
 
-/// Takes the style sheets of a document off a budget; `expanded` elements are there with those that
-/// `<use>` and markers add.
+/// Takes the style sheets of a document off a budget.
 ///
 /// # Errors
 ///
 /// Those of the budget.
-pub(super) fn check(document: &Document<'_>, expanded: usize, budget: &Budget) -> Result<()> {
+pub(super) fn check(document: &Document<'_>, budget: &Budget) -> Result<()> {
     let sheets: Vec<String> = document
         .descendants()
         .filter(|node| node.tag_name().name() == "style")
         .flat_map(|sheet| sheet.descendants().filter_map(|node| node.text().map(plain)))
         .collect();
-    let elements = Elements::of(document, expanded);
+    let elements = Elements::of(document);
     let n_rules: usize = sheets.iter().map(|sheet| sheet.matches(['{', ',']).count()).sum();
     budget.steps(STEPS[1] * sheets.len().saturating_mul(n_rules))?;
     for sheet in &sheets {
@@ -100,10 +96,8 @@ fn line_counts(text: &str) -> usize {
 }
 
 impl Elements {
-    fn of(document: &Document<'_>, expanded: usize) -> Self {
-        let mut all =
-            Self { n: 0, added: 0, depth: 0, classes: 0, values: 0, named: HashMap::new() };
-        let (mut largest, mut most_values) = (0, 0);
+    fn of(document: &Document<'_>) -> Self {
+        let mut all = Self { n: 0, depth: 0, classes: 0, values: 0, named: HashMap::new() };
         for node in document.descendants().filter(Node::is_element) {
             all.n += 1;
             all.depth = all.depth.max(node.ancestors().take(MAX_DEPTH).count());
@@ -113,16 +107,11 @@ impl Elements {
             let values: usize = node.attributes().map(|attribute| attribute.value().len()).sum();
             all.classes += attributes + (class.len() + id.len()) / 8;
             all.values += attributes + values / 8;
-            largest = largest.max(attributes + (class.len() + id.len()) / 8);
-            most_values = most_values.max(attributes + values / 8);
             let classes = class.split_ascii_whitespace().map(|class| format!(".{class}"));
             for name in classes.chain([format!("#{id}"), node.tag_name().name().to_owned()]) {
                 *all.named.entry(name).or_default() += 1;
             }
         }
-        all.added = expanded.saturating_sub(all.n);
-        all.classes += all.added * largest;
-        all.values += all.added * most_values;
         all
     }
 
@@ -134,7 +123,7 @@ impl Elements {
         let each = match selector {
             any if any.contains('[') => self.values,
             named if named.contains(['.', '#', ':']) => self.classes,
-            _ => self.n + self.added,
+            _ => self.n,
         };
         let last = parts().next_back().unwrap_or("*");
         let end = |text: &str| text.find(['.', '#', '[', ':']).unwrap_or(text.len());
@@ -146,7 +135,7 @@ impl Elements {
         let names = names.chain((!tag.is_empty() && tag != "*").then_some(tag));
         let found = names.map(|name| self.named.get(name).copied().unwrap_or(0)).min();
         let matched = found.map_or(self.n, |n| n.min(self.n));
-        (STEPS[0].saturating_mul(n_ways).saturating_mul(each), matched + self.added)
+        (STEPS[0].saturating_mul(n_ways).saturating_mul(each), matched)
     }
 }
 
@@ -158,7 +147,7 @@ mod tests {
     fn a_rule_costs_the_elements_that_it_may_match() {
         let svg = "<svg><g class='a b'><path id='p'/><path class='a' d='M0 0'/></g></svg>";
         let document = Document::parse(svg).unwrap();
-        let elements = Elements::of(&document, 4);
+        let elements = Elements::of(&document);
         let matched = |selector: &str| elements.asked(selector).1;
         assert_eq!(
             [matched("path"), matched(".a"), matched("#p"), matched("g.b > path.a")],
@@ -169,11 +158,6 @@ mod tests {
             [4, 0, 4, 2]
         );
         assert!(elements.asked("g path").0 > 2 * elements.asked("path").0, "tried on all around");
-        assert_eq!(
-            Elements::of(&document, 9).asked("circle").1,
-            5,
-            "what is added may be anything"
-        );
     }
 
     #[test]

@@ -96,6 +96,11 @@ impl Gradient {
         }
     }
 
+    /// The color at a place, each channel 0 to 255.
+    pub(super) fn color_at(&self, place: [f64; 2]) -> [f64; 3] {
+        color(&self.stops, self.offset(place))
+    }
+
     fn color(&self, ramp: &[Level], place: [f64; 2]) -> [u8; 3] {
         let offset = self.offset(place);
         ramp[ramp.partition_point(|(end, _)| *end <= offset).min(ramp.len() - 1)].1

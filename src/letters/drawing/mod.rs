@@ -1,4 +1,4 @@
-//! Drawings: an SVG file, a bitmap, or handwriting as JSON or `InkML`, becomes strokes.
+//! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
 //! aligned like a line of text. It has no word: it is one glyph, or one of each color, whose
@@ -23,12 +23,13 @@ mod css;
 mod detail;
 mod gradient;
 mod handwriting;
-mod inkml;
 mod levels;
 mod photograph;
 mod plain;
+mod shown;
+mod style;
 mod svg;
-mod text;
+mod transform;
 mod xml;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
@@ -81,15 +82,14 @@ struct Written {
 /// A line of a picture in its own units, y up, and what colors it.
 type ColoredLine = (Vec<[f64; 2]>, Paint);
 
-/// Reads a drawing: `*.svg`, a picture `*.png` or `*.jpg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
+/// Reads a drawing: `*.svg`, a picture `*.png` or `*.jpg`, or handwriting `*.json`.
 ///
-/// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
+/// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
 /// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
-/// or else of its fill, and along a gradient up to 64 colors. Text is written with the font of the
-/// options. Clips, masks, filters, patterns, pictures and markers on markers are not drawn. Handwriting
-/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the
+/// or else of its fill, and along a gradient up to 64 colors. What is not followed, such as filters, is
+/// named in the warnings; text is refused. Handwriting keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the
 /// pace of [`LetterOptions::pace`].
 ///
 /// # Errors
@@ -103,12 +103,13 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
     match kind.as_deref() {
         Some("svg") => {
-            let (paths, gradients) = svg::read(&LIMIT.read(path)?, options, &file)?;
-            let placing = Placing::new(svg::bounds(&paths), options, &file)?;
-            let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
+            let drawing = svg::read(&LIMIT.read(path)?, &file)?;
+            let placing = Placing::new(drawing.bounds(), options, &file)?;
+            let lines = drawing.flatten(options.tolerance_m / placing.scale, &file)?;
             let detail = options.detail.unwrap_or(1.0);
             let drawn = reduced(lines, detail, placing.size(), &file)?;
-            by_color(drawn, &gradients, &placing, ink, &file)
+            let strokes = by_color(drawn, &drawing.gradients, &placing, ink, &file)?;
+            Ok(Strokes { warnings: drawing.warnings, ..strokes })
         }
         Some("png" | "jpg" | "jpeg") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
@@ -125,11 +126,8 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
         Some("json") => {
             write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
         }
-        Some("inkml" | "xml") => {
-            write(inkml::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
-        }
         _ => {
-            let wanted = "a file *.svg, *.png, *.jpg, *.json (strokes) or *.inkml";
+            let wanted = "a file *.svg, *.png, *.jpg or *.json (strokes)";
             Err(Error::input(&file, "a file of another kind", wanted, "save the drawing as SVG"))
         }
     }
@@ -296,7 +294,7 @@ impl Placing {
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
             let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
-            let hint = "visible paths and text are drawn";
+            let hint = "visible paths are drawn";
             return Err(Error::input(file, found, "at least one stroke", hint));
         }
         let (width_m, height_m) = (width * scale, height * scale);
@@ -343,7 +341,8 @@ impl Placing {
         let (colors, joints_m, left_out) = (Vec::new(), Vec::new(), LeftOut::default());
         let (word, font, picture) = (String::new(), None, Picture::Auto);
         let lost = std::collections::BTreeMap::new();
-        Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture }
+        let warnings = Vec::new();
+        Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture, warnings }
     }
 }
 
@@ -353,5 +352,7 @@ fn too_many(file: &str) -> Error {
     Error::input(file, "a drawing of more points", wanted, hint)
 }
 
+#[cfg(test)]
+mod svg_tests;
 #[cfg(test)]
 mod tests;

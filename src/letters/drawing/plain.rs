@@ -1,15 +1,20 @@
 //! An SVG file reduced to what is drawn, so that reading it costs bounded work.
 //!
-//! Clips, masks and filters become `defs`: they are not drawn, but elements within them may be used
-//! elsewhere. Gradients refer to no others, and a pattern becomes a gradient of one black stop. What is
-//! left grows by `use` and by markers alone, which are counted here; a marker within a marker is not drawn.
+//! Written are the resolved attributes ([`style`]), without filters. Gradients refer to no others, and a
+//! pattern becomes a gradient of one black stop that covers nothing. Text, pictures and what else holds
+//! foreign content become a sign: a path by which it is known whether it would be seen. What is left
+//! grows by `use`, clips, masks and markers alone, which are counted here; a marker within a marker is
+//! not drawn.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
+use kurbo::{BezPath, Shape as _};
 use usvg::roxmltree::{Document, Node, NodeId};
 
-/// Most elements with those of `use` and of markers; usvg keeps some 500 bytes of each.
+use super::style::{Attributes, Named};
+
+/// Most elements with those of `use`, clips, masks and markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
 
 /// Most bytes of their attributes.
@@ -28,46 +33,56 @@ const MAX_STOPS: usize = 16;
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Style sheet that turns off what is not drawn.
-pub(super) const STYLE: &str = "*{clip-path:none!important;mask:none!important;\
-    filter:none!important}marker *{marker:none!important}stop{stop-opacity:1!important}";
+/// Where signs begin, and how many there may be: numbers that are exact in single precision.
+pub(super) const SIGN_X: f32 = 7_777_777.0;
+const MAX_SIGNS: usize = 10_000;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
-const XLINK: &str = "http://www.w3.org/1999/xlink";
-const XML: &str = "http://www.w3.org/XML/1998/namespace";
+pub(super) const XLINK: &str = "http://www.w3.org/1999/xlink";
+pub(super) const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
-/// Markup in place of the text elements that have any.
-pub(super) type Texts = HashMap<NodeId, String>;
+/// A document as it is drawn.
+pub(super) struct Plain {
+    pub(super) text: String,
+    /// What signs stand for, and its line.
+    pub(super) signs: Vec<(String, u32)>,
+}
 
-/// The document that is drawn, and how many elements it has with those of `use` and of markers.
+/// The document that is drawn.
 ///
 /// # Errors
 ///
 /// What was found instead of a drawing of bounded work.
-pub(super) fn plain(document: &Document<'_>, texts: &Texts) -> Result<(String, usize), String> {
+pub(super) fn plain(
+    document: &Document<'_>,
+    attributes: &HashMap<NodeId, Attributes>,
+    named: &mut Named,
+) -> Result<Plain, String> {
     let mut ids = HashMap::new();
     for node in document.descendants() {
         if let Some(id) = node.attribute("id") {
             ids.entry(id).or_insert(node);
         }
     }
-    let mut counting = Counting { ids, texts, known: HashMap::new(), marker: Size::default() };
+    let mut counting = Counting { ids, attributes, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(document.root_element(), 0)?;
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if counting.marker.elements == 0 { 0 } else { all.vertices + 2 * all.elements };
     let elements = all.elements.saturating_add(n_markers.saturating_mul(counting.marker.elements));
     let bytes = all.bytes.saturating_add(n_markers.saturating_mul(counting.marker.bytes));
     if elements > MAX_ELEMENTS || bytes > MAX_BYTES {
-        let what = if n_markers > 0 { "markers" } else { "<use>" };
+        let what = if n_markers > 0 { "markers" } else { "<use>, clips and masks" };
         return Err(format!("{elements} elements, those of {what} counted"));
     }
     let curves = all.curves + n_markers as f64 * counting.marker.curves;
     if curves > MAX_CURVES {
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
-    let mut text = String::new();
-    write_element(document.root_element(), &counting.ids, texts, &mut text);
-    Ok((text, elements))
+    let (text, signs) = (String::new(), Vec::new());
+    let mut writer =
+        Writer { document, ids: &counting.ids, attributes, named, text, signs, in_marker: false };
+    writer.element(document.root_element())?;
+    Ok(Plain { text: writer.text, signs: writer.signs })
 }
 
 /// What an element becomes.
@@ -88,7 +103,7 @@ type Ids<'a, 'input> = HashMap<&'a str, Node<'a, 'input>>;
 
 struct Counting<'a, 'input> {
     ids: Ids<'a, 'input>,
-    texts: &'a Texts,
+    attributes: &'a HashMap<NodeId, Attributes>,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
@@ -104,24 +119,25 @@ impl<'a, 'input> Counting<'a, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        let length = |name| node.attribute(name).map_or(0, str::len);
-        let written = self.texts.get(&node.id()).map_or(0, String::len);
-        let attributes: usize = node.attributes().map(|attribute| attribute.value().len()).sum();
+        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
+        let length = |name| value(own, name).map_or(0, str::len);
         let mut size = Size {
             elements: 1,
-            bytes: attributes + written,
-            vertices: 10 + (length("d") + length("points") + written) / 2,
+            bytes: own.iter().map(|(.., value)| value.len()).sum(),
+            vertices: 10 + (length("d") + length("points")) / 2,
             depth: 1,
-            curves: curves(node)?,
+            curves: curves(node, own)?,
         };
         let tag = node.tag_name().name();
         let mut parts: Vec<_> = node.children().filter(Node::is_element).collect();
         if tag == "use" {
-            let links = node.attributes().filter(|attribute| attribute.name() == "href");
-            let used =
-                links.filter_map(|link| self.ids.get(link.value().trim().strip_prefix('#')?));
-            parts.extend(used);
+            let links = own.iter().filter(|(_, name, _)| name == "href");
+            parts.extend(
+                links.filter_map(|(.., link)| self.ids.get(link.trim().strip_prefix('#')?)),
+            );
         }
+        let linked = ["clip-path", "mask"].iter().filter_map(|name| value(own, name));
+        parts.extend(linked.filter_map(|link| self.ids.get(target(link)?)));
         for part in parts {
             let part = self.size(part, depth + 1)?;
             size.elements = size.elements.saturating_add(part.elements);
@@ -151,14 +167,14 @@ pub(super) fn too_deep() -> String {
 }
 
 /// The coordinates of an element's curves, added up without their signs.
-fn curves(node: Node<'_, '_>) -> Result<f64, String> {
+fn curves(node: Node<'_, '_>, own: &[(&'static str, String, String)]) -> Result<f64, String> {
     let names: &[&str] = match node.tag_name().name() {
         "path" => &["d"],
         "circle" | "ellipse" | "rect" => &["r", "rx", "ry"],
         _ => &[],
     };
     let mut sum = 0.0;
-    for (name, value) in names.iter().filter_map(|name| Some((name, node.attribute(*name)?))) {
+    for (name, value) in names.iter().filter_map(|name| Some((name, value(own, name)?))) {
         if ["em", "ex", "%"].iter().any(|unit| value.ends_with(unit)) {
             return Err(format!("{name} of {value}, wanted user units"));
         }
@@ -167,6 +183,18 @@ fn curves(node: Node<'_, '_>) -> Result<f64, String> {
         }
     }
     Ok(sum)
+}
+
+/// The value of an attribute without a prefix.
+fn value<'a>(own: &'a [(&'static str, String, String)], name: &str) -> Option<&'a str> {
+    let found = own.iter().find(|(prefix, other, _)| prefix.is_empty() && other == name);
+    found.map(|(.., value)| &**value)
+}
+
+/// The element that `url(#name)` names.
+fn target(value: &str) -> Option<&str> {
+    let (link, _) = value.trim().strip_prefix("url(")?.split_once(')')?;
+    link.trim().trim_matches(['"', '\'']).strip_prefix('#')
 }
 
 /// The numbers of an attribute, without their signs.
@@ -189,56 +217,257 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Writes an element as it is drawn.
-fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, texts: &Texts, text: &mut String) {
-    let name = node.tag_name().name();
-    if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
-        return;
-    }
-    if let Some(written) = texts.get(&node.id()) {
-        text.push_str(written);
-        return;
-    }
-    let tag = match name {
-        "linearGradient" | "radialGradient" | "pattern" => {
-            if let Some(id) = node.attribute("id") {
-                write_gradient(node, id, ids, text);
-            }
-            "defs"
-        }
-        "clipPath" | "mask" | "filter" => "defs",
-        name => name,
-    };
-    text.push('<');
-    text.push_str(tag);
-    if node.parent_element().is_none() {
-        let _ = write!(text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
-    }
-    if tag == name {
-        write_attributes_of(node, text);
-    }
-    text.push('>');
-    for child in node.children() {
-        match child.text().filter(|_| child.is_text()) {
-            Some(content) => escape(content, text),
-            None if child.is_element() => write_element(child, ids, texts, text),
-            None => {}
-        }
-    }
-    let _ = write!(text, "</{tag}>");
+/// Elements that are drawn, or hold what is; others in the namespace of SVG are not drawn by anybody.
+const DRAWN: &[&str] = &[
+    "a", "circle", "clipPath", "defs", "ellipse", "g", "line", "marker", "mask", "path", "polygon",
+    "polyline", "rect", "stop", "svg", "switch", "symbol", "use",
+];
+
+/// Elements whose content is drawn by browsers and not here.
+const FOREIGN: &[&str] =
+    &["text", "image", "foreignObject", "video", "iframe", "canvas", "mesh", "solidcolor"];
+
+/// Writes a document.
+struct Writer<'a, 'input> {
+    document: &'a Document<'input>,
+    ids: &'a Ids<'a, 'input>,
+    attributes: &'a HashMap<NodeId, Attributes>,
+    named: &'a mut Named,
+    text: String,
+    signs: Vec<(String, u32)>,
+    in_marker: bool,
 }
 
-/// Writes the attributes of an element.
-pub(super) fn write_attributes_of(node: Node<'_, '_>, text: &mut String) {
-    for attribute in node.attributes() {
-        let prefix = match attribute.namespace() {
-            None => "",
-            Some(XLINK) => "xlink:",
-            Some(XML) => "xml:",
-            Some(_) => continue,
-        };
-        write_attribute(prefix, attribute.name(), attribute.value(), text);
+impl<'a, 'input> Writer<'a, 'input> {
+    /// Writes an element as it is drawn.
+    fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
+        let name = node.tag_name().name();
+        if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
+            return Ok(());
+        }
+        let row = self.document.text_pos_at(node.range().start).row;
+        if FOREIGN.contains(&name) {
+            return self.sign(node, row);
+        }
+        match name {
+            "animate" | "animateTransform" | "animateMotion" | "animateColor" | "set" => {
+                self.named.add("an animation, drawn as it begins", row);
+                return Ok(());
+            }
+            "script" => {
+                self.named.add("a script", row);
+                return Ok(());
+            }
+            "switch" => {
+                self.named.add("a switch, drawn in its first part that asks for nothing", row)
+            }
+            _ => {}
+        }
+        if matches!(name, "linearGradient" | "radialGradient" | "pattern") {
+            if let Some(id) = node.attribute("id") {
+                self.gradient(node, id);
+            }
+            self.text.push_str("<defs>");
+            return self.content(node, "defs");
+        }
+        let tag = if name == "filter" { "defs" } else { name };
+        if !DRAWN.contains(&tag) {
+            return Ok(());
+        }
+        self.text.push('<');
+        self.text.push_str(tag);
+        if node.parent_element().is_none() {
+            let _ = write!(self.text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
+        }
+        if tag == name {
+            self.own_attributes(node, row);
+        }
+        self.text.push('>');
+        let outside = self.in_marker;
+        self.in_marker |= tag == "marker";
+        self.content(node, tag)?;
+        self.in_marker = outside;
+        Ok(())
     }
+
+    fn content(&mut self, node: Node<'a, 'input>, tag: &str) -> Result<(), String> {
+        for child in node.children().filter(Node::is_element) {
+            self.element(child)?;
+        }
+        let _ = write!(self.text, "</{tag}>");
+        Ok(())
+    }
+
+    fn own_attributes(&mut self, node: Node<'_, '_>, row: u32) {
+        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
+        let dashes = self.scaled_dashes(node, own, row);
+        for (prefix, name, value) in own {
+            let linked = || self.ids.get(target(value)?).map(|node| node.tag_name().name());
+            match &**name {
+                "filter" | "pathLength" => continue,
+                // Properties of CSS may have names that attributes cannot have.
+                name if !is_name(name) => continue,
+                "stroke-dasharray" | "stroke-dashoffset" if dashes.is_some() => continue,
+                "marker-start" | "marker-mid" | "marker-end" if self.in_marker => {
+                    if linked() == Some("marker") {
+                        self.named.add("a marker within a marker", row);
+                    }
+                    continue;
+                }
+                "fill" | "stroke" if linked() == Some("pattern") => {
+                    self.named.add(format!("{name} by a pattern"), row);
+                }
+                "href" if node.tag_name().name() == "use" && !value.trim().starts_with('#') => {
+                    self.named.add("another file (`use`)", row);
+                }
+                "clip-path" | "mask" if value.trim().starts_with("url(") => {
+                    // Without the words of a shorthand.
+                    let link = value.trim().split_inclusive(')').next().unwrap_or("");
+                    write_attribute(prefix, name, link, &mut self.text);
+                    continue;
+                }
+                _ => {}
+            }
+            write_attribute(prefix, name, value, &mut self.text);
+        }
+        for (name, value) in dashes.into_iter().flatten() {
+            write_attribute("", name, &value, &mut self.text);
+        }
+    }
+
+    /// Dashes in user units where they are given by a `pathLength` that is not that of the path.
+    fn scaled_dashes(
+        &mut self,
+        node: Node<'_, '_>,
+        own: &[(&'static str, String, String)],
+        row: u32,
+    ) -> Option<[(&'static str, String); 2]> {
+        let stated = value(own, "pathLength")?.trim().parse::<f64>().ok();
+        let inherited = |name: &str| {
+            let own = |node: Node<'_, '_>| value(self.attributes.get(&node.id())?, name);
+            node.ancestors().find_map(own)
+        };
+        let dashes = inherited("stroke-dasharray").filter(|dashes| *dashes != "none")?;
+        let numbers = |list: &str| -> Option<Vec<f64>> {
+            let parts = list.split([',', ' ', '\n', '\t', '\r']).filter(|part| !part.is_empty());
+            parts.map(|part| part.trim_end_matches("px").parse().ok()).collect()
+        };
+        let length = shape_length(node, own);
+        let scale = stated.filter(|stated| *stated > 0.0).and_then(|stated| Some(length? / stated));
+        let offset = numbers(inherited("stroke-dashoffset").unwrap_or("0"));
+        let (Some(scale), Some(dashes), Some(offset)) = (scale, numbers(dashes), offset) else {
+            self.named.add("pathLength", row);
+            return None;
+        };
+        let scaled = |values: Vec<f64>| {
+            let values = values.into_iter().map(|value| (value * scale).to_string());
+            values.collect::<Vec<_>>().join(" ")
+        };
+        Some([("stroke-dasharray", scaled(dashes)), ("stroke-dashoffset", scaled(offset))])
+    }
+
+    /// A sign in place of an element: transformed and hidden as it is.
+    fn sign(&mut self, node: Node<'_, '_>, row: u32) -> Result<(), String> {
+        let name = node.tag_name().name();
+        let parts = node.descendants().filter_map(|part| part.text());
+        if name == "text" && parts.flat_map(str::chars).all(char::is_whitespace) {
+            return Ok(());
+        }
+        if self.signs.len() == MAX_SIGNS {
+            return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
+        }
+        let index = self.signs.len();
+        self.signs.push((format!("<{name}>"), row));
+        let _ =
+            write!(self.text, "<path d=\"M{SIGN_X} {index}h1v1z\" fill=\"#000\" stroke=\"none\"");
+        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
+        for (_, name, value) in own {
+            if matches!(&**name, "display" | "visibility" | "opacity" | "id") {
+                write_attribute("", name, value, &mut self.text);
+            }
+        }
+        self.text.push_str("/>");
+        Ok(())
+    }
+
+    /// Writes a gradient with what it has from those that it refers to; a pattern as one of a black stop.
+    fn gradient(&mut self, node: Node<'a, 'input>, id: &str) {
+        let own =
+            |node: &Node<'_, '_>| self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
+        let next = |node: &Node<'a, 'input>| {
+            let links = own(node).iter().filter(|(_, name, _)| name == "href");
+            let mut linked =
+                links.filter_map(|(.., link)| self.ids.get(link.trim().strip_prefix('#')?));
+            linked.next().copied()
+        };
+        let is_stop = |child: &Node<'_, '_>| child.tag_name().name() == "stop";
+        let is_pattern = node.tag_name().name() == "pattern";
+        let tag = if is_pattern { "linearGradient" } else { node.tag_name().name() };
+        let chain: Vec<_> = std::iter::successors(Some(node), next).take(MAX_CHAIN).collect();
+        let mut text = format!("<{tag} id=\"");
+        escape(id, &mut text);
+        text.push('"');
+        for name in GRADIENT {
+            if let Some(value) = chain.iter().find_map(|node| value(own(node), name)) {
+                write_attribute("", name, value, &mut text);
+            }
+        }
+        text.push('>');
+        let with_stops = chain.iter().find(|node| node.children().any(|child| is_stop(&child)));
+        let stops = with_stops.into_iter().flat_map(Node::children).filter(is_stop).take(MAX_STOPS);
+        for stop in stops.filter(|_| !is_pattern) {
+            text.push_str("<stop");
+            for name in STOP {
+                if let Some(value) = value(own(&stop), name) {
+                    write_attribute("", name, value, &mut text);
+                }
+            }
+            text.push_str("/>");
+        }
+        let stop = if is_pattern { "<stop stop-opacity=\"0.5\"/>" } else { "" };
+        let _ = write!(text, "{stop}</{tag}>");
+        self.text += &text;
+    }
+}
+
+fn is_name(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+}
+
+/// Length of a shape's path in user units.
+fn shape_length(node: Node<'_, '_>, own: &[(&'static str, String, String)]) -> Option<f64> {
+    let number = |name: &str| value(own, name).map_or(Some(0.0), |text| text.trim().parse().ok());
+    let points = |close: bool| {
+        let numbers: Vec<f64> = svgtypes_numbers(value(own, "points")?);
+        let mut path = BezPath::new();
+        for (index, point) in numbers.chunks_exact(2).enumerate() {
+            let point = (point[0], point[1]);
+            if index == 0 { path.move_to(point) } else { path.line_to(point) }
+        }
+        if close && !path.is_empty() {
+            path.close_path();
+        }
+        Some(path.perimeter(1e-3))
+    };
+    match node.tag_name().name() {
+        "path" => Some(BezPath::from_svg(value(own, "d")?).ok()?.perimeter(1e-3)),
+        "circle" => Some(std::f64::consts::TAU * number("r")?),
+        "ellipse" => Some(
+            kurbo::Ellipse::new((0.0, 0.0), (number("rx")?, number("ry")?), 0.0).perimeter(1e-3),
+        ),
+        "line" => Some(libm::hypot(number("x2")? - number("x1")?, number("y2")? - number("y1")?)),
+        "rect" if value(own, "rx").is_none() && value(own, "ry").is_none() => {
+            Some(2.0 * (number("width")? + number("height")?))
+        }
+        "polyline" => points(false),
+        "polygon" => points(true),
+        _ => None,
+    }
+}
+
+fn svgtypes_numbers(text: &str) -> Vec<f64> {
+    svgtypes::NumberListParser::from(text).map_while(Result::ok).collect()
 }
 
 /// Attributes of a gradient and of a stop.
@@ -257,43 +486,10 @@ const GRADIENT: [&str; 13] = [
     "gradientTransform",
     "spreadMethod",
 ];
-const STOP: [&str; 4] = ["offset", "stop-color", "style", "class"];
+const STOP: [&str; 4] = ["offset", "stop-color", "stop-opacity", "color"];
 
 /// Most gradients, each of which refers to the next, that are looked at.
 const MAX_CHAIN: usize = 8;
-
-/// Writes a gradient with what it has from those that it refers to; a pattern as one of a black stop.
-fn write_gradient(node: Node<'_, '_>, id: &str, ids: &Ids<'_, '_>, text: &mut String) {
-    let next = |node: &Node<'_, '_>| {
-        let links = node.attributes().filter(|attribute| attribute.name() == "href");
-        links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next().copied()
-    };
-    let is_stop = |child: &Node<'_, '_>| child.tag_name().name() == "stop";
-    let is_pattern = node.tag_name().name() == "pattern";
-    let tag = if is_pattern { "linearGradient" } else { node.tag_name().name() };
-    let chain: Vec<_> = std::iter::successors(Some(node), next).take(MAX_CHAIN).collect();
-    let _ = write!(text, "<{tag} id=\"");
-    escape(id, text);
-    text.push('"');
-    let from_chain = |name| chain.iter().find_map(|node| Some((name, node.attribute(name)?)));
-    write_attributes(GRADIENT.into_iter().filter_map(from_chain), text);
-    text.push('>');
-    let with_stops = chain.iter().find(|node| node.children().any(|child| is_stop(&child)));
-    let stops = with_stops.into_iter().flat_map(Node::children).filter(is_stop).take(MAX_STOPS);
-    for stop in stops.filter(|_| !is_pattern) {
-        text.push_str("<stop");
-        write_attributes(
-            STOP.iter().filter_map(|name| Some((*name, stop.attribute(*name)?))),
-            text,
-        );
-        text.push_str("/>");
-    }
-    let _ = write!(text, "{}</{tag}>", if is_pattern { "<stop/>" } else { "" });
-}
-
-fn write_attributes<'a>(attributes: impl Iterator<Item = (&'a str, &'a str)>, text: &mut String) {
-    attributes.for_each(|(name, value)| write_attribute("", name, value, text));
-}
 
 fn write_attribute(prefix: &str, name: &str, value: &str, text: &mut String) {
     let _ = write!(text, " {prefix}{name}=\"");
@@ -348,9 +544,7 @@ mod tests {
     fn references_that_multiply_cost_little_or_are_refused() {
         let shape = "<rect width='9' height='9' PROPERTY='url(#NEXT)'/>";
         let tried = "<path d='M0 0h9v9' stroke='red' fill='url(#e0)' PROPERTY='url(#e0)'/>";
-        for (tag, property) in
-            [("clipPath", "clip-path"), ("mask", "mask"), ("pattern", "fill"), ("filter", "filter")]
-        {
+        for (tag, property) in [("pattern", "fill"), ("filter", "filter")] {
             let open = format!("<{tag} id='THIS' width='1' height='1'>");
             let part = shape.replace("PROPERTY", property);
             let all = levels(&open, &part, &format!("</{tag}>"));
@@ -358,7 +552,14 @@ mod tests {
             assert_eq!(n_lit(&(all + &tried)), 2, "{tag}");
         }
         let long = format!("M0 0{}", "h1v1".repeat(20_000));
+        let levels_of = |tag: &str, property: &str| {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            levels(&open, &part, &format!("</{tag}>")) + &tried.replace("PROPERTY", property)
+        };
         let refused = [
+            levels_of("clipPath", "clip-path"),
+            levels_of("mask", "mask"),
             levels("<g id='THIS'>", "<use href='#NEXT'/>", "</g>") + "<g id='e12'/>",
             format!("<path id='p' d='{long}'/>") + &"<use href='#p'/>".repeat(5000),
             "<marker id='m'>".to_owned()
@@ -393,7 +594,7 @@ mod tests {
     fn what_is_not_drawn_changes_nothing_else() {
         let line = "<path id='p' d='M0 0h9' stroke='red'/>";
         let clipped = line.replace("/>", " clip-path='url(#c)' mask='url(#gone)'/>");
-        assert_eq!(n_lit(&format!("<clipPath id='c'/>{clipped}")), 1, "clipped");
+        assert_eq!(n_lit(&clipped), 1, "by what is not there");
         let within = format!("<clipPath id='c'>{line}</clipPath><use href='#p'/>");
         assert_eq!(n_lit(&within), 1, "used from within a clip");
         let filled = "<path d='M0 0h9v9z' fill='url(#g)'/>";

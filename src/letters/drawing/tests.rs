@@ -159,54 +159,6 @@ fn broken_handwriting_is_refused_with_its_place() {
 }
 
 #[test]
-fn ink_is_decoded_as_its_standard_says() {
-    // The example of InkML's section on the encoding of traces.
-    let text = "<ink xmlns='http://www.w3.org/2003/InkML'><trace id='t1'>
-        1125 18432,'23'43,\"7\"-8,3-5,7-3,6 2,6 8,3 6</trace></ink>";
-    let traces = inkml::read(text, "").unwrap();
-    let wanted = [
-        [1125, 18432],
-        [1148, 18475],
-        [1178, 18510],
-        [1211, 18540],
-        [1251, 18567],
-        [1297, 18596],
-        [1349, 18633],
-        [1404, 18676],
-    ];
-    assert_eq!(traces[0].points, wanted.map(|[x, y]| [f64::from(x), -f64::from(y)]));
-}
-
-const INK: &str = "<ink xmlns='http://www.w3.org/2003/InkML'><definitions><context><traceFormat>
-    <channel name='X' type='decimal'/><channel name='Y' type='decimal' orientation='-ve'/>
-    <channel name='F'/><channel name='T' units='ms'/></traceFormat></context></definitions>
-    <traceGroup><trace>0 0 7 0, 10 0 7 500</trace><trace type='penUp'>1 1 1 600</trace>
-    <trace id='b' continuation='begin'>0 5 9 0700, 5 5 9 800</trace>
-    <trace continuation='end' priorRef='#b'>10 5 9 900</trace></traceGroup></ink>";
-
-#[test]
-fn ink_with_times_and_continued_traces_is_read() {
-    let traces = inkml::read(INK, "").unwrap();
-    assert_eq!(traces.len(), 2);
-    assert_eq!(traces[0].points, [[0.0, 0.0], [10.0, 0.0]], "y grows upward here");
-    assert_eq!(traces[1].points, [[0.0, 5.0], [5.0, 5.0], [10.0, 5.0]]);
-    let off = traces[1].times_s.iter().zip([0.7, 0.8, 0.9]).map(|(a, b)| (a - b).abs());
-    assert!(off.fold(0.0, f64::max) < 1e-12, "{:?}", traces[1].times_s);
-    let cases = [
-        ("<ink><trace>1 2, 3</trace></ink>", "a.inkml:1: found `1 2, 3`"),
-        ("<ink><trace>1 x</trace></ink>", "a.inkml:1"),
-        ("<ink>\n<traceFormat><channel name='F'/></traceFormat></ink>", "a.inkml:2"),
-        ("<svg/>", "<svg>"),
-        ("<ink><trace></trace></ink>", "nothing drawn"),
-        ("<ink", "a.inkml"),
-    ];
-    for (text, place) in cases {
-        let error = drawn("a.inkml", text, &LetterOptions::default()).unwrap_err().to_string();
-        assert!(error.contains(place), "{text}: {error}");
-    }
-}
-
-#[test]
 fn what_is_no_drawing_is_refused() {
     let cases = [
         ("a.svg", "<svg", "a.svg"),
@@ -236,68 +188,6 @@ fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
     let endless = "<path d='M0 0 h1e6' stroke='red' stroke-dasharray='1e-6'/>";
     let error = drawn("a.svg", &svg(endless), &LetterOptions::default()).unwrap_err();
     assert!(error.to_string().contains("a.svg"), "{error}");
-}
-
-/// The box of the lit moves of an SVG file in its own units from the lower left of a square of 100, and how
-/// many strokes it has.
-fn text_box(body: &str, options: LetterOptions) -> ([f64; 4], usize) {
-    let frame = "<path d='M0 0 h100 v100 h-100 z' stroke='red'/>";
-    let options = LetterOptions { baseline_m: 0.0, ..options };
-    let strokes = drawn("a.svg", &svg(&format!("{frame}{body}")), &options).unwrap();
-    let scale = 100.0 / (strokes.bounds_m()[2] - strokes.bounds_m()[0]);
-    let left_m = strokes.bounds_m()[0];
-    let moves = strokes.glyphs[0].moves.iter().filter(|step| step.lit).skip(4);
-    let place = |[x, y]: [f64; 2]| [(x - left_m) * scale, y * scale];
-    let points = moves.flat_map(|step| [place(step.from_m), place(step.to_m)]);
-    (bounds(points), strokes.n_strokes() - 1)
-}
-
-#[test]
-fn text_is_written_with_the_scenes_font_where_it_stands() {
-    let near = |found: [f64; 4], wanted: [f64; 4]| {
-        let off = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(off < 0.3, "{found:?} instead of {wanted:?}");
-    };
-    let simplex = || LetterOptions { font: "simplex".into(), ..on_canvas(1.0, 1.0) };
-    // Capitals of 0.7 of the size; H is 14 of 21 wide, 4 of 21 from the pen; I is a stem alone.
-    let (cap, unit) = (14.0, 14.0 / 21.0);
-    let h = |x: f64, y: f64| [x + 4.0 * unit, y, x + 18.0 * unit, y + cap];
-    let at = "fill='blue' y='60' font-size='20'";
-    let (found, n) = text_box(&format!("<text x='10' {at}>\n H </text>"), simplex());
-    near(found, h(10.0, 40.0));
-    assert_eq!(n, 3);
-    let (found, _) = text_box(&format!("<text x='50' text-anchor='end' {at}>H</text>"), simplex());
-    near(found, h(50.0 - 22.0 * unit, 40.0));
-    let styled = "<g style='font-size:15pt;fill:blue' transform='translate(5 0)'>\
-                  <text x='1' y='2'><tspan x='10' dx='3 4' y='60'>H</tspan></text></g>";
-    near(text_box(styled, simplex()).0, h(18.0, 40.0));
-    let (found, n) = text_box(&format!("<text x='10' {at}>I</text>"), simplex());
-    assert!(n == 1 && (found[3] - found[1] - cap).abs() < 0.3, "a stem alone: {found:?}");
-    let (found, n) =
-        text_box(&format!("<text x='10' {at}>H<tspan fill='red'>H</tspan></text>"), simplex());
-    near(found, [h(10.0, 40.0)[0], 40.0, h(10.0 + 22.0 * unit, 40.0)[2], 54.0]);
-    assert_eq!(n, 6, "the tspan goes on where the pen is");
-    let team = LetterOptions { font: "ae483".into(), ..on_canvas(1.0, 1.0) };
-    let (found, _) = text_box(&format!("<text x='10' {at}>h</text>"), team);
-    near(found, [10.0, 40.0, 10.0 + 0.6 * cap, 54.0]);
-}
-
-#[test]
-fn text_that_cannot_be_written_is_refused() {
-    let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
-    let refused = |body: &str| drawn("a.svg", &svg(body), &simplex).unwrap_err().to_string();
-    let error = refused("\n<text x='2em'>NO<tspan>OR</tspan></text>");
-    assert!(error.contains("a.svg:2") && error.contains("2em"), "{error}");
-    assert!(refused("<text fill='red'>N漢</text>").contains('漢'));
-    for own in ["x='1 9'", "rotate='90'", "textLength='99'", "style='letter-spacing:0.4em'"] {
-        assert!(refused(&format!("<text {own}>NO</text>")).contains("in a row"), "{own}");
-    }
-    let long = format!("<text fill='red'>{}</text>", "N".repeat(257));
-    assert!(refused(&long).contains("257"), "{}", refused(&long));
-    let deep = format!("<text>N{}N{}</text>", "<tspan>".repeat(50_000), "</tspan>".repeat(50_000));
-    assert!(refused(&deep).contains("within each other"));
-    let empty = "<path d='M0 0 h9' stroke='red'/><text x='5'/>";
-    drawn("a.svg", &svg(empty), &simplex).unwrap();
 }
 
 #[test]
@@ -648,4 +538,71 @@ fn an_svg_with_less_detail_has_fewer_strokes() {
     assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0));
     assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));
     assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
+}
+
+/// A picture of areas in one ink, each by its corners in shares of the picture.
+fn areas(shapes: &[&[[f32; 2]]]) -> image::RgbaImage {
+    let [width, height] = SIZE;
+    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
+    let mut paint = tiny_skia::Paint::default();
+    paint.set_color_rgba8(0, 0, 0, 255);
+    paint.anti_alias = true;
+    for shape in shapes {
+        let mut path = tiny_skia::PathBuilder::new();
+        for (index, [x, y]) in shape.iter().enumerate() {
+            let (x, y) = (x * width as f32, y * height as f32);
+            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+        }
+        path.close();
+        let (path, rule) = (path.finish().unwrap(), tiny_skia::FillRule::Winding);
+        pixmap.fill_path(&path, &paint, rule, tiny_skia::Transform::identity(), None);
+    }
+    image::RgbaImage::from_raw(width, height, pixmap.take()).unwrap()
+}
+
+fn star(x: f32, y: f32, r: f32) -> Vec<[f32; 2]> {
+    let corner = |k: u8| {
+        let r = if k % 2 == 0 { r } else { 0.4 * r };
+        let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
+        [x + r * sin, y - 1.5 * r * cos]
+    };
+    (0..10).map(corner).collect()
+}
+
+#[test]
+fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
+    let triangle: &[[f32; 2]] = &[[0.7, 0.1], [0.8, 0.3], [0.6, 0.3]];
+    let square: &[[f32; 2]] = &[[0.05, 0.1], [0.5, 0.1], [0.5, 0.9], [0.05, 0.9]];
+    let bar: &[[f32; 2]] = &[[0.55, 0.8], [0.95, 0.8], [0.95, 0.83], [0.55, 0.83]];
+    let star = star(0.75, 0.55, 0.1);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    areas(&[triangle, square, bar, &star]).save(&path).unwrap();
+    let strokes = draw(&path, &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
+    let lines = lit(&strokes);
+    let closed: Vec<f64> = lines
+        .iter()
+        .filter(|(from, to, _)| distance(*from, *to) < 0.05)
+        .map(|line| line.2)
+        .collect();
+    assert_eq!((lines.len(), closed.len()), (4, 3), "three outlines and a line: {lines:?}");
+    assert!(closed.iter().all(|length| *length > 0.9), "{closed:?}");
+}
+
+#[test]
+fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
+    let bar: &[[f32; 2]] = &[[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
+    let black = areas(&[bar]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let drawn = |ink: [u8; 3]| {
+        let mut picture = black.clone();
+        picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
+        picture.save(&path).unwrap();
+        let strokes = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();
+        (strokes.n_strokes(), (10.0 * strokes.length_m()).round())
+    };
+    for ink in [[255; 3], [255, 240, 0], [0; 3], [200, 30, 30], [180, 255, 180]] {
+        assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
+    }
 }

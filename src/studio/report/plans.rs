@@ -60,6 +60,9 @@ pub fn plan_view(plans: &[Plan], word: &str) -> String {
     view.svg(&format!("{word}, planned: {longest_s:.1} s"), "z (m)", ranges)
 }
 
+/// Length of the line that shows a point of light, and largest extent of one.
+const DOT_M: f64 = 0.008;
+
 /// A short piece of the design.
 struct Line {
     from: (f64, f64),
@@ -92,7 +95,28 @@ fn lines(plan: &Plan) -> Vec<Line> {
         }
         along_m += length_m;
     }
+    lines.extend(dots(plan, &lit));
     lines
+}
+
+/// A short line for each stroke that has no length to be seen: a point of light.
+fn dots<'a>(plan: &'a Plan, lit: &'a [f64]) -> impl Iterator<Item = Line> + 'a {
+    let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
+    let runs: Vec<Vec<usize>> = rows.chunk_by(|a, b| a + 1 == *b).map(<[usize]>::to_vec).collect();
+    runs.into_iter().filter_map(|run| {
+        let place =
+            |row: &usize| (plan.setpoints[*row].position_m.x, plan.setpoints[*row].position_m.z);
+        let (x, z) = place(&run[0]);
+        let is_still = |row: &usize| libm::hypot(place(row).0 - x, place(row).1 - z) < DOT_M;
+        let (half, speed_m_s) = (0.5 * DOT_M, 1e-6);
+        run.iter().all(is_still).then_some(Line {
+            from: (x - half, z),
+            to: (x + half, z),
+            lit: true,
+            speed_m_s,
+            along_m: 0.0,
+        })
+    })
 }
 
 /// Lines that follow each other, as pieces of a curve.
@@ -152,5 +176,13 @@ mod tests {
             .map(|line| libm::hypot(line.to.0 - line.from.0, line.to.1 - line.from.1))
             .sum();
         assert!((lit_m - (1.583_095 + 1.1 + 0.3)).abs() < 0.06, "{lit_m} m of light");
+    }
+
+    #[test]
+    fn a_point_of_light_is_drawn_as_long_as_can_be_seen() {
+        let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let plan = plan(&write("i", &options).unwrap(), &PlanOptions::even()).unwrap();
+        let long = |line: &&Line| line.lit && (line.to.0 - line.from.0 - DOT_M).abs() < 1e-9;
+        assert_eq!(lines(&plan).iter().filter(long).count(), 1, "the dot of the i");
     }
 }

@@ -24,8 +24,8 @@ const RULES: &[Rule] = &[
     ),
     (
         &["letters.font", "letters.width_m", "letters.gap_m"],
-        |s| !s.letters.drawing.is_empty() && !is_svg(s),
-        "letters.drawing has no text, which an SVG file may have",
+        |s| !s.letters.drawing.is_empty(),
+        "letters.drawing takes the place of a word",
     ),
     (
         &["letters.smoothing_m", "letters.pace"],
@@ -126,17 +126,13 @@ const ALWAYS_USED: &str = "sensors.lighthouse.stations";
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
-fn is_svg(scene: &Scene) -> bool {
-    scene.letters.drawing.to_lowercase().ends_with(".svg")
-}
-
 fn is_typeface(scene: &Scene) -> bool {
-    (scene.letters.drawing.is_empty() || is_svg(scene))
+    scene.letters.drawing.is_empty()
         && [".ttf", ".otf"].iter().any(|end| scene.letters.font.to_lowercase().ends_with(end))
 }
 
 fn is_handwriting(scene: &Scene) -> bool {
-    is_drawing(scene, &[".json", ".inkml", ".xml"])
+    is_drawing(scene, &[".json"])
 }
 
 fn is_bitmap(scene: &Scene) -> bool {

@@ -83,6 +83,8 @@ impl Shoot {
             all.append(trace);
         }
         problems.extend(self.lost_strokes());
+        let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
+        problems.extend(warnings.cloned().map(Problem::Drawing));
         let bounds_m = self.bounds_m(&flights, &all)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;

@@ -62,6 +62,8 @@ pub enum Problem {
         /// The letters, each once.
         letters: String,
     },
+    /// What of a drawing's file is not followed.
+    Drawing(String),
     /// A part of the word or of the light is outside the picture.
     Outside {
         /// Which.
@@ -79,7 +81,11 @@ impl Problem {
     pub fn is_obstacle(&self) -> bool {
         !matches!(
             self,
-            Self::Flight(..) | Self::Gaps { .. } | Self::LostStrokes { .. } | Self::Outside { .. }
+            Self::Flight(..)
+                | Self::Gaps { .. }
+                | Self::LostStrokes { .. }
+                | Self::Drawing(_)
+                | Self::Outside { .. }
         )
     }
 
@@ -147,6 +153,9 @@ impl Problem {
                 format!("the center lines of {font} lack a stroke of {letters}: they may misread"),
                 "write with {letters.font=simplex} or a plainer typeface",
             ),
+            Self::Drawing(warning) => {
+                (warning.clone(), "convert it to plain paths in the editor of the drawing")
+            }
             Self::Outside { what, sides } => (
                 format!("part of the {what} is outside the picture: {sides}"),
                 "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin",

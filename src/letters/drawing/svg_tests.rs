@@ -1,0 +1,406 @@
+//! What a browser shows of an SVG file is drawn, and what is not followed is named.
+
+use super::*;
+use crate::geometry::polyline_length_m;
+
+/// The lines of a document in its own units, y down, from the left; and the warnings.
+fn read(document: &[u8]) -> Result<(Vec<Vec<[f64; 2]>>, Vec<String>)> {
+    let drawing = svg::read(document, "a.svg")?;
+    let lines = drawing.flatten(1e-3, "a.svg")?;
+    let turned = |(line, _): ColoredLine| {
+        let mut line: Vec<[f64; 2]> = line.iter().map(|[x, y]| [*x, -y]).collect();
+        if line[0] > line[line.len() - 1] {
+            line.reverse();
+        }
+        line
+    };
+    let mut lines: Vec<Vec<[f64; 2]>> = lines.into_iter().map(turned).collect();
+    lines.sort_by(|a, b| (a[0][1], a[0][0]).partial_cmp(&(b[0][1], b[0][0])).unwrap());
+    Ok((lines, drawing.warnings))
+}
+
+fn page(body: &str) -> String {
+    format!(
+        "<svg xmlns='http://www.w3.org/2000/svg' xmlns:xlink='http://www.w3.org/1999/xlink' \
+         viewBox='0 0 200 100'>{body}</svg>"
+    )
+}
+
+/// Both ends of each line, rounded: `x0 y0 x1 y1`.
+fn ends(body: &str) -> Vec<[i64; 4]> {
+    let (lines, warnings) = read(page(body).as_bytes()).unwrap();
+    assert_eq!(warnings, Vec::<String>::new(), "{body}");
+    rounded(&lines)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "small numbers")]
+fn rounded(lines: &[Vec<[f64; 2]>]) -> Vec<[i64; 4]> {
+    let round = |x: f64| x.round() as i64;
+    let ends = |line: &Vec<[f64; 2]>| {
+        let [from, to] = [line[0], line[line.len() - 1]];
+        [round(from[0]), round(from[1]), round(to[0]), round(to[1])]
+    };
+    lines.iter().map(ends).collect()
+}
+
+#[test]
+fn a_line_ends_at_the_edge_of_its_clip() {
+    let line = "<path d='M0 20H200' stroke='#000' clip-path='url(#c)'/>";
+    let rect = "<clipPath id='c'><rect x='50' y='0' width='100' height='100'/></clipPath>";
+    assert_eq!(ends(&format!("{rect}{line}")), [[50, 20, 150, 20]]);
+    let two = "<clipPath id='c'><circle cx='30' cy='20' r='10'/><rect x='100' width='20' \
+               height='99'/></clipPath>";
+    assert_eq!(ends(&format!("{two}{line}")), [[20, 20, 40, 20], [100, 20, 120, 20]], "a union");
+    let ring = "<clipPath id='c'><path clip-rule='evenodd' d='M20 0H180V90H20ZM80 0H120V90H80Z'/>\
+                </clipPath>";
+    assert_eq!(ends(&format!("{ring}{line}")), [[20, 20, 80, 20], [120, 20, 180, 20]], "a hole");
+    let both = "<clipPath id='d'><rect x='60' width='200' height='99'/></clipPath>\
+                <clipPath id='c' clip-path='url(#d)'><rect width='90' height='99'/></clipPath>";
+    assert_eq!(ends(&format!("{both}{line}")), [[60, 20, 90, 20]], "a clip that is clipped");
+    let nested = format!("{both}<g clip-path='url(#d)' transform='translate(10 0)'>{line}</g>");
+    assert_eq!(ends(&nested), [[70, 20, 100, 20]], "transformed together");
+    let boxed = "<clipPath id='c' clipPathUnits='objectBoundingBox'><rect width='.5' height='1'/>\
+                 </clipPath><path d='M0 20L200 30' stroke='#000' clip-path='url(#c)'/>";
+    assert_eq!(ends(boxed), [[0, 20, 100, 25]]);
+    assert_eq!(
+        ends(&format!("{rect}{}", line.replace("M0 20H200", "M60 20H90"))),
+        [[60, 20, 90, 20]]
+    );
+    let dashed = line.replace("stroke=", "fill='none' stroke-dasharray='40 10' stroke=");
+    assert_eq!(ends(&format!("{rect}{dashed}")), [[50, 20, 90, 20], [100, 20, 140, 20]]);
+}
+
+#[test]
+fn the_rim_of_a_clipped_fill_goes_along_the_clip() {
+    let body = "<clipPath id='c'><rect x='100' width='100' height='100'/></clipPath>\
+                <circle cx='100' cy='50' r='40' clip-path='url(#c)'/>";
+    let (lines, _) = read(page(body).as_bytes()).unwrap();
+    let length: f64 = lines.iter().map(|line| polyline_length_m(line)).sum();
+    let wanted = std::f64::consts::PI * 40.0 + 80.0;
+    assert!((length - wanted).abs() < 0.5, "half a circle and its diameter: {length}, {wanted}");
+    let holed = "<mask id='m'><rect width='100%' height='100%' fill='#fff'/><circle cx='100' \
+                 cy='50' r='20'/></mask><rect x='20' y='20' width='160' height='60' \
+                 mask='url(#m)'/>";
+    assert_eq!(ends(holed), [[20, 20, 20, 20], [120, 50, 120, 50]], "the hole of a mask");
+}
+
+#[test]
+fn a_mask_shows_what_is_light_in_it() {
+    let lines = "<path d='M0 20H200M0 80H200' stroke='#000' fill='none' mask='url(#m)'/>";
+    let mask = |content: &str| {
+        let mask = "<mask id='m' maskUnits='userSpaceOnUse' width='200' height='100'>";
+        ends(&format!("{mask}{content}</mask>{lines}"))
+    };
+    let white = "<rect width='100' height='100' fill='white'/>";
+    assert_eq!(mask(white), [[0, 20, 100, 20], [0, 80, 100, 80]]);
+    let hole = format!("{white}<rect x='40' width='20' height='50'/>");
+    assert_eq!(mask(&hole), [[0, 20, 40, 20], [60, 20, 100, 20], [0, 80, 100, 80]], "black hides");
+    let drawn = "<path d='M0 20H90' stroke='white' stroke-width='8'/>";
+    assert_eq!(mask(drawn), [[0, 20, 90, 20]], "a white line");
+    let faint = "<rect width='100' height='100' fill='white' fill-opacity='.2'/>";
+    assert!(
+        read(page(&format!("<mask id='m'>{faint}</mask>{lines}")).as_bytes()).unwrap().0.is_empty()
+    );
+    let fading = "<linearGradient id='g'><stop stop-color='white'/><stop offset='1'/>\
+                  </linearGradient><rect width='200' height='100' fill='url(#g)'/>";
+    let found = mask(fading);
+    assert!(found.len() == 2 && (97..=103).contains(&found[0][2]), "half way: {found:?}");
+}
+
+#[test]
+fn the_pages_edge_and_those_of_viewports_within_end_lines() {
+    let off = "<path d='M10 20H90M150 80H250' stroke='#000' fill='none'/>\
+               <path d='M300 20H400V80' stroke='#000' fill='none'/>";
+    assert_eq!(ends(off), [[10, 20, 90, 20], [150, 80, 200, 80]]);
+    let open = page(off).replace("viewBox", "overflow='visible' viewBox");
+    assert_eq!(read(open.as_bytes()).unwrap().0.len(), 3);
+    let endless = page(off).replace("viewBox='0 0 200 100'", "");
+    assert_eq!(read(endless.as_bytes()).unwrap().0.len(), 3, "a page without an edge");
+    let nested = |overflow: &str| {
+        ends(&format!(
+            "<svg x='20' y='10' width='40' height='40' viewBox='0 0 100 100' {overflow}>\
+             <path d='M0 50H400' stroke='#000'/></svg>"
+        ))
+    };
+    assert_eq!(nested(""), [[20, 30, 60, 30]]);
+    assert_eq!(nested("overflow='visible'"), [[20, 30, 180, 30]]);
+    let symbol = "<symbol id='s' viewBox='0 0 10 10'><path d='M0 5H90' stroke='#000'/></symbol>\
+                  <use href='#s' x='50' y='10' width='20' height='20'/>";
+    assert_eq!(ends(symbol), [[50, 20, 70, 20]]);
+    let page = "<svg xmlns='http://www.w3.org/2000/svg' width='100' height='100'>\
+                <path d='M-50 50H500' stroke='#000'/></svg>";
+    assert_eq!(rounded(&read(page.as_bytes()).unwrap().0), [[0, 50, 100, 50]], "without a viewBox");
+}
+
+#[test]
+fn what_a_later_shape_covers_is_not_drawn() {
+    let lines = "<path d='M0 20H200M0 50H200' stroke='#000' fill='none'/>";
+    let parts = [[0, 20, 60, 20], [140, 20, 200, 20], [0, 50, 60, 50], [140, 50, 200, 50]];
+    for paper in ["#fff", "white", "rgb(255,255,255)", "#fffefe"] {
+        let white = format!("<rect x='60' y='10' width='80' height='80' fill='{paper}'/>");
+        assert_eq!(ends(&format!("{lines}{white}")), parts, "{paper}: and no outline of it");
+    }
+    let white = "<rect x='60' y='10' width='80' height='80' fill='#fff'/>";
+    assert_eq!(ends(&format!("{white}{lines}")).len(), 2, "beneath, it covers nothing");
+    let clear = white.replace("/>", " fill-opacity='.3'/>");
+    assert_eq!(ends(&format!("{lines}{clear}")).len(), 2, "a pale one hides nothing");
+    let red = white.replace("#fff", "red");
+    let found = ends(&format!("{lines}{red}"));
+    assert_eq!((found.len(), &found[0]), (5, &[60, 10, 60, 10]), "and its own rim");
+    let pen = "<path d='M100 0V100' stroke='#fff' stroke-width='20'/>";
+    assert_eq!(
+        rounded(&read(page(&format!("{lines}{pen}")).as_bytes()).unwrap().0),
+        [[0, 20, 90, 20], [110, 20, 200, 20], [0, 50, 90, 50], [110, 50, 200, 50]],
+        "a line in the color of the paper"
+    );
+    let crossing = "<path d='M100 0V100' stroke='red' stroke-width='20'/>";
+    assert_eq!(ends(&format!("{lines}{crossing}")).len(), 3, "other lines cross");
+    let ground = "<rect width='200' height='100' fill='#222'/>";
+    let light = lines.replace("#000", "#fff");
+    assert_eq!(ends(&format!("{ground}{light}")).len(), 2, "white on dark");
+    let dark = white.replace("#fff", "#222");
+    assert_eq!(ends(&format!("{ground}{light}{dark}")), parts, "the paper may be dark");
+    assert_eq!(ends(&light).len(), 2, "white ink alone");
+    let colors = format!("{light}<path d='M0 80H200' stroke='red'/>");
+    let night = page(&colors).replace("viewBox", "style='background:#000' viewBox");
+    assert_eq!(read(night.as_bytes()).unwrap().0.len(), 3, "a ground of CSS");
+    let (lines, warnings) = read(page(&colors).as_bytes()).unwrap();
+    assert!(
+        lines.len() == 1 && warnings[0].contains("the color of what is beneath"),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn a_rim_is_where_two_colors_meet() {
+    let circles = "<circle cx='60' cy='50' r='30'/><circle cx='90' cy='50' r='30'/>";
+    let (lines, _) = read(page(circles).as_bytes()).unwrap();
+    let length: f64 = lines.iter().map(|line| polyline_length_m(line)).sum();
+    // Each lies within the other over an angle of 2 acos(1/2).
+    let wanted = 2.0 * 30.0 * (std::f64::consts::TAU - 2.0 * libm::acos(0.5));
+    assert!((length - wanted).abs() < 1.0, "a union: {length}, {wanted}");
+    let ring = "<circle cx='60' cy='50' r='30'/><circle cx='60' cy='50' r='20' fill='#fff'/>";
+    assert_eq!(ends(ring).len(), 2, "a hole in the color of the paper");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.svg");
+    std::fs::write(&path, page(ring)).unwrap();
+    let strokes = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap();
+    assert_eq!(strokes.colors, [[0, 0, 0]], "in the color of the ring");
+    let same = "<path d='M10 50H190' stroke='red'/><rect x='9' y='20' width='99' height='60' \
+                fill='red'/>";
+    assert_eq!(ends(same).len(), 2);
+    let on_own = "<rect x='9' y='20' width='99' height='60' fill='red'/>\
+                  <path d='M20 50H50' stroke='red'/><path d='M20 60H50' stroke='blue'/>";
+    let (lines, warnings) = read(page(on_own).as_bytes()).unwrap();
+    assert_eq!(lines.len(), 2, "red on red shows nothing");
+    assert!(warnings[0].contains("1 line has the color of what is beneath"), "{warnings:?}");
+}
+
+#[test]
+fn styles_transforms_and_geometry_of_css_are_followed() {
+    let moved = [[100, 90, 150, 90]];
+    for style in [
+        "style='transform:translate(100px,80px)'",
+        "style='transform: translateX(100px) translateY(80px)'",
+        "style='translate:100px 80px'",
+        "transform='translate(100 80)'",
+        "class='t'",
+        "id='t'",
+    ] {
+        let sheet = "<style>/* a } */ .t, #t { transform : translate(100px, 80px) }</style>";
+        assert_eq!(ends(&format!("{sheet}<path {style} d='M0 10H50' stroke='#000'/>")), moved);
+    }
+    let turned = "<path style='transform:rotate(0.25turn)' d='M10 -20H50' stroke='#000'/>";
+    assert_eq!(ends(turned), [[20, 50, 20, 10]].map(|[a, b, c, d]| [a, d, c, b]));
+    let about = "<path style='transform:rotate(90deg);transform-origin:50px 50px' \
+                 d='M50 50H90' stroke='#000'/>";
+    assert_eq!(ends(about), [[50, 50, 50, 90]]);
+    let round =
+        "<style>circle{cx:50px;cy:50px;r:30px;fill:none;stroke:#000}</style><circle r='1'/>";
+    assert_eq!(ends(round), [[80, 50, 80, 50]]);
+    let rect = "<rect style='x:20px;y:30px;width:40px;height:10px;fill:red'/>";
+    assert_eq!(ends(rect), [[20, 30, 20, 30]]);
+    let path = "<path style='d:path(\"M10 10H90\");stroke:#000'/>";
+    assert_eq!(ends(path), [[10, 10, 90, 10]]);
+    let variable = "<style>:root{--ink:#000;--wide:30px}.a{stroke:var(--ink)}\
+                    .b{stroke:var(--none, #000)}</style><path class='a' d='M0 10H50'/>\
+                    <path class='b' d='M0 20H50'/><path stroke='var(--gone)' d='M0 30H50'/>\
+                    <g style='--ink:none'><path class='a' fill='none' d='M0 40H50'/></g>\
+                    <circle cx='90' cy='50' r='var(--wide)' style='r:var(--wide);fill:red'/>";
+    let (lines, _) = read(page(variable).as_bytes()).unwrap();
+    assert_eq!(rounded(&lines), [[0, 10, 50, 10], [0, 20, 50, 20], [120, 50, 120, 50]]);
+    let inkscape = "<g xmlns:i='http://www.inkscape.org/' i:label='L' style='display:inline;\
+                    fill:none;stroke:#000;stroke-width:.2;-inkscape-stroke:none;opacity:1;\
+                    font-variation-settings:normal;vector-effect:none;paint-order:normal;\
+                    mix-blend-mode:normal;filter:none'><path d='M0 10H50'/></g>";
+    assert_eq!(ends(inkscape), [[0, 10, 50, 10]], "as editors write it");
+    let shaded = "<linearGradient id='g' x1='0' x2='9' gradientUnits='userSpaceOnUse'>\
+                  <stop offset='.3' stop-color='red'/><stop offset='80%' style='stop-color:blue;\
+                  stop-opacity:1'/></linearGradient><path d='M0 10H50' stroke='url(#g)'/>";
+    assert_eq!(ends(shaded), [[0, 10, 50, 10]]);
+    let order = "<style>.a{stroke:none} path{stroke:#000!important}</style>\
+                 <path class='a' style='stroke:none' d='M0 10H50'/>";
+    assert_eq!(ends(order), [[0, 10, 50, 10]], "what is important goes first");
+}
+
+#[test]
+fn lines_without_length_are_points_of_light_where_their_caps_show() {
+    let dots = "<path d='M20 20h0'/><path d='M50 20z'/><line x1='80' y1='20' x2='80' y2='20'/>\
+                <path d='M110 20l0 0'/><polyline points='140,20 140,20'/>";
+    let body = |cap: &str| {
+        format!(
+            "<g stroke='#000' stroke-width='4' fill='none' stroke-linecap='{cap}'>\
+                 <path d='M10 80H90'/>{dots}</g>"
+        )
+    };
+    for cap in ["round", "square"] {
+        let points = [20, 50, 80, 110, 140].map(|x| [x, 20, x, 20]);
+        assert_eq!(ends(&body(cap))[..], [&points[..], &[[10, 80, 90, 80]]].concat()[..], "{cap}");
+    }
+    assert_eq!(ends(&body("butt")), [[10, 80, 90, 80]], "as in browsers");
+    let dotted = "<path d='M10 20H105' stroke='#000' fill='none' stroke-linecap='round' \
+                  stroke-dasharray='0 30'/>";
+    assert_eq!(ends(dotted), [10, 40, 70, 100].map(|x| [x, 20, x, 20]));
+    let alone = "<path d='M10 20h0' stroke='#000' stroke-linecap='round'/>";
+    let error = read(page(alone).as_bytes()).err().unwrap().to_string();
+    assert!(error.contains("without extent"), "{error}");
+}
+
+#[test]
+fn dashes_are_measured_by_the_length_that_a_path_states() {
+    let line = |more: &str| {
+        ends(&format!(
+            "<g stroke='#000' fill='none' stroke-dasharray='1 1'><path d='M0 20H200' {more}/></g>"
+        ))
+    };
+    assert_eq!(line("pathLength='4'"), [[0, 20, 50, 20], [100, 20, 150, 20]]);
+    assert_eq!(line("pathLength='4' stroke-dasharray='2'"), [[0, 20, 100, 20]]);
+    assert_eq!(
+        line("pathLength='4' stroke-dashoffset='1'"),
+        [[50, 20, 100, 20], [150, 20, 200, 20]]
+    );
+    let shape = "<rect x='50' y='10' width='60' height='40' pathLength='10' fill='none' \
+                 stroke='#000' stroke-dasharray='3 7'/>";
+    assert_eq!(ends(shape), [[50, 10, 110, 10]]);
+}
+
+#[test]
+fn every_encoding_that_xml_allows_is_read() {
+    let body = "<!-- é --><path id='é' d='M0 20H50' stroke='#000'/>";
+    let text =
+        |encoding: &str| format!("<?xml version='1.0' encoding='{encoding}'?>{}", page(body));
+    let wide = |to: fn(u16) -> [u8; 2], mark: bool| -> Vec<u8> {
+        let mark = mark.then_some(0xfeff);
+        mark.into_iter().chain(text("UTF-16").encode_utf16()).flat_map(to).collect()
+    };
+    let latin = |encoding: &str| -> Vec<u8> {
+        text(encoding).chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect()
+    };
+    let files = [
+        text("UTF-8").into_bytes(),
+        format!("\u{feff}{}", text("utf-8")).into_bytes(),
+        wide(u16::to_le_bytes, true),
+        wide(u16::to_be_bytes, true),
+        wide(u16::to_le_bytes, false),
+        wide(u16::to_be_bytes, false),
+        latin("ISO-8859-1"),
+        latin("windows-1252"),
+    ];
+    for (index, file) in files.iter().enumerate() {
+        assert_eq!(rounded(&read(file).unwrap().0), [[0, 20, 50, 20]], "file {index}");
+    }
+    let error = |file: &[u8]| read(file).err().unwrap().to_string();
+    assert!(error(text("x-mac-klingon").as_bytes()).contains("x-mac-klingon"));
+    assert!(error(&latin("UTF-8")).contains("utf-8"), "{}", error(&latin("UTF-8")));
+    assert!(error(&[0x1f, 0x8b, 8]).contains("svgz"));
+}
+
+#[test]
+fn text_that_would_show_is_refused_with_its_place_and_the_way_out() {
+    let line = "<path d='M0 90H200' stroke='#000'/>";
+    for text in [
+        "<text x='10' y='60' font-size='40'>H</text>",
+        "<g style='font:bold 40px Arial'><text><tspan x='9'>H</tspan></text></g>",
+        "<defs><text id='t'>H</text></defs><use href='#t'/>",
+        "<clipPath id='c'><text>H</text></clipPath><path clip-path='url(#c)' d='M0 0H9' stroke='red'/>",
+        "<text><textPath href='#p'>H</textPath></text>",
+    ] {
+        let error = read(page(&format!("{line}\n{text}")).as_bytes()).err().unwrap();
+        assert!(error.to_string().starts_with("a.svg:2: found text"), "{error}");
+        assert!(error.hint().contains("Object to Path"), "{}", error.hint());
+    }
+    for text in [
+        "<text> </text>",
+        "<text display='none'>H</text>",
+        "<g opacity='0'><text>H</text></g>",
+        "<defs><text>H</text></defs>",
+        "<text visibility='hidden'>H</text>",
+    ] {
+        assert_eq!(ends(&format!("{line}{text}")), [[0, 90, 200, 90]], "{text}");
+    }
+}
+
+/// A property of all drawings: what is understood, with one thing that is not, has it named.
+#[test]
+fn what_is_not_followed_is_named_with_its_number_and_place() {
+    let odd = [
+        ("filter", "<g filter='url(#f)'><path d='M0 5H9' stroke='red'/></g>"),
+        ("filter", "<path style='filter:blur(2px)' d='M0 5H9' stroke='red'/>"),
+        ("pattern", "<pattern id='p'/><path d='M0 0H9V9Z' fill='url(#p)'/>"),
+        ("<image>", "<image href='a.png' width='9' height='9'/>"),
+        ("<image>", "<defs><image id='i' width='9' height='9'/></defs><use href='#i'/>"),
+        ("<foreignObject>", "<foreignObject width='9' height='9'><p>a</p></foreignObject>"),
+        ("switch", "<switch><path d='M0 5H9' stroke='red'/></switch>"),
+        ("animation", "<path d='M0 5H9' stroke='red'><animate attributeName='d'/></path>"),
+        ("animation", "<path d='M0 5H9' stroke='red'><animateTransform/></path>"),
+        ("animation", "<set/>"),
+        ("script", "<script>draw()</script>"),
+        ("@media", "<style>@media (min-width:9px){path{fill:red}}</style>"),
+        ("@import", "<style>@import url(a.css);</style>"),
+        ("selector", "<style>path:nth-child(2){fill:red}</style>"),
+        ("selector", "<style>g ~ path{fill:red}</style>"),
+        ("clip-path", "<path style='clip-path:circle(9px)' d='M0 5H9' stroke='red'/>"),
+        ("mask-image", "<path style='mask-image:url(a.png)' d='M0 5H9' stroke='red'/>"),
+        ("mix-blend-mode", "<path style='mix-blend-mode:multiply' d='M0 5H9' stroke='red'/>"),
+        ("stroke", "<path style='stroke:color-mix(in srgb,red,blue)' d='M0 5H9V9'/>"),
+        ("fill", "<path fill='oklch(40% 0.2 90)' d='M0 5H9V9'/>"),
+        ("transform", "<path style='transform:rotateX(40deg)' d='M0 5H9' stroke='red'/>"),
+        ("transform", "<path style='transform:translate(10%)' d='M0 5H9' stroke='red'/>"),
+        ("offset-path", "<path style='offset-path:path(\"M0 0\")' d='M0 5H9' stroke='red'/>"),
+        ("zoom", "<g style='zoom:2'/>"),
+        ("new-property `3`", "<g style='new-property:3'/>"),
+        ("path data", "<path d='M0 5H9 Lx' stroke='red'/>"),
+        ("r `calc(", "<circle style='r:calc(1px + 2px)' stroke='red'/>"),
+        ("another file", "<use href='b.svg#x'/>"),
+        ("marker within", "<marker id='m'><path marker-end='url(#m)' d='M0 0h1'/></marker>"),
+        ("fill `initial`", "<path style='fill:initial' d='M0 5H9V9'/>"),
+        (
+            "vector-effect",
+            "<path vector-effect='non-scaling-stroke' stroke-dasharray='3' \
+                           d='M0 5H9' stroke='red'/>",
+        ),
+    ];
+    let line = "<path d='M0 90H200' stroke='#000'/>";
+    assert_eq!(ends(line), [[0, 90, 200, 90]]);
+    for (name, body) in odd {
+        let found = read(page(&format!("{line}\n{body}")).as_bytes());
+        let (lines, warnings) = found.unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(rounded(&lines).contains(&[0, 90, 200, 90]), "{name}");
+        let named = warnings.iter().any(|warning| warning.contains(name));
+        assert!(named && warnings[0].contains("a.svg:2)"), "{name}: {warnings:?}");
+    }
+    let many = "\n<g filter='url(#f)'/>".repeat(12);
+    let (_, warnings) = read(page(&format!("{line}{many}")).as_bytes()).unwrap();
+    assert_eq!(warnings, ["12 elements use filter: not followed (first at a.svg:2)"]);
+    let linked = format!("<?xml-stylesheet href='a.css'?>{}", page(line));
+    assert!(read(linked.as_bytes()).unwrap().1[0].contains("xml-stylesheet"));
+}
+
+#[test]
+fn custom_properties_that_multiply_are_refused() {
+    let levels: String =
+        (0..30).map(|n| format!("--v{n}:var(--v{m}) var(--v{m});", m = n + 1)).collect();
+    let body = format!("<g style='{levels}'><path d='M0 5H9' stroke='var(--v0)'/></g>");
+    let error = read(page(&body).as_bytes()).err().unwrap().to_string();
+    assert!(error.contains("custom properties"), "{error}");
+}

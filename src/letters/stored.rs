@@ -1,0 +1,132 @@
+//! Stored strokes: faces for plotters and engravers, whose contours are no outlines.
+//!
+//! TrueType knows closed contours alone. A single stroke is stored as an open line, which the format
+//! closes by a straight edge back to its beginning, or as a line drawn there and back again. Filled, it
+//! would have no area, or a wrong one; it is drawn as stored, without the edge that nobody drew, and once.
+
+use kurbo::{BezPath, PathEl, Shape as _};
+
+use super::curves::polylines;
+use super::vector::{direction, dot};
+use crate::geometry::distance;
+
+/// Characters of straight strokes: of a face of outlines, none of them has a contour without area. In a
+/// script face the letters may be curves.
+pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
+
+/// Largest area of a contour without one, by the square of its length.
+const THIN: f64 = 1e-4;
+
+/// Cosine of the turn at which a line goes back.
+const BACK: f64 = -0.999;
+
+/// Whether most of some outlines have a contour without area.
+pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
+    let has_thin = |path: &&BezPath| contours(path).iter().any(is_thin);
+    2 * paths.iter().filter(has_thin).count() > paths.len()
+}
+
+/// Whether a contour, closed, has no area.
+fn is_thin(contour: &BezPath) -> bool {
+    let mut closed = contour.clone();
+    closed.close_path();
+    let (area, length) = (closed.area().abs(), closed.perimeter(1e-3));
+    length > 0.0 && area <= THIN * length * length
+}
+
+/// A stroke for each contour, as it is stored; `None` for too many points.
+pub(super) fn strokes(
+    path: &BezPath,
+    tolerance: f64,
+    max_points: usize,
+) -> Option<Vec<Vec<[f64; 2]>>> {
+    let mut strokes = Vec::new();
+    let mut left = max_points;
+    for contour in contours(path) {
+        let is_thin = is_thin(&contour);
+        for mut line in polylines(&contour, tolerance, left)? {
+            left = left.saturating_sub(line.len());
+            line.dedup();
+            if line.len() > 1 {
+                strokes.push(if is_thin { once(line) } else { line });
+            }
+        }
+    }
+    Some(strokes)
+}
+
+/// The contours of a path, without the edges that close them.
+fn contours(path: &BezPath) -> Vec<BezPath> {
+    let mut found: Vec<BezPath> = Vec::new();
+    for element in path.elements() {
+        match (element, found.last_mut()) {
+            (PathEl::MoveTo(_), _) => found.push(BezPath::from_vec(vec![*element])),
+            (PathEl::ClosePath, _) | (_, None) => {}
+            (element, Some(contour)) => contour.push(*element),
+        }
+    }
+    found.retain(|contour| contour.elements().len() > 1);
+    found
+}
+
+/// A line that is drawn there and back, once: from one of its two turns to the other. Any other line as
+/// it is.
+fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let mut around = line.clone();
+    if around[0] == around[around.len() - 1] {
+        around.pop();
+    }
+    let n = around.len();
+    let turns: Vec<usize> = (0..n)
+        .filter(|index| {
+            let (before, at, after) =
+                (around[(index + n - 1) % n], around[*index], around[(index + 1) % n]);
+            dot(direction(before, at), direction(at, after)) < BACK
+        })
+        .collect();
+    let [from, to] = turns[..] else { return line };
+    let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
+    let length =
+        |line: &[[f64; 2]]| line.windows(2).map(|leg| distance(leg[0], leg[1])).sum::<f64>();
+    // An open line may turn back for a part of its way; it is no line there and back.
+    let is_same = (length(there) - length(&back)).abs() <= 0.01 * length(there);
+    if is_same { there.to_vec() } else { line }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stored(svg: &str) -> Vec<Vec<[f64; 2]>> {
+        strokes(&BezPath::from_svg(svg).unwrap(), 0.01, 1000).unwrap()
+    }
+
+    #[test]
+    fn a_contour_is_a_stroke_with_the_ends_that_it_has() {
+        assert_eq!(stored("M0 7L0 0L4 0Z"), [[[0.0, 7.0], [0.0, 0.0], [4.0, 0.0]]], "open");
+        assert_eq!(stored("M0 7L4 7Z M2 7L2 0Z").len(), 2);
+        let round = stored("M0 0L4 0L4 4L0 4L0 0Z");
+        assert_eq!(round[0][0], round[0][4], "closed as it is stored");
+        let back = [[0.0, 7.0], [2.0, 0.0], [4.0, 7.0]];
+        assert_eq!(stored("M0 7L2 0L4 7L2 0Z"), [back], "there and back");
+        assert_eq!(stored("M2 0L4 7L2 0L0 7Z").len(), 1, "from its middle");
+        assert_eq!(stored("M2 0L4 7L2 0L0 7Z")[0].len(), 3);
+        let curve = stored("M0 0C1 2 3 2 4 0C3 2 1 2 0 0Z");
+        assert_eq!((curve.len(), curve[0][0]), (1, [0.0, 0.0]));
+        assert_eq!(curve[0][curve[0].len() - 1], [4.0, 0.0], "a curve, once");
+    }
+
+    #[test]
+    fn faces_of_strokes_are_told_from_faces_of_outlines() {
+        let of = |glyphs: &[&str]| {
+            let paths: Vec<BezPath> =
+                glyphs.iter().map(|svg| BezPath::from_svg(svg).unwrap()).collect();
+            are_strokes(&paths)
+        };
+        let (h, l) = ("M0 7L0 0Z M0 3L4 3Z M4 7L4 0Z", "M0 7L0 0L4 0Z");
+        assert!(of(&[h, "M0 7L4 7Z M2 7L2 0Z", l]));
+        let (bar, solid) = ("M0 0H1V7H0Z", "M0 0H4V1H1V7H0Z");
+        assert!(!of(&[bar, solid, h]), "one odd glyph makes no such face");
+        assert!(!of(&[]));
+    }
+}
