@@ -14,8 +14,8 @@ use crate::geometry::distance;
 /// script face the letters may be curves.
 pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 
-/// Largest area of a contour without one, by the square of its length.
-const THIN: f64 = 1e-4;
+/// Largest mean width of a contour without area, by the larger side of its box.
+const THIN: f64 = 1e-3;
 
 /// Cosine of the turn at which a line goes back.
 const BACK: f64 = -0.999;
@@ -30,8 +30,9 @@ pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
 fn is_thin(contour: &BezPath) -> bool {
     let mut closed = contour.clone();
     closed.close_path();
-    let (area, length) = (closed.area().abs(), closed.perimeter(1e-3));
-    length > 0.0 && area <= THIN * length * length
+    let (area, length, bounds) =
+        (closed.area().abs(), closed.perimeter(1e-3), closed.bounding_box());
+    length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
 /// A stroke for each contour, as it is stored; `None` for too many points.
