@@ -112,7 +112,7 @@ mod tests {
         let empty = pareto(&[], &[], &[], None);
         assert!(empty.starts_with("<svg"));
         // Two strokes a candidate.
-        let lines = |svg: &str| svg.matches("#E69F00").count();
+        let lines = |svg: &str| svg.matches("#e69f00").count();
         let one = pareto(&[], &[(45.0, 0.2)], &[], None);
         let two = pareto(&[], &[(45.0, 0.2), (47.0, 0.1)], &[], None);
         assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
