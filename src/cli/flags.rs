@@ -314,7 +314,7 @@ pub(super) struct FlightFlags {
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
     /// Seconds that the drone's clock counts in a true second: a number or a fraction (84/85 for
-    /// µSD logs of firmware before August 2026)
+    /// µSD logs of firmware up to and with release 2026.08)
     #[arg(long, value_name = "RATIO", default_value = "1", value_parser = ratio)]
     pub(super) clock_ratio: f64,
     /// Recover the undamaged part of a broken µSD log, instead of refusing it

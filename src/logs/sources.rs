@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
 use crate::flight::Quantity;
-use crate::flight::table::MAX_QUANTITY;
+use crate::flight::table::{MAX_QUANTITY, on_grid};
 use crate::geometry::Attitude;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
@@ -292,7 +292,7 @@ fn why_dead(
         return None;
     }
     let values: Vec<String> =
-        channels.iter().map(|channel| format!("{:.6}", last(channel))).collect();
+        channels.iter().map(|channel| format!("{:.6}", on_grid(last(channel)))).collect();
     let values: Vec<&str> =
         values.iter().map(|text| text.trim_end_matches('0').trim_end_matches('.')).collect();
     Some(format!(
