@@ -12,9 +12,7 @@ use super::relit::{light_all_along, relit_where_dark};
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::logs::{
-    self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
-};
+use crate::logs::{self, AngleUnit, Axes, Damaged, ImportOptions, PositionSource, TimeUnit};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
@@ -366,13 +364,6 @@ impl FlightFlags {
         Ok(flight)
     }
 
-    /// The same, with the clock of the log.
-    pub(super) fn read_on_clock(&self, path: &Path) -> Result<OnClock> {
-        let found = logs::import_on_clock(path, &self.options())?;
-        warn_of(path, &found.flight.warnings);
-        Ok(found)
-    }
-
     /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
     /// has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(
@@ -447,7 +438,7 @@ fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
 }
 
 /// Prints the warnings of a file.
-fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
+pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     for warning in warnings {
         message("warning: ", &format!("{}: {warning}", path.display()));
     }

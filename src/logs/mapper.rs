@@ -47,10 +47,7 @@ pub(super) fn flight(
     budget
         .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    // A log of ranges has them for `locate`, and is no flight that misses something.
-    let poses = [Quantity::Position, Quantity::Attitude];
-    let ranges_alone = ranging && poses.iter().all(|pose| unlogged.contains(pose));
-    if !unlogged.is_empty() && !ranges_alone {
+    if !unlogged.is_empty() {
         let names: Vec<&str> = unlogged.iter().map(|quantity| quantity.name()).collect();
         warnings.push(format!("not in the log: {}; set to zero", names.join(", ")));
     }

@@ -189,7 +189,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocities = own.into_iter().chain(VELOCITY_WORLD).chain(firmware);
     let velocity = search.first(recording, velocities);
-    let is_world = |source| VELOCITY_WORLD.iter().any(|world| std::ptr::eq(world, source));
+    let is_world = |source: &Source| VELOCITY_WORLD.iter().any(|world| world.1 == source.1);
     let velocity_frame = match &velocity {
         Some(chosen) if is_world(chosen.source) => VelocityFrame::World,
         _ => VelocityFrame::Body,
@@ -364,8 +364,7 @@ impl Search {
             ));
         }
         // The position of a log whose only one diverged is refused with its place.
-        let is_position =
-            |(source, _): &(&Source, _)| POSITION.iter().any(|p| std::ptr::eq(p, *source));
+        let is_position = |(source, _): &(&Source, _)| POSITION.iter().any(|p| p.1 == source.1);
         if logged.is_empty() {
             logged = diverged.into_iter().filter(is_position).collect();
         }
