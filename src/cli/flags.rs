@@ -12,9 +12,7 @@ use super::relit::{light_all_along, relit_where_dark};
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::logs::{
-    self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
-};
+use crate::logs::{self, AngleUnit, Axes, Damaged, ImportOptions, PositionSource, TimeUnit};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
@@ -314,7 +312,7 @@ pub(super) struct FlightFlags {
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
     /// Seconds that the drone's clock counts in a true second: a number or a fraction (84/85 for
-    /// µSD logs of firmware before August 2026)
+    /// µSD logs of firmware up to and with release 2026.08)
     #[arg(long, value_name = "RATIO", default_value = "1", value_parser = ratio)]
     pub(super) clock_ratio: f64,
     /// Recover the undamaged part of a broken µSD log, instead of refusing it
@@ -364,13 +362,6 @@ impl FlightFlags {
         let flight = logs::import(path, &self.options())?;
         warn_of(path, &flight.warnings);
         Ok(flight)
-    }
-
-    /// The same, with the clock of the log.
-    pub(super) fn read_on_clock(&self, path: &Path) -> Result<OnClock> {
-        let found = logs::import_on_clock(path, &self.options())?;
-        warn_of(path, &found.flight.warnings);
-        Ok(found)
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
@@ -447,7 +438,7 @@ fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
 }
 
 /// Prints the warnings of a file.
-fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
+pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     for warning in warnings {
         message("warning: ", &format!("{}: {warning}", path.display()));
     }

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
 use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
-use super::flags::{FlightFlags, SceneFlags};
+use super::flags::{FlightFlags, SceneFlags, warn_of};
 use super::locate_region::region;
 use super::names::numbers;
 use super::outcome::{Outcome, Report, line};
@@ -24,6 +24,7 @@ use crate::locate::{
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
     nis_interval, position_error,
 };
+use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use crate::statistics::median;
@@ -169,7 +170,14 @@ fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
 }
 
 fn read_all<'a>(args: &LocateArgs, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
-    paths.iter().map(|path| Ok(Dated::new(path, args.flights.read_on_clock(path)?))).collect()
+    let read = |path: &'a PathBuf| {
+        let mut found = logs::import_on_clock(path, &args.flights.options())?;
+        // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
+        found.flight.warnings.retain(|warning| !warning.to_string().ends_with("set to zero"));
+        warn_of(path, &found.flight.warnings);
+        Ok(Dated::new(path, found))
+    };
+    paths.iter().map(read).collect()
 }
 
 /// Writes the flights and their plots.

@@ -3,7 +3,7 @@
 use super::recording::{Block, Clock, Pace, Recording};
 use crate::statistics::median;
 
-/// Seconds that the firmware's microsecond counter counts per true second before August 2026:
+/// Seconds that the firmware's microsecond counter counts per true second up to and with release 2026.08:
 /// `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
 pub(super) const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
 
@@ -170,7 +170,7 @@ fn warn_of_slow_clock(recording: &mut Recording) {
     if let Some(block) = found {
         let text = format!(
             "block {}: the clock runs at 84/85 = {SLOW_CLOCK_RATIO:.4} of true time, as in firmware \
-             before August 2026; import with that clock ratio to have true seconds",
+             up to and with release 2026.08; import with that clock ratio to have true seconds",
             block.name,
         );
         recording.warnings.push(text);

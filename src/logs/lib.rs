@@ -99,8 +99,8 @@ settings! {
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;
-        /// Seconds of the drone's clock per true second: 1, or 84/85 for µSD logs of firmware before
-        /// August 2026 (a warning states when a log looks like one).
+        /// Seconds of the drone's clock per true second: 1, or 84/85 for µSD logs of firmware up to
+        /// and with release 2026.08 (a warning states when a log looks like one).
         clock_ratio: f64 = 1.0, in 0.5..=2.0;
         /// Treatment of a µSD log whose CRC does not match.
         damaged: Damaged = Damaged::Refuse;

@@ -143,7 +143,7 @@ impl Shift {
                 true => format!("84/85 = {SLOW_CLOCK_RATIO:.4}"),
                 false => format!("{:.4}", self.ratio),
             };
-            let of = if is_slow { ", as in firmware before August 2026" } else { "" };
+            let of = if is_slow { ", as in firmware up to and with release 2026.08" } else { "" };
             warnings.push(format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{of}"
             ));

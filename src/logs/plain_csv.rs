@@ -190,7 +190,7 @@ pub(super) fn read(
     let plain = plain_text(&text);
     budget.bytes(plain.text.len())?;
     let names = unnamed(&text, &plain.text);
-    let needed = |title: &str| Title::of(title).is_known;
+    let needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
     let sheet = Sheet::read(&plain.text, file, names, &needed, budget)?;
     let mut log = Recording { file: file.to_owned(), ..Recording::default() };
     log.warnings.extend(plain.notes.into_iter().chain(sheet.warnings));

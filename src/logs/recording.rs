@@ -38,7 +38,7 @@ pub(super) enum Pace {
     /// The ticks of the operating system (radio logs), or unknown: true time.
     #[default]
     Ticks,
-    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware before August 2026.
+    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and with release 2026.08.
     Microseconds,
 }
 

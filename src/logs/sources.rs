@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
 use crate::flight::Quantity;
-use crate::flight::table::MAX_QUANTITY;
+use crate::flight::table::{MAX_QUANTITY, on_grid};
 use crate::geometry::Attitude;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
@@ -189,7 +189,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocities = own.into_iter().chain(VELOCITY_WORLD).chain(firmware);
     let velocity = search.first(recording, velocities);
-    let is_world = |source| VELOCITY_WORLD.iter().any(|world| std::ptr::eq(world, source));
+    let is_world = |source: &Source| VELOCITY_WORLD.iter().any(|world| world.1 == source.1);
     let velocity_frame = match &velocity {
         Some(chosen) if is_world(chosen.source) => VelocityFrame::World,
         _ => VelocityFrame::Body,
@@ -292,7 +292,7 @@ fn why_dead(
         return None;
     }
     let values: Vec<String> =
-        channels.iter().map(|channel| format!("{:.6}", last(channel))).collect();
+        channels.iter().map(|channel| format!("{:.6}", on_grid(last(channel)))).collect();
     let values: Vec<&str> =
         values.iter().map(|text| text.trim_end_matches('0').trim_end_matches('.')).collect();
     Some(format!(
@@ -364,8 +364,7 @@ impl Search {
             ));
         }
         // The position of a log whose only one diverged is refused with its place.
-        let is_position =
-            |(source, _): &(&Source, _)| POSITION.iter().any(|p| std::ptr::eq(p, *source));
+        let is_position = |(source, _): &(&Source, _)| POSITION.iter().any(|p| p.1 == source.1);
         if logged.is_empty() {
             logged = diverged.into_iter().filter(is_position).collect();
         }

@@ -81,7 +81,12 @@ fn compare_prints_a_table_and_writes_plots() {
     for name in names {
         let plot = |dir: &str| std::fs::read_to_string(folder.path().join(dir).join(&name));
         let svg = plot("plots").unwrap();
-        assert!(svg.starts_with("<svg xmlns=") && svg.contains(" width=\"800\"") && svg.ends_with("</svg>\n"), "{name}");
+        assert!(
+            svg.starts_with("<svg xmlns=")
+                && svg.contains(" width=\"800\"")
+                && svg.ends_with("</svg>\n"),
+            "{name}"
+        );
         assert!(svg.contains("A flight.csv") && svg.contains("B other.csv"), "{name}");
         assert!(svg == plot("again").unwrap(), "{name} twice");
     }

@@ -137,6 +137,7 @@ impl CameraOptions {
         self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
         self.focus_m = subject_m(exif).or(self.focus_m);
         self.take_aspect(exif, size_px, &mut warnings);
+        warnings.extend(odd_tags(exif));
         Ok((self, warnings))
     }
 
@@ -146,6 +147,11 @@ impl CameraOptions {
         let width = side(Tag::PixelXDimension, Tag::ImageWidth);
         let height = side(Tag::PixelYDimension, Tag::ImageLength);
         let Some([width, height]) = width.zip(height).map(|(w, h)| [w, h]).or(size_px) else {
+            warnings.push(
+                "EXIF without PixelXDimension and PixelYDimension: the picture's aspect stays that of \
+                 the scene"
+                    .into(),
+            );
             return;
         };
         // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have left
@@ -224,7 +230,12 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
         Some(3.0) => 0.01,
         Some(4.0) => 1e-3,
         Some(5.0) => 1e-6,
-        Some(_) => return of_film,
+        Some(unit) => {
+            if of_film.is_none() {
+                warnings.push(format!("FocalPlaneResolutionUnit {unit} is none of EXIF's"));
+            }
+            return of_film;
+        }
     };
     let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth));
     let (Some(pixels), Some(per_unit)) = (pixels, number(exif, Tag::FocalPlaneXResolution)) else {
@@ -304,6 +315,36 @@ fn subject_m(exif: &Exif) -> Option<f64> {
         Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
         _ => number(exif, Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
     }
+}
+
+/// Names tags whose values would change the camera, and do not.
+fn odd_tags(exif: &Exif) -> Vec<String> {
+    let shown = |tag| {
+        exif.get_field(tag, In::PRIMARY)
+            .map_or(String::new(), |field| field.display_value().to_string())
+    };
+    let is_there = |tag| exif.get_field(tag, In::PRIMARY).is_some();
+    let mut odd = Vec::new();
+    if let Some(zoom) = number(exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
+        odd.push(format!(
+            "DigitalZoomRatio {zoom}: the picture shows a part of the sensor, and its camera saw more"
+        ));
+    }
+    // Distance 0 is unknown; numbers alone are distances.
+    if signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
+        && is_there(Tag::SubjectDistance)
+        && subject_m(exif).is_none()
+    {
+        let found = shown(Tag::SubjectDistance);
+        odd.push(format!("SubjectDistance {found} is no distance: the focus stays"));
+    }
+    if is_there(Tag::Orientation)
+        && !number(exif, Tag::Orientation).is_some_and(|o| (1.0..=8.0).contains(&o))
+    {
+        let found = shown(Tag::Orientation);
+        odd.push(format!("Orientation {found} is none of 1 to 8: taken as not turned"));
+    }
+    odd
 }
 
 /// Positive number of a tag.
@@ -594,6 +635,47 @@ mod tests {
         let (camera, said) = CameraOptions::default().taken_as(cropped.path()).unwrap();
         assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
         assert!(said[0].contains("cropped"), "{said:?}");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+
+        /// One tag of a good file that is not understood leaves the camera as it is, or is named.
+        #[test]
+        fn a_tag_that_is_not_understood_is_named_or_changes_nothing(
+            which in 0..13_usize,
+            kind in 0..4_usize,
+            number in 9..60_u32,
+        ) {
+            let mut good = telephone();
+            good.push((Tag::Orientation, Value::Short(vec![6])));
+            good.push((Tag::SubjectDistance, ratio(5, 2)));
+            let more = [
+                Tag::DigitalZoomRatio, Tag::FocalPlaneXResolution, Tag::FocalPlaneResolutionUnit,
+            ];
+            let (tag, _) = good.get(which).cloned().unwrap_or_else(|| (more[which - 10], ratio(1, 1)));
+            let odd = match (kind, tag) {
+                (0, Tag::DigitalZoomRatio) => ratio(number, 1),
+                (0, Tag::Orientation) => Value::Long(vec![number]),
+                (0 | 1, _) => Value::Ascii(vec![format!("a{number}").into_bytes()]),
+                (2, _) => ratio(number, 0),
+                _ => Value::Undefined(vec![b'7'; 3], 0),
+            };
+            let wanted = taken(&good).0;
+            good.retain(|(other, _)| *other != tag);
+            good.push((tag, odd));
+            match CameraOptions::default().taken_as(tiff(&good).path()) {
+                Ok((camera, said)) => {
+                    let name = tag.to_string();
+                    let is_named = said.iter().any(|text| text.contains(&name));
+                    proptest::prop_assert!(is_named || camera == wanted, "{name}: {said:?}");
+                }
+                Err(error) => {
+                    let name = tag.to_string();
+                    proptest::prop_assert!(error.to_string().contains(&name), "{name}: {error}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::table::{Table, write_table};
+use super::table::{MAX_QUANTITY, Table, write_table};
 use super::{Flight, FlightSample, Quantity, Warning};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
@@ -127,6 +127,7 @@ impl Flight {
 
     fn from_table(table: &Table) -> Result<Self> {
         let time_s = table.times_s(TIME)?;
+        let odd = odd_titles(table)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
         cells[0] = Some(time_s);
         let mut unlogged = BTreeSet::new();
@@ -140,6 +141,8 @@ impl Flight {
             }
         }
         cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
+        whole(table, LETTER, MAX_QUANTITY, "0 outside letters, or the number of a letter")?;
+        whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
         let number = |row: usize| cells.map(|cell| cell.map_or(0.0, |column| column[row]));
         let samples: Vec<FlightSample> =
             (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();
@@ -158,8 +161,48 @@ impl Flight {
             Vec::new()
         };
         let warnings = unlogged.iter().map(|q| format!("no {} in the file: set to zero", q.name()));
-        let warnings = warnings.map(Warning::File).collect();
+        let warnings = warnings.chain(odd).map(Warning::File).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
+    }
+}
+
+/// Names further columns that are nearly ours, and refuses two columns of one name where one would be
+/// dropped.
+fn odd_titles(table: &Table) -> Result<Vec<String>> {
+    let bare = |text: &str| {
+        text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
+    };
+    let ours = Quantity::TABLE.iter().flat_map(|(.., names)| *names).chain(&[LETTER, GAP, TIME]);
+    let ours: Vec<(&str, String)> = ours.map(|name| (*name, bare(name))).collect();
+    let (mut seen, mut odd) = (BTreeSet::new(), Vec::new());
+    for (title, _) in table.columns_after("") {
+        if !seen.insert(title) && !title.is_empty() {
+            return Err(table.wrong_column(title, "two columns of one name", "one"));
+        }
+        let plain = bare(title);
+        let near = ours.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
+        let near = near.or_else(|| {
+            ["light", "lights"]
+                .into_iter()
+                .find(|light| title.to_lowercase().starts_with(light))?;
+            Some("light.<channel>")
+        });
+        if let Some(near) = near.filter(|_| !is_standard_column(title)) {
+            odd.push(format!("column {title} is kept and not used: a flight's is named {near}"));
+        }
+    }
+    Ok(odd)
+}
+
+/// Checks that a column, where there is one, has whole numbers from 0 on.
+fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
+    if !table.has(name) {
+        return Ok(());
+    }
+    let fits = |value: &f64| value.fract() == 0.0 && (0.0..=most).contains(value);
+    match table.column(name)?.iter().position(|value| !fits(value)) {
+        None => Ok(()),
+        Some(row) => Err(table.wrong_cell(name, row, wanted)),
     }
 }
 
@@ -291,6 +334,49 @@ mod tests {
         let back = read_back(&flight);
         assert_eq!(back.warnings.len(), 2, "a warning each: {:?}", back.warnings);
         assert_eq!(Flight { warnings: vec![], ..back }, flight, "gaps, extra columns, unlogged");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+
+        /// One thing in a flight file that is not understood, and would change the flight, is named.
+        #[test]
+        fn what_a_flight_file_should_not_have_is_named(which in 0..26_usize, kind in 0..4_usize) {
+            let mut file = Vec::new();
+            flight().write_csv(&mut file).unwrap();
+            let text = String::from_utf8(file).unwrap();
+            let (head, rows) = text.split_once('\n').unwrap();
+            let titles: Vec<&str> = head.split(',').collect();
+            let title = titles[which % titles.len()];
+            let with = |name: &str, cell: &str| {
+                let rows = rows.lines().map(|row| format!("{row},{cell}\n")).collect::<String>();
+                format!("{head},{name}\n{rows}")
+            };
+            let odd = match (kind, title) {
+                (0, _) => with(title, "0"),
+                (1, _) => with(&title.to_uppercase(), "0"),
+                (2, "letter" | "light.headlights") => {
+                    let place = titles.iter().position(|other| *other == title).unwrap();
+                    let mut cells: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+                    cells[place] = "7.5";
+                    format!("{head}\n{}\n", cells.join(","))
+                }
+                (2, _) => text.replacen(title, &format!("{title}m"), 1),
+                _ => with("gap_before", "0.5"),
+            };
+            let name = if kind == 3 { "gap_before" } else { title };
+            match Flight::parse_csv(odd.as_bytes(), "f.csv") {
+                Ok(flight) => {
+                    let said: String = flight.warnings.iter().map(ToString::to_string).collect();
+                    let named = said.to_lowercase().contains(&name.to_lowercase());
+                    proptest::prop_assert!(named, "{name}: {said}");
+                }
+                Err(error) => proptest::prop_assert!(
+                    error.to_string().contains(name) || error.to_string().contains("light."),
+                    "{name}: {error}"
+                ),
+            }
+        }
     }
 
     #[test]

@@ -16,14 +16,15 @@ pub struct FoundUnit {
 }
 
 /// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie logs so
-/// slowly: it is of ms, from a thousand on of µs, from a million on of ns. Steps of 1 in whole numbers
-/// are ms, but for several rows of one stamp.
+/// slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no unit makes one
+/// of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several rows of one stamp.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
     let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
     let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
     let unit_s = match step {
+        step if step > 1e9 * SLOWEST_PERIOD_S => 1.0,
         step if step >= 1e6 => 1e-9,
         step if step >= 1e3 => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
@@ -51,7 +52,9 @@ mod tests {
         for (step, wanted) in cases {
             assert_eq!(unit_s(0.25 * f64::from(u8::from(step != 1.0)), step), wanted, "{step}");
         }
-        for (step, wanted) in [(5000.0, 1e-6), (3333.3, 1e-6), (4e6, 1e-9), (1e7, 1e-9)] {
+        for (step, wanted) in
+            [(5000.0, 1e-6), (3333.3, 1e-6), (4e6, 1e-9), (1e7, 1e-9), (1e10, 1.0)]
+        {
             assert_eq!(unit_s(1.7e9, step), wanted, "{step}");
         }
         assert!(unit_of(&[0.25, 1.5, 2.75]).in_doubt, "seconds of a slow log, or ms of a fast one");

@@ -140,11 +140,22 @@ impl Table {
         match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
             None => Ok(column),
             Some(row) => {
-                let place = format!("{}:{}: column {name}", self.file, row + 2);
                 let wanted = format!("a number within ±{MAX_QUANTITY}");
-                Err(Error::input(place, column[row], wanted, REWRITE_HINT))
+                Err(self.wrong_cell(name, row, &wanted))
             }
         }
+    }
+
+    /// An error at the cell of a column that there is.
+    pub(super) fn wrong_cell(&self, name: &str, row: usize, wanted: &str) -> Error {
+        let found = self.column(name).map_or(f64::NAN, |column| column[row]);
+        let place = format!("{}:{}: column {name}", self.file, row + 2);
+        Error::input(place, found, wanted, REWRITE_HINT)
+    }
+
+    /// An error at the title of a column.
+    pub(super) fn wrong_column(&self, name: &str, found: &str, wanted: &str) -> Error {
+        Error::input(format!("{}:1: column {name}", self.file), found, wanted, REWRITE_HINT)
     }
 
     /// Whether there is a column of this name.

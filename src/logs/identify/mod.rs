@@ -167,7 +167,7 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     }
     let samples = &flight.samples[air.clone()];
     if is_frozen(samples) {
-        let found = "motor commands that never turn the drone: one row, repeated";
+        let found = "motor commands that never turn the drone, as those of one row, repeated";
         return Err(Error::input("flight", found, "those of a flight", hint));
     }
     let mut left_out = Vec::new();
@@ -218,12 +218,12 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     })
 }
 
-/// Whether the motors of these samples never turn the drone otherwise than in the first, as if one row
-/// was repeated: no flight keeps still.
+/// Whether the motors of these samples never turn the drone about any axis otherwise than in the first,
+/// as if one row was repeated: no flight keeps still.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;
-    let turn = |sample: &FlightSample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy();
+    let turn = |sample: &FlightSample| MOTOR_SIGNS * Vector4::from(sample.motors);
     let first = samples.first().map(turn).unwrap_or_default();
     samples.iter().all(|sample| (turn(sample) - first).amax() < SAME)
 }

@@ -393,7 +393,8 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
 
 #[test]
 fn a_dead_or_diverged_source_is_replaced_by_the_next() {
-    let lives: &dyn Fn(f64) -> f64 = &|t| 40_000.0 + 10.0 * t;
+    let lives: &dyn Fn(f64) -> f64 =
+        &|t| if (1.05..10.85).contains(&t) { 40_000.0 + 10.0 * t } else { 0.0 };
     let wild: &dyn Fn(f64) -> f64 = &|t| if t > 8.0 { 1e9 } else { t };
     let zero: &dyn Fn(f64) -> f64 = &|_| 0.0;
     let log = [

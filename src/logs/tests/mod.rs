@@ -209,7 +209,7 @@ fn a_range_log_and_our_own_flight_file_read_back() {
 #[test]
 fn half_a_quantity_stays_a_column_and_levels_become_lights() {
     let flight =
-        imported(b"t,x,y,z,light.headlights,light.odd,m1\n0,0,0,0,0,7,9\n0.1,0,0,1,1,0,9\n");
+        imported(b"t,x,y,z,light.headlights,light.odd,m1\n0,0,0,0,0,7,9\n0.5,0,0,1,1,0,9\n");
     assert_eq!(flight.lights["headlights"].last(), Some(&1.0));
     assert!(flight.extra.contains_key("log.light.odd"), "no level: {:?}", flight.extra.keys());
     assert!(flight.unlogged.contains(&Quantity::Motors), "m1 alone");
