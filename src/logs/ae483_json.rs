@@ -123,13 +123,8 @@ fn settle_units(
 /// ms, and those below 0.5 are s; in between, the dialect decides.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
-        step if step.is_infinite() => {
-            if in_seconds {
-                1.0
-            } else {
-                1e-3
-            }
-        }
+        step if step.is_infinite() && in_seconds => 1.0,
+        step if step.is_infinite() => 1e-3,
         step if step > 1e3 * SLOWEST_PERIOD_S * 1e3 => 1e-9,
         step if step > 1e3 * SLOWEST_PERIOD_S => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,

@@ -211,7 +211,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         *at < of_day
             && (matches!(sign, ' ' | '_') || *sign == 't' && !text[at + 1..].starts_with(' '))
     };
-    let (date, time) = match text.char_indices().filter(ends).last() {
+    let (date, time) = match text.char_indices().rfind(ends) {
         Some((at, _)) => (Some(text[..at].trim_end()), &text[at + 1..]),
         None => (None, text),
     };

@@ -8,6 +8,7 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 /// What a unit was found by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundUnit {
+    /// In s.
     pub unit_s: f64,
     /// The usual step, in that unit.
     pub step: f64,

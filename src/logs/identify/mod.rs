@@ -218,12 +218,12 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     })
 }
 
-/// Whether the motors of these samples never turn the drone about any axis otherwise than in the first,
-/// as if one row was repeated: no flight keeps still.
+/// Whether the motors of these samples never roll or pitch the drone otherwise than in the first, as if
+/// one row was repeated: no flight keeps still, whatever its yaw does.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;
-    let turn = |sample: &FlightSample| MOTOR_SIGNS * Vector4::from(sample.motors);
+    let turn = |sample: &FlightSample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy();
     let first = samples.first().map(turn).unwrap_or_default();
     samples.iter().all(|sample| (turn(sample) - first).amax() < SAME)
 }

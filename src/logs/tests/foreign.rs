@@ -355,7 +355,8 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         names.map(|name| (name, value))
     };
     let zero: &dyn Fn(f64) -> f64 = &|_| 0.0;
-    let cases: Vec<(Quantity, Vec<(&str, &dyn Fn(f64) -> f64)>)> = vec![
+    type Variables<'a> = Vec<(&'a str, &'a dyn Fn(f64) -> f64)>;
+    let cases: Vec<(Quantity, Variables<'_>)> = vec![
         (Quantity::Motors, all(constant)),
         (Quantity::Motors, all(zero)),
         (Quantity::Motors, motors([lives, lives, constant, lives])),
