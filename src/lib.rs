@@ -72,6 +72,4 @@ pub use {
     noctograph_logs as logs, noctograph_score as score,
 };
 
-use noctograph_core::{digest, files, settings, statistics};
-
 pub mod cli;

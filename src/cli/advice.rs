@@ -1,12 +1,12 @@
-//! Advice as flags: the flags that set keys of a scene, and those that mend errors. The library names
-//! keys and facts; only here are these joined with flags.
+//! Advice as flags: the flags that set keys of a scene, and those that mend errors. The library
+//! names keys and facts; only here are these joined with flags.
 
 use clap::Command;
 
 use super::typefaces;
 use crate::error::Error;
 use crate::scene::{Change, Scene};
-use crate::settings::{Described, Setting, Shape};
+use noctograph_core::settings::{Described, Setting, Shape};
 
 /// Keys that have a flag, and what it takes.
 const OF_KEYS: [(&str, &str, &str); 8] = [

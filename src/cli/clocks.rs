@@ -148,8 +148,8 @@ fn between(samples: &[Vec<RangeSample>], one: usize, other: usize) -> Vec<(bool,
     there.chain(of(other).map(|sample| (true, sample.time_s, sample.distance_m))).collect()
 }
 
-/// Seconds from the clock of the first log to that of the log after `before`, from its ranges to the
-/// drone to which it has most.
+/// Seconds from the clock of the first log to that of the log after `before`, from its ranges to
+/// the drone to which it has most.
 fn estimated_s(
     before: &[Dated<'_>],
     samples: &[Vec<RangeSample>],

@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::message;
-use crate::digest::sha256;
 use crate::expose::BackendChoice;
+use noctograph_core::digest::sha256;
 
 /// Time after which a driver counts as hanging. A software driver on a busy machine compiles the
 /// shader in a few seconds.

@@ -15,9 +15,9 @@ use super::output::Output;
 use super::picture::PictureFlags;
 use super::progress::watch;
 use super::{message, show, warn};
-use crate::digest::sha256;
 use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
+use noctograph_core::digest::sha256;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {

@@ -170,7 +170,8 @@ impl DesignFlags {
     fn named(&self, more: &[Setting]) -> Result<NamedScene> {
         let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
         let mut settings = settings.concat();
-        // A height that was typed is meant: no room shrinks it, and the check stops what is too large.
+        // A height that was typed is meant: no room shrinks it, and the check stops what is too
+        // large.
         if self.scene.sets("letters.cap_height_m") {
             settings.retain(|(key, _)| key != "letters.fit");
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
@@ -364,8 +365,8 @@ impl FlightFlags {
         Ok(flight)
     }
 
-    /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
-    /// has those of the scene's word, or is `lit` all along.
+    /// Flights, logs or light traces that are photographed, one for each drone. A log without
+    /// lights has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,

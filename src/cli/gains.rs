@@ -128,8 +128,8 @@ fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
     text + &format!("longest   motor lag with a stable loop: {longest}\n")
 }
 
-/// A row for each state, a column for each output or input; six decimals, three of large numbers, and
-/// zeros as a dash.
+/// A row for each state, a column for each output or input; six decimals, three of large numbers,
+/// and zeros as a dash.
 fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
     let shown = |entry: f64, tiny: f64| match entry.abs() {
         size if size <= tiny => "\t-".to_owned(),

@@ -124,8 +124,8 @@ fn text_of(found: &[HoldFigures]) -> String {
     text
 }
 
-/// Squared error over variance of each state, with its 95 % interval below it and a word where it is
-/// out of bounds.
+/// Squared error over variance of each state, with its 95 % interval below it and a word where it
+/// is out of bounds.
 fn consistency(found: &[HoldFigures]) -> String {
     let [least, most] = CONSISTENT;
     let rows = found.iter().flat_map(|f| {

@@ -58,8 +58,8 @@ fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
     }
 }
 
-/// What the scene says of the drone, which the log does not tell: thrust scales with the mass, torque
-/// with the arm.
+/// What the scene says of the drone, which the log does not tell: thrust scales with the mass,
+/// torque with the arm.
 fn assumed(vehicle: &VehicleOptions) -> String {
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
     let text = format!(

@@ -1,4 +1,5 @@
-//! `noctograph import`: the log of a real flight becomes a flight file, the logs of an evening a page.
+//! `noctograph import`: the log of a real flight becomes a flight file, the logs of an evening a
+//! page.
 
 use std::path::{Path, PathBuf};
 
@@ -19,9 +20,10 @@ use crate::logs::is_one_log;
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
-    /// CSV, tables of motion captures and other programs (docs/files.md). Any other folder holds the
-    /// logs of an evening, which become one page and a conditions file: those of exported scripts by
-    /// their drones, others each drone's in a folder with its name, or with its name before the first
+    /// CSV, tables of motion captures and other programs (docs/files.md). Any other folder holds
+    /// the logs of an evening, which become one page and a conditions file: those of exported
+    /// scripts by their drones, others each drone's in a folder with its name, or with its name
+    /// before the first
     /// - or _ of theirs
     log: PathBuf,
     /// Word that was flown: of a log without lights, its letters and the schedule of the headlights

@@ -18,12 +18,12 @@ pub(super) struct LetterFlags {
     /// colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
-    /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default: 1; 0.5 for
-    /// a photograph]
+    /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default:
+    /// 1; 0.5 for a photograph]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
-    /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the ring
-    /// writes in colors that the scene names)
+    /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the
+    /// ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 4]>,
     /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a

@@ -27,7 +27,7 @@ use crate::locate::{
 use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
-use crate::statistics::median;
+use noctograph_core::statistics::median;
 
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.
 const TO_ANCHOR: &str = "ranging.distance";
@@ -76,7 +76,8 @@ pub(super) struct LocateArgs {
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother, and lags in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
-    /// Box that holds all drones, in meters: of two mirror images that fit the ranges, the one inside
+    /// Box that holds all drones, in meters: of two mirror images that fit the ranges, the one
+    /// inside
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
     /// Map the local region of the shared-anchor observer for the scene's word, without a log

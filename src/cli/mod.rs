@@ -1,7 +1,8 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names of flags.
+//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names
+//! of flags.
 
 use std::io::Write;
 use std::num::NonZero;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use crate::error::Error;
-use crate::settings::{Described, Shape};
+use noctograph_core::settings::{Described, Shape};
 
 /// A parser of a choice: lists its names in the help and suggests the nearest for a wrong one.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
@@ -21,7 +21,7 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
         Shape::Plain | Shape::Group(_) => &[],
     };
-    let name = |variant: &crate::settings::Variant| {
+    let name = |variant: &noctograph_core::settings::Variant| {
         let doc = variant.doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
         let doc = doc.collect::<Vec<_>>().join(" ");
         PossibleValue::new(variant.name).help(doc.trim_end_matches('.').to_owned())

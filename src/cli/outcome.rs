@@ -5,8 +5,8 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::files::STANDARD_OUTPUT;
 use crate::score::Verdict;
+use noctograph_core::files::STANDARD_OUTPUT;
 
 /// Columns that tables and messages keep to.
 const WIDTH: usize = 80;
@@ -65,8 +65,8 @@ impl From<&Verdict> for Outcome {
     }
 }
 
-/// A line of a table: its name, and text that is wrapped beside it. A name that fills its column, such
-/// as that of a file, has the text below it.
+/// A line of a table: its name, and text that is wrapped beside it. A name that fills its column,
+/// such as that of a file, has the text below it.
 pub(super) fn line(name: &str, text: &str) -> String {
     if name.chars().count() < NAME_WIDTH {
         return wrapped(&format!("{name:NAME_WIDTH$}"), text);

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
-pub(super) use crate::files::{Output, OutputFolder};
+pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {

@@ -19,7 +19,6 @@ use super::show::FlightFigures;
 use super::spread::SpreadFlags;
 use super::table::table;
 use super::{findings, movie, show, warn};
-use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{Finding, inspect, of_flights, place};
@@ -27,6 +26,7 @@ use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
+use noctograph_core::digest::sha256;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -182,8 +182,8 @@ fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<Stri
     Ok(names)
 }
 
-/// The verdict, and the changes of settings that were flown where there are any: these say more than
-/// what was retouched.
+/// The verdict, and the changes of settings that were flown where there are any: these say more
+/// than what was retouched.
 fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {

@@ -1,5 +1,5 @@
-//! Letters and lights of a real flight's log, which holds neither: those of the word that was flown,
-//! found by its setpoints.
+//! Letters and lights of a real flight's log, which holds neither: those of the word that was
+//! flown, found by its setpoints.
 
 use std::path::Path;
 
@@ -15,7 +15,8 @@ pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Pa
     if is_unlit(flight) && scene.has_strokes() { relit(flight, scene, path) } else { Ok(()) }
 }
 
-/// Gives a flight the light of its lamps in the air, from take-off to landing, in the place of letters.
+/// Gives a flight the light of its lamps in the air, from take-off to landing, in the place of
+/// letters.
 pub(super) fn light_all_along(flight: &mut Flight, scene: &Scene) {
     let air = airborne(flight).unwrap_or_default();
     let levels = (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i)))).collect();
@@ -30,9 +31,9 @@ fn is_unlit(flight: &Flight) -> bool {
     flight.lights.is_empty() && !flight.unlogged.contains(&Quantity::Design)
 }
 
-/// Gives a flight the letters of the scene's word and its lights. Where the setpoints are not on the
-/// scene's letters, and these are those of a preset, the other presets' are tried: font, size and place;
-/// the scene then has them.
+/// Gives a flight the letters of the scene's word and its lights. Where the setpoints are not on
+/// the scene's letters, and these are those of a preset, the other presets' are tried: font, size
+/// and place; the scene then has them.
 ///
 /// # Errors
 ///

@@ -10,11 +10,11 @@ use super::outcome::{Report, line};
 use super::output::Output;
 use super::show::sentence;
 use crate::error::{Error, Result};
-use crate::files::{Limit, files_in};
 use crate::photo::{self};
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
+use noctograph_core::files::{Limit, files_in};
 
 #[derive(Debug, Args)]
 #[command(after_help = "The folders of rank, tune, learn, robustness, hold, locate and preview. \

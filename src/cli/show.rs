@@ -129,7 +129,8 @@ impl<'a> FlightFigures<'a> {
         Self { flight, tracking, sha256: flight.sha256() }
     }
 
-    /// Flight time, tracking error over the letters or, where none was written, in the air, and digest.
+    /// Flight time, tracking error over the letters or, where none was written, in the air, and
+    /// digest.
     pub(super) fn text(&self) -> String {
         let flight = self.flight;
         let duration_s = duration_s(flight);
@@ -164,8 +165,8 @@ impl<'a> FlightFigures<'a> {
         )
     }
 
-    /// Flight time, tracking error and final values of the simulator's own columns for programs; the
-    /// error is null where the drone never left the floor.
+    /// Flight time, tracking error and final values of the simulator's own columns for programs;
+    /// the error is null where the drone never left the floor.
     pub(super) fn json(&self) -> Value {
         let flight = self.flight;
         let nothing = ["part", "rmse_m", "lag_s", "contour"].map(|key| (key, Value::Null));

@@ -18,13 +18,13 @@ use crate::study::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFli
 
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {
-    /// Fly N more times under --conditions: the band that holds 90 % of the flights (of fewer than 19,
-    /// all of them), and the photos with their verdicts (spread.svg, spread-xz.svg, spread.png)
+    /// Fly N more times under --conditions: the band that holds 90 % of the flights (of fewer than
+    /// 19, all of them), and the photos with their verdicts (spread.svg, spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
-    /// How the flights of --spread differ: room (the scene's drone, another room and evening), drone
-    /// (any drone of its make as well), evening (the room, with faults of radio, heading, propeller and
-    /// battery), still (noise alone), or a TOML file
+    /// How the flights of --spread differ: room (the scene's drone, another room and evening),
+    /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
+    /// propeller and battery), still (noise alone), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
 }

@@ -17,11 +17,11 @@ use super::progress::Progress;
 use super::set::SetFlag;
 use super::table::table;
 use crate::error::{Error, Result};
-use crate::files::Limit;
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::study::statistics::Estimate;
 use crate::study::{Conditions, Measures, Ranking, Record, Store, Study, flights_csv, ranking_csv};
+use noctograph_core::files::Limit;
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -40,7 +40,8 @@ pub(super) struct StudyFlags {
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),
     /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
-    /// propeller and battery), still (noise alone), or a TOML file [default: room, robustness evening]
+    /// propeller and battery), still (noise alone), or a TOML file [default: room, robustness
+    /// evening]
     #[arg(long, value_name = "NAME|FILE")]
     conditions: Option<String>,
 }
@@ -279,8 +280,8 @@ fn labels(measures: &[Measures], width: usize) -> Vec<String> {
     shortened(&names, width - 1)
 }
 
-/// Distinct names with at most `n` characters each: of those that are longer the beginning; where two
-/// would then be alike, the end; where these are alike as well, the beginning and a number.
+/// Distinct names with at most `n` characters each: of those that are longer the beginning; where
+/// two would then be alike, the end; where these are alike as well, the beginning and a number.
 fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let cut = |name: &str, keep: &dyn Fn(&[char]) -> String| {
         let all: Vec<char> = name.chars().collect();

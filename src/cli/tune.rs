@@ -244,8 +244,8 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Compares a result that is not the scene as it was with it, on new seeds and on new words: tables,
-/// and the same for programs.
+/// Compares a result that is not the scene as it was with it, on new seeds and on new words:
+/// tables, and the same for programs.
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,

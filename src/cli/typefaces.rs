@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::files::{Limit, entries_in};
 use crate::letters::has_outline;
+use noctograph_core::files::{Limit, entries_in};
 
 /// Folders of typefaces, and those below the user's own folder.
 const FOLDERS: &[&str] = if cfg!(windows) {
@@ -30,8 +30,8 @@ const MAX_BYTES: usize = 1 << 30;
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// File of an upright typeface with a character, from the system's folders; light ones first, whose center
-/// lines are nearest to their strokes.
+/// File of an upright typeface with a character, from the system's folders; light ones first, whose
+/// center lines are nearest to their strokes.
 pub(super) fn with(character: char) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let own = OWN.iter().map(|folder| home.join(folder));

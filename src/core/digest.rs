@@ -1,5 +1,5 @@
-//! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on every
-//! machine and in every build.
+//! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on
+//! every machine and in every build.
 
 use sha2::Digest as _;
 

@@ -34,9 +34,10 @@
 //! }
 //! ```
 //!
-//! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of its
-//! list, or numbers, a setting has an effect; without names, whether that key is set, and not 0. The
-//! settings of other choices are kept all the same, so that a preset's gains survive a change of the choice.
+//! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of
+//! its list, or numbers, a setting has an effect; without names, whether that key is set, and not
+//! 0. The settings of other choices are kept all the same, so that a preset's gains survive a
+//! change of the choice.
 //!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
@@ -138,7 +139,8 @@ pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] 
     variant.map_or(&[], |variant| variant.settings)
 }
 
-/// Advice on a name that does not exist: the candidate most like it, `otherwise` where none is alike.
+/// Advice on a name that does not exist: the candidate most like it, `otherwise` where none is
+/// alike.
 pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,

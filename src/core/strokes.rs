@@ -11,8 +11,8 @@ use crate::settings::settings;
 settings! {
     /// What a picture is.
     pub enum Picture {
-        /// As it looks: a photograph where what would be its paper has texture, or else a drawing. A
-        /// photograph of few tones, such as a skyline before an even sky, looks like a drawing.
+        /// As it looks: a photograph where what would be its paper has texture, or else a drawing.
+        /// A photograph of few tones, such as a skyline before an even sky, looks like a drawing.
         "auto" => Auto,
         /// Lines on paper or a logo: ink is drawn.
         "drawing" => Drawing,
@@ -124,7 +124,8 @@ impl Strokes {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them, whatever their colors.
+    /// Number of its strokes: lit moves without a way in the dark between them, whatever their
+    /// colors.
     #[must_use]
     pub fn n_strokes(&self) -> usize {
         let runs = |glyph: &Glyph| {

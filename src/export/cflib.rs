@@ -12,17 +12,17 @@ use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::{Job, caution, gains, stem};
-use crate::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
-use crate::digest::sha256;
-use crate::error::{Error, Result};
-use crate::lamps::LightOptions;
-use crate::plan::Plan;
-use crate::sensors::Positioning;
-use crate::settings::settings;
-use crate::sim::ControllerKind;
+use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::digest::sha256;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::lamps::LightOptions;
+use noctograph_core::settings::settings;
+use noctograph_flying::plan::Plan;
+use noctograph_flying::sensors::Positioning;
+use noctograph_flying::sim::ControllerKind;
 
-/// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the log's
-/// variables, and `@CFLIB@` in that of the oldest cflib.
+/// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
+/// log's variables, and `@CFLIB@` in that of the oldest cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// The script for several drones, with `@SCRIPTS@` in place of their scripts' names.
 const LAUNCHER: &str = include_str!("launcher.py");
@@ -151,13 +151,14 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     }))
 }
 
-/// A trajectory for the memory on board that hovers at its end, while a script sends the landing, and
-/// then lands by itself: without a link it would hover until the battery is empty. The script lands
-/// `over_s` after the trajectory's end.
+/// A trajectory for the memory on board that hovers at its end, while a script sends the landing,
+/// and then lands by itself: without a link it would hover until the battery is empty. The script
+/// lands `over_s` after the trajectory's end.
 fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
     /// Hover after the time at which the script lands, s.
     const HOVER_S: f64 = 3.0;
-    /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it there, m.
+    /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it
+    /// there, m.
     const BELOW_M: f64 = 0.1;
     /// Header of a piece with a cubic curve along z, and nothing else (`pptraj_compressed.c`).
     const ALONG_Z: u8 = 0x20;
@@ -265,8 +266,8 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [(left, low), (right, low), (right, high), (left, high)].map(|(x, z)| [x, first.y, z]).into()
 }
 
-/// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already is
-/// not sent.
+/// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already
+/// is not sent.
 fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
     let mut parameters = vec![("stabilizer.estimator", 2)];
     parameters.extend(preparation(plan, light));
@@ -354,12 +355,12 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
-    use crate::export::safety::{Battery, Checks, Platform};
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
-    use crate::sensors::Positioning;
-    use crate::sim::SimOptions;
+    use crate::safety::{Battery, Checks, Platform};
+    use noctograph_core::camera::CameraOptions;
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_flying::sensors::Positioning;
+    use noctograph_flying::sim::SimOptions;
+    use noctograph_letters::{LetterOptions, write};
 
     /// The script of NO under a word, and the data in it.
     fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {

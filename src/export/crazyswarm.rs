@@ -4,8 +4,9 @@
 //! memory with an offset in pieces; the script follows Crazyswarm2's Python interface
 //! (`crazyflie_py`): `uploadTrajectory`, `takeoff`, `goTo`, `startTrajectory`, `setParam`, `land`.
 //! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
-//! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no value
-//! of a parameter unless its own configuration says so; decks and the firmware's release are asked for.
+//! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no
+//! value of a parameter unless its own configuration says so; decks and the firmware's release are
+//! asked for.
 
 use serde_json::json;
 
@@ -18,9 +19,9 @@ use super::safety::{
     WRONG_S, variance_m2,
 };
 use super::{File, Job, gains, numbered, stem};
-use crate::crazyflie::MOTORS_STOP_S;
-use crate::error::{Error, Result};
-use crate::plan::Plan;
+use noctograph_core::crazyflie::MOTORS_STOP_S;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::Plan;
 
 /// The script, with `@DATA@` in place of the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");

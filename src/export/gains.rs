@@ -16,9 +16,9 @@ use nalgebra::DMatrix;
 use serde_json::{Map, json};
 
 use super::File;
-use crate::error::Result;
-use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use crate::sim::{ControllerKind, SimOptions};
+use noctograph_core::error::Result;
+use noctograph_flying::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
+use noctograph_flying::sim::{ControllerKind, SimOptions};
 
 /// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;

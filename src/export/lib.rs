@@ -10,21 +10,13 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-extern crate self as export;
-use noctograph_core::{
-    camera, crazyflie, digest, error, flight, geometry, lamps, settings, srgb, statistics,
-};
-use noctograph_flying::{plan, sensors, sim, vehicle};
-#[cfg(test)]
-use noctograph_letters as letters;
-
-use crate::camera::Camera;
-use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use crate::error::Result;
-use crate::lamps::LightOptions;
-use crate::plan::Plan;
-use crate::settings::settings;
-use crate::sim::SimOptions;
+use noctograph_core::camera::Camera;
+use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::error::Result;
+use noctograph_core::lamps::LightOptions;
+use noctograph_core::settings::settings;
+use noctograph_flying::plan::Plan;
+use noctograph_flying::sim::SimOptions;
 
 mod cflib;
 pub mod compressed;
@@ -74,8 +66,8 @@ settings! {
 pub struct Job<'a> {
     /// One plan for each drone.
     pub plans: &'a [Plan],
-    /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on them;
-    /// empty where none is ([`Format::trajectory`]), or none fits.
+    /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on
+    /// them; empty where none is ([`Format::trajectory`]), or none fits.
     pub flown: &'a [Plan],
     /// What speaks against flying them, where it is exported nevertheless; scripts say it.
     pub unsafe_because: Option<&'a str>,
@@ -182,8 +174,8 @@ impl File {
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Input`] for plans without letters and lamps that the format does not
-/// know; [`crate::error::Error::Infeasible`] for what does not fit the format.
+/// [`noctograph_core::error::Error::Input`] for plans without letters and lamps that the format
+/// does not know; [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");

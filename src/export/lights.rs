@@ -11,23 +11,23 @@
 
 use nalgebra::Vector3;
 
-use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
-use crate::error::{Error, Result};
-use crate::lamps::{
+use noctograph_core::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::lamps::{
     COLOR_LED_COLORS, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING_COLORS, packed,
     ring_memory_rgb,
 };
-use crate::plan::Plan;
-use crate::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
+use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
+use noctograph_flying::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
 const RING_FADE: u32 = 14;
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
 
-/// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase, and
-/// on a slow clock. An entry between two ticks is never shown, and the end of the list leaves the LEDs
-/// as they are (`timeMemEffect`, `ledring12.c`).
+/// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
+/// and on a slow clock. An entry between two ticks is never shown, and the end of the list leaves
+/// the LEDs as they are (`timeMemEffect`, `ledring12.c`).
 const LAST_UNITS: f64 = 2.0;
 
 /// One light command.
@@ -60,8 +60,8 @@ fn command(time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Result<Comm
     Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
 }
 
-/// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring: that
-/// of the plan's channels, or that of the letter.
+/// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring:
+/// that of the plan's channels, or that of the letter.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -146,15 +146,15 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// A ring's lights as its timing memory plays them (`ring.effect` 17) from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration in units of 40 ms and color of each entry, as the memory rounds it. Dark to the end by
-    /// the last one.
+    /// Duration in units of 40 ms and color of each entry, as the memory rounds it. Dark to the end
+    /// by the last one.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change as it is played.
     pub(super) changes: Vec<(f64, f64)>,
 }
 
-/// The timing memory of any length of a plan that lights the ring alone; `None` for other lamps, and
-/// where it does not end dark.
+/// The timing memory of any length of a plan that lights the ring alone; `None` for other lamps,
+/// and where it does not end dark.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
     if !plan.lamps().map(|(channel, _)| channel).eq(["ring"]) || last.value != 0 {
@@ -193,9 +193,9 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
     }
 }
 
-/// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale, times
-/// its level. The bytes of a lamp are drives of its dies, which are far brighter than a screen: red
-/// that writes is 3 of 255, and black in a show.
+/// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale,
+/// times its level. The bytes of a lamp are drives of its dies, which are far brighter than a
+/// screen: red that writes is 3 of 255, and black in a show.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let [white, r, g, b] = command.value.to_be_bytes();
     let drives = match command.parameter {
@@ -234,10 +234,10 @@ fn dies(parameter: &str) -> Vec<Die> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::crazyflie::RING_TIMING_ENTRIES;
-    use crate::lamps::{RingColor, RingEffect};
-    use crate::plan::Setpoint;
     use nalgebra::Vector3;
+    use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
+    use noctograph_core::lamps::{RingColor, RingEffect};
+    use noctograph_flying::plan::Setpoint;
 
     fn lit(channel: &str, levels: &[f64]) -> Plan {
         let setpoint = |time_s| Setpoint {
@@ -345,8 +345,9 @@ mod tests {
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");
     }
 
-    /// Colors of the ring at each of its ticks, as the firmware plays a timing memory from its first
-    /// tick on: `clock` is the rate of its microseconds, `phase_s` the time to the second tick.
+    /// Colors of the ring at each of its ticks, as the firmware plays a timing memory from its
+    /// first tick on: `clock` is the rate of its microseconds, `phase_s` the time to the second
+    /// tick.
     fn shown(entries: &[(u8, [u8; 3])], phase_s: f64, clock: f64, ticks: u32) -> Vec<[u8; 3]> {
         let ms = |time_s: f64| (1e3 * clock * time_s + 1e-6).floor();
         let (mut at, mut began_ms, mut color) = (0, 0.0, [0; 3]);
@@ -405,7 +406,7 @@ mod tests {
             plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s);
             let commands = commands(&plan, &LightOptions::default()).unwrap();
             let entries = timing(&plan, &commands).unwrap().entries;
-            for clock in [1.0, crate::crazyflie::SLOW_CLOCK] {
+            for clock in [1.0, noctograph_core::crazyflie::SLOW_CLOCK] {
                 for phase in 0..50_u32 {
                     let colors = shown(&entries, f64::from(phase) * 1e-3, clock, 200);
                     assert!(colors.contains(&[16, 20, 16]), "it was lit");

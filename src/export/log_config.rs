@@ -1,5 +1,5 @@
-//! What to log in a flight: the variables that [`crate::logs`] reads, for cfclient, for the µSD card
-//! and for our own script.
+//! What to log in a flight: the variables that [`crate::logs`] reads, for cfclient, for the µSD
+//! card and for our own script.
 //!
 //! Formats: log configurations of cfclient (`cfclient/configs/log/*.json`), and `config.txt` of the
 //! µSD deck (firmware documentation, "Micro SD card deck"). A radio block holds 26 bytes.

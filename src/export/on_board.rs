@@ -10,9 +10,9 @@ use super::compressed::Compressed;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
 use super::safety::SINK_M_S;
-use crate::error::{Error, Result};
-use crate::plan::{Plan, Setpoint, conflict};
-use crate::settings::settings;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::settings;
+use noctograph_flying::plan::{Plan, Setpoint, conflict};
 
 /// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
 const TAKE_OFF_S: f64 = 3.0;
@@ -108,7 +108,8 @@ pub(super) fn pieces(
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for plans without letters, [`Error::Infeasible`] for those that reach the floor.
+/// [`Error::Input`] for plans without letters, [`Error::Infeasible`] for those that reach the
+/// floor.
 pub(super) fn take_off_s(plans: &[Plan]) -> Result<f64> {
     Ok(zero_s(earliest_s(plans)?))
 }
@@ -172,7 +173,8 @@ impl Timeline {
     }
 }
 
-/// A plan as it is flown with a trajectory, with the trajectory as a function of the time since its start.
+/// A plan as it is flown with a trajectory, with the trajectory as a function of the time since its
+/// start.
 fn flown_alone(
     plan: &Plan,
     before_s: f64,

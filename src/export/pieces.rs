@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
-use crate::error::{Error, Result};
-use crate::plan::{Plan, Setpoint};
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::{Plan, Setpoint};
 
-/// Times between two setpoints at which a piece is held against the design, at least, and the longest
-/// time between two of them, s: a run-up is 0.5 s without a setpoint.
+/// Times between two setpoints at which a piece is held against the design, at least, and the
+/// longest time between two of them, s: a run-up is 0.5 s without a setpoint.
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
@@ -218,10 +218,10 @@ pub(super) enum Rounding {
 }
 
 /// The pieces of a stretch, each the longest within `tolerance_m` of the design and `max_piece_s`
-/// whose speed and acceleration stay within those of the design; where that leaves no such piece for
-/// the setpoints after it, a shorter one. `piece` makes the piece between two setpoints after the
-/// pieces so far. Where the design states no acceleration the distance alone decides, and the piece
-/// to the next setpoint is taken in any case.
+/// whose speed and acceleration stay within those of the design; where that leaves no such piece
+/// for the setpoints after it, a shorter one. `piece` makes the piece between two setpoints after
+/// the pieces so far. Where the design states no acceleration the distance alone decides, and the
+/// piece to the next setpoint is taken in any case.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -338,8 +338,8 @@ impl<P> Fit<'_, P> {
     }
 }
 
-/// The setpoint at which the longest piece from `from` ends: doubles the length until a piece fails,
-/// then halves the step.
+/// The setpoint at which the longest piece from `from` ends: doubles the length until a piece
+/// fails, then halves the step.
 fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
     let (mut good, mut step) = (from + 1, 1);
     while good + step <= last && fits(good + step) {

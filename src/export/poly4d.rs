@@ -14,9 +14,9 @@ use nalgebra::{Matrix2, Vector2};
 use super::compressed::Compressed;
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
 use super::safety::SINK_M_S;
-use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use crate::error::{Error, Result};
-use crate::plan::Plan;
+use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::Plan;
 
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
@@ -42,8 +42,8 @@ impl Poly4d {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] for a plan without letters, [`crate::error::Error::Infeasible`]
-    /// for one that takes more.
+    /// [`noctograph_core::error::Error::Input`] for a plan without letters,
+    /// [`noctograph_core::error::Error::Infeasible`] for one that takes more.
     pub fn fit(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let (stretch, all) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
         let n = all.pieces.len();
@@ -64,7 +64,7 @@ impl Poly4d {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] for a plan without letters.
+    /// [`noctograph_core::error::Error::Input`] for a plan without letters.
     pub fn fit_any_length(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let next = |from, to, _: &[Polynomials], _| fit(&stretch, from, to);
@@ -78,13 +78,13 @@ impl Poly4d {
         self.pieces.len()
     }
 
-    /// The same with a hover at its end, while a script sends the landing, and a descent after it: a
-    /// drone that hears nothing more lands by itself. Two pieces more, so that no CSV has one row, of
-    /// which Crazyswarm2 makes no table (`numpy.loadtxt`, `uav_trajectory.py`).
+    /// The same with a hover at its end, while a script sends the landing, and a descent after it:
+    /// a drone that hears nothing more lands by itself. Two pieces more, so that no CSV has one
+    /// row, of which Crazyswarm2 makes no table (`numpy.loadtxt`, `uav_trajectory.py`).
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Infeasible`] where the drone's memory does not hold them.
+    /// [`noctograph_core::error::Error::Infeasible`] where the drone's memory does not hold them.
     pub(super) fn and_lands(mut self, hover_s: f64) -> Result<Self> {
         let n = self.pieces.len() + 2;
         if n > MAX_PIECES {
@@ -216,8 +216,8 @@ mod tests {
     use super::super::pieces::waves;
     use super::super::recorded;
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn a_drone_that_hears_nothing_more_lands_by_itself() {

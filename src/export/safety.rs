@@ -1,48 +1,49 @@
-//! Safety: what is checked before and in a flight, by whom and at which limit. One table, from which
-//! `check`, the exported scripts and `docs/fly.md` take their numbers.
+//! Safety: what is checked before and in a flight, by whom and at which limit. One table, from
+//! which `check`, the exported scripts and `docs/fly.md` take their numbers.
 //!
 //! Firmware: `crazyflie-firmware`, release 2026.08, unless another is named.
 
 use serde::Serialize;
 
-use crate::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
-use crate::flight::{BATTERY_V, Flight};
-use crate::sensors::Positioning;
-use crate::vehicle::BatteryOptions;
+use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::flight::{BATTERY_V, Flight};
+use noctograph_flying::sensors::Positioning;
+use noctograph_flying::vehicle::BatteryOptions;
 
 /// Largest distance by which what stands in a room may be outside of it, m: rooms are typed to the
-/// decimeter, and a station that hangs on the wall is measured to some centimeters. More would let an
-/// origin at a wall of a small room pass.
+/// decimeter, and a station that hangs on the wall is measured to some centimeters. More would let
+/// an origin at a wall of a small room pass.
 pub const FRAME_M: f64 = 0.15;
-/// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to the
-/// first letter is another than that which was checked.
+/// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to
+/// the first letter is another than that which was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside the
-/// ring by the turn's sine, and a nose along another axis is 90° off.
+/// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
+/// the ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
 /// Largest roll and pitch before take-off, rad: 5°. More is a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
 /// Largest distance of what the drone reads at a corner of the canvas from that corner, m.
 pub const CORNER_M: f64 = 0.02;
-/// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what the
-/// volume keeps from a room's walls.
+/// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what
+/// the volume keeps from a room's walls.
 pub const FENCE_M: f64 = 0.1;
-/// Largest distance of the estimated position from what is sent, m. The PID cascade trails by 0.56 s,
-/// 0.45 m at 0.8 m/s.
+/// Largest distance of the estimated position from what is sent, m. The PID cascade trails by 0.56
+/// s, 0.45 m at 0.8 m/s.
 pub const STRAY_M: f64 = 0.8;
 /// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
 pub const SINK_M_S: f64 = 0.3;
-/// Time for which something has to be wrong in the air before the script lands, s: a single bad sample
-/// ends no flight. The firmware levels a silent drone after as much ([`crate::crazyflie::LEVEL_OUT_S`]).
+/// Time for which something has to be wrong in the air before the script lands, s: a single bad
+/// sample ends no flight. The firmware levels a silent drone after as much
+/// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
-/// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell is
-/// then charged by some 28 %, less than which no flight of a word should begin with.
+/// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell
+/// is then charged by some 28 %, less than which no flight of a word should begin with.
 pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate at which its position is lost in the air, over that which is settled.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Time below its low voltage after which the firmware says that the battery is low, s
-/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off empties no
-/// battery.
+/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
+/// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
 /// The newest release whose microsecond clock, which paces trajectories on board, runs at
 /// [`SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line 57 of 2026.08). Corrected by
@@ -84,8 +85,8 @@ impl Platform {
         }
     }
 
-    /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE`, of
-    /// both).
+    /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE`,
+    /// of both).
     #[must_use]
     pub fn critical_battery_v(self) -> f64 {
         3.0
@@ -94,10 +95,10 @@ impl Platform {
 
 /// Largest variance of an estimated coordinate that has settled, m².
 ///
-/// Lighthouse: 3 cm, the limit of Bitcraze's own examples (cflib, `autonomous_sequence.py`); the filter
-/// settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a second, and
-/// the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all around, and two
-/// to three times as much beside them: it would never settle within 3 cm.
+/// Lighthouse: 3 cm, the limit of Bitcraze's own examples (cflib, `autonomous_sequence.py`); the
+/// filter settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a
+/// second, and the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all
+/// around, and two to three times as much beside them: it would never settle within 3 cm.
 #[must_use]
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
@@ -106,7 +107,8 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
     }
 }
 
-/// Whether a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a stretch.
+/// Whether a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a
+/// stretch.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     let mut since_s = None;
     for (time_s, voltage_v) in voltages {
@@ -129,8 +131,8 @@ const CHARGE_STEPS: u32 = 10_000;
 pub struct Battery {
     /// Voltage at rest of the scene's battery as it is charged, V.
     pub rest_v: f64,
-    /// Least voltage at rest with which the flight keeps the firmware's limit, V; `None`: a full battery
-    /// does not.
+    /// Least voltage at rest with which the flight keeps the firmware's limit, V; `None`: a full
+    /// battery does not.
     pub least_rest_v: Option<f64>,
     /// Greatest drop below the voltage at rest during the flight, V.
     pub sag_v: f64,
@@ -197,7 +199,8 @@ pub struct Checks {
     pub platform: Option<Platform>,
     /// Its positioning.
     pub positioning: Positioning,
-    /// Least and greatest x, y, z of the volume in which `check` keeps the plans; in a room, within it.
+    /// Least and greatest x, y, z of the volume in which `check` keeps the plans; in a room, within
+    /// it.
     pub volume_m: [[f64; 3]; 2],
     /// Width, depth and height of the room, where it is known.
     pub room_m: Option<[f64; 3]>,
@@ -220,7 +223,8 @@ pub enum By {
     Firmware,
 }
 
-/// A row of the table: what is checked, by whom and when, at which limit, and where the limit is from.
+/// A row of the table: what is checked, by whom and when, at which limit, and where the limit is
+/// from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rule {
     /// What is checked.
@@ -379,9 +383,9 @@ pub fn table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
-    use crate::sim::{Drone, SimOptions, fly};
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_flying::sim::{Drone, SimOptions, fly};
+    use noctograph_letters::{LetterOptions, write};
 
     /// A flight of a short word from a charge, and what the table's rule says of it.
     fn flown(charge_frac: f64) -> (Battery, bool) {

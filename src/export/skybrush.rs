@@ -13,9 +13,9 @@ use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
 use super::zip::zip;
 use super::{File, Job, stem};
-use crate::camera::Camera;
-use crate::error::Result;
-use crate::plan::{MIN_HORIZONTAL_M, Plan};
+use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
+use noctograph_flying::plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Steps of a light program per second.
 const LIGHT_HZ: f64 = 50.0;
@@ -99,7 +99,8 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     }))
 }
 
-/// The light program of a drone from the command to take off on: times in s, and colors from then on.
+/// The light program of a drone from the command to take off on: times in s, and colors from then
+/// on.
 fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
     for (time_s, color) in changes {
@@ -177,7 +178,9 @@ mod tests {
     fn the_camera_looks_at_the_word() {
         let camera = Camera {
             camera_from_world: nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
-            ..crate::camera::CameraOptions::default().camera([-1.0, 0.5, 1.0, 1.0], 1.0).unwrap()
+            ..noctograph_core::camera::CameraOptions::default()
+                .camera([-1.0, 0.5, 1.0, 1.0], 1.0)
+                .unwrap()
         };
         let found = super::camera(&camera);
         let part = |k: usize| found["orientation"][k].as_f64().unwrap();

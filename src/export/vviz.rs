@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 
 use super::lights::{commands, screen_rgb};
 use super::{File, Job, stem};
-use crate::error::{Error, Result};
-use crate::plan::Plan;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::Plan;
 
 /// Positions and color frames per second.
 const POSITION_HZ: f64 = 10.0;

@@ -1,5 +1,5 @@
-//! Zip archives without compression: PKWARE's APPNOTE 6.3, stored entries with the date of 1980 (the same files make the same
-//! bytes).
+//! Zip archives without compression: PKWARE's APPNOTE 6.3, stored entries with the date of 1980
+//! (the same files make the same bytes).
 
 /// An archive of files: names and contents.
 pub fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {

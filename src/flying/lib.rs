@@ -4,12 +4,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use noctograph_core::{
-    control, crazyflie, error, files, flight, geometry, random, settings, statistics, strokes,
-};
-#[cfg(test)]
-use noctograph_letters as letters;
-
 pub mod estimate;
 pub mod plan;
 pub mod sensors;

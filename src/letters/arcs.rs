@@ -1,22 +1,23 @@
 //! Arcs: the curve of which a stroke font's points are samples.
 //!
 //! A font of straight moves shows its corners where it is written large. Between corners, a vertex
-//! has the tangent of the circle through it and its neighbors, and two vertices are joined by a cubic
-//! with these tangents (Hermite), cut into short moves.
+//! has the tangent of the circle through it and its neighbors, and two vertices are joined by a
+//! cubic with these tangents (Hermite), cut into short moves.
 
 use super::vector::{ahead, direction, dot};
-use crate::geometry::distance;
+use noctograph_core::geometry::distance;
 
-/// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up to
-/// 53° at a vertex (s), their corners by 63° (?) and more.
+/// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up
+/// to 53° at a vertex (s), their corners by 63° (?) and more.
 const CORNER_COS: f64 = 0.5;
 
-/// Length of a move, in cap heights, that is no piece of a curve where it is `STEM` times as long as a
-/// neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
+/// Length of a move, in cap heights, that is no piece of a curve where it is `STEM` times as long
+/// as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
 const LONG: f64 = 5.5 / 21.0;
 const STEM: f64 = 1.8;
 
-/// Largest turn between two moves of a curve: one of the O lies within 0.3 mm a meter of its height.
+/// Largest turn between two moves of a curve: one of the O lies within 0.3 mm a meter of its
+/// height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
 /// A run of points with its curves; a closed one stays closed, and all its points stay on it.

@@ -8,8 +8,8 @@ use super::shape::{Fit, Shape};
 use super::stroke_font::StrokeFont;
 use super::typeface::{Line, Typeface};
 use super::{Cell, Glyph, Trace};
-use crate::error::{Error, Result};
-use crate::files::Limit;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
 
 /// The fonts that come with the program, by name.
 const FONTS: [(&str, &str); 3] = [
@@ -74,8 +74,8 @@ impl Font {
 
     /// Draws a character into a cell; `None` where the font lacks it.
     ///
-    /// The letters of a box font (the team's) fill the cell. Those of any other font have its height,
-    /// keep their proportions and are centered in it.
+    /// The letters of a box font (the team's) fill the cell. Those of any other font have its
+    /// height, keep their proportions and are centered in it.
     #[must_use]
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.shape(character)?.glyph(character, cell, self.fit()))
@@ -91,7 +91,8 @@ impl Font {
         }
     }
 
-    /// Length of a stroke of the face that a character's center lines lost, in cap heights; 0: none.
+    /// Length of a stroke of the face that a character's center lines lost, in cap heights; 0:
+    /// none.
     #[must_use]
     pub fn lost(&self, character: char) -> f64 {
         self.shape(character).map_or(0.0, |shape| shape.lost)
@@ -124,8 +125,8 @@ impl Font {
         }
     }
 
-    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none. Where it
-    /// fails, the byte of a character that the font lacks.
+    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
+    /// Where it fails, the byte of a character that the font lacks.
     pub(super) fn line(&self, line: &str, space: f64) -> Option<Line> {
         match &*self.face {
             Face::Strokes(_) => None,

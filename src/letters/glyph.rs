@@ -1,8 +1,8 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
 //! read-fonts ends a composite glyph and a charstring that have no end. Of a CFF or CFF2 face the
-//! code is counted here besides, subroutines as often as they are called: a kilobyte of them can stand
-//! for much work without a point. Variations are not read.
+//! code is counted here besides, subroutines as often as they are called: a kilobyte of them can
+//! stand for much work without a point. Variations are not read.
 
 use std::cell::Cell;
 
@@ -16,7 +16,7 @@ use read_fonts::model::glyph::{GlyphSource, GlyphSourceOrder};
 use read_fonts::ps::cff::{blend::BlendState, index::Index};
 use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSink, evaluate};
 
-use crate::files::Budget;
+use noctograph_core::files::Budget;
 
 /// Tables of outlines, the first that a face has.
 const SOURCES: GlyphSourceOrder =
@@ -32,9 +32,9 @@ const MAX_CODE: usize = 100_000;
 /// Steps of reading an outline, and of each point or byte of code of it.
 const STEPS: [usize; 2] = [20_000, 100];
 
-/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without one, of
-/// too many points, or beyond the budget. Letters composed by the obsolete `endchar` of four numbers have
-/// none.
+/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without
+/// one, of too many points, or beyond the budget. Letters composed by the obsolete `endchar` of
+/// four numbers have none.
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
     budget.spend_steps(STEPS[0]).then_some(())?;
     let mut pen = Pen(BezPath::new());

@@ -5,7 +5,7 @@ use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
 use super::shaping::is_shaped;
 use super::{Cell, Glyph, LeftOut, Picture, StrokeOrder, Strokes};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 

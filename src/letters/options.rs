@@ -1,8 +1,8 @@
 //! Options of letters and their layout.
 
 use super::font;
-use crate::error::Result;
-use crate::settings::{Described, settings};
+use noctograph_core::error::Result;
+use noctograph_core::settings::{Described, settings};
 use noctograph_core::strokes::Picture;
 
 settings! {
@@ -16,16 +16,17 @@ settings! {
         font: String = "ae483".into();
         /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
-        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg` or `*.json`; empty: none.
+        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg` or `*.json`; empty:
+        /// none.
         drawing: String = String::new();
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
         drawing_sha256: String = String::new(), for "letters.drawing";
         /// What a picture `*.png` or `*.jpg` is.
         picture: Picture = Picture::Auto, for "letters.drawing";
-        /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go on in
-        /// one direction become one, short ones are left out, and all are smoother; 0 is a sketch of
-        /// the longest. By default 1, and 0.5 of a photograph.
+        /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go
+        /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
+        /// sketch of the longest. By default 1, and 0.5 of a photograph.
         detail: Option<f64> = None, in 0.0..=1.0, for "letters.drawing";
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
@@ -70,8 +71,8 @@ settings! {
 
     /// Lines that are drawn of a typeface or a picture.
     pub enum Trace {
-        /// The center lines of its strokes, as a pen would write them; of a picture's patches, which are
-        /// too thick for a pen, the outlines.
+        /// The center lines of its strokes, as a pen would write them; of a picture's patches,
+        /// which are too thick for a pen, the outlines.
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
@@ -88,8 +89,8 @@ settings! {
 
     /// Horizontal alignment of a line.
     pub enum Align {
-        /// As in the reference flight: the line begins at half the letters' widths to the left, gaps
-        /// not counted, so that it is off center to the right by half its gaps.
+        /// As in the reference flight: the line begins at half the letters' widths to the left,
+        /// gaps not counted, so that it is off center to the right by half its gaps.
         "ae483" => Ae483,
         /// It begins at x = 0.
         "left" => Left,
@@ -105,7 +106,7 @@ impl LetterOptions {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with the key that is out of range.
+    /// [`noctograph_core::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         font::check_name(&self.font)?;
         Described::check(self, "letters", None)

@@ -1,7 +1,7 @@
 //! Outline: closed contours, filled by the nonzero rule as typefaces are.
 
-use crate::files::Budget;
-use crate::geometry::{bounds, distance};
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{bounds, distance};
 
 /// A closed contour without its first point repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
@@ -12,8 +12,8 @@ const STEPS: usize = 2;
 /// Most samples of an outline; a longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them, each of
-/// which is a step of the budget.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them, each
+/// of which is a step of the budget.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
@@ -170,7 +170,7 @@ pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::polyline_length_m;
+    use noctograph_core::geometry::polyline_length_m;
 
     fn square(left: f64, side: f64) -> Contour {
         vec![[left, 0.0], [left + side, 0.0], [left + side, side], [left, side]]

@@ -1,7 +1,7 @@
 //! Shape: the strokes of a character before it has a place or a size.
 
 use super::{Cell, Glyph, Move};
-use crate::geometry::bounds;
+use noctograph_core::geometry::bounds;
 
 /// Narrowest cell of a character that keeps its proportions, in cap heights: a single stroke, such
 /// as I, gets room on both sides, so that a reader has an area to look at.

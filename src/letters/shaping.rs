@@ -1,8 +1,8 @@
-//! Shaping: the glyphs of letters that join, change with their neighbors, bear marks or run from right
-//! to left.
+//! Shaping: the glyphs of letters that join, change with their neighbors, bear marks or run from
+//! right to left.
 //!
-//! A line is put in visual order (Unicode Standard Annex 9, unicode-bidi), and each word of it is shaped by
-//! the typeface's own rules (GSUB and GPOS, harfrust) in the script of its first letter.
+//! A line is put in visual order (Unicode Standard Annex 9, unicode-bidi), and each word of it is
+//! shaped by the typeface's own rules (GSUB and GPOS, harfrust) in the script of its first letter.
 
 use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape};
 use unicode_bidi::BidiInfo;
@@ -101,7 +101,8 @@ mod tests {
         numbers.into_iter().chain(steps).flat_map(i16::to_be_bytes).collect()
     }
 
-    /// A face of H, two Hebrew letters, and two Arabic ones that reach for each other where they join.
+    /// A face of H, two Hebrew letters, and two Arabic ones that reach for each other where they
+    /// join.
     fn small_face() -> Vec<u8> {
         let outlines = [
             [0, 100, 700],   // 1: H

@@ -1,11 +1,11 @@
 //! Smoothing: a wobbling line made smooth by penalized least squares.
 //!
-//! Points are spaced evenly along the line. Of all lines through both ends, the one minimizes
-//! Σ |z − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the largest λ
-//! of a ladder that moves no point farther than the error allows. Bending is penalized, so straight
+//! Points are spaced evenly along the line. Of all lines through both ends, the one minimizes Σ |z
+//! − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the largest λ of
+//! a ladder that moves no point farther than the error allows. Bending is penalized, so straight
 //! lines stay straight.
 
-use crate::geometry::{arc_lengths, distance, simplify};
+use noctograph_core::geometry::{arc_lengths, distance, simplify};
 
 /// Ladder of λ, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];

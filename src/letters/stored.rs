@@ -1,17 +1,18 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are no outlines.
 //!
-//! TrueType knows closed contours alone. A single stroke is stored as an open line, which the format
-//! closes by a straight edge back to its beginning, or as a line drawn there and back again. Filled, it
-//! would have no area, or a wrong one; it is drawn as stored, without the edge that nobody drew, and once.
+//! TrueType knows closed contours alone. A single stroke is stored as an open line, which the
+//! format closes by a straight edge back to its beginning, or as a line drawn there and back again.
+//! Filled, it would have no area, or a wrong one; it is drawn as stored, without the edge that
+//! nobody drew, and once.
 
 use kurbo::{BezPath, PathEl, Shape as _};
 
 use super::curves::polylines;
 use super::vector::{direction, dot};
-use crate::geometry::distance;
+use noctograph_core::geometry::distance;
 
-/// Characters of straight strokes: of a face of outlines, none of them has a contour without area. In a
-/// script face the letters may be curves.
+/// Characters of straight strokes: of a face of outlines, none of them has a contour without area.
+/// In a script face the letters may be curves.
 pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 
 /// Largest mean width of a contour without area, by the larger side of its box.
@@ -70,8 +71,8 @@ fn contours(path: &BezPath) -> Vec<BezPath> {
     found
 }
 
-/// A line that is drawn there and back, once: from one of its two turns to the other. Any other line as
-/// it is.
+/// A line that is drawn there and back, once: from one of its two turns to the other. Any other
+/// line as it is.
 fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let mut around = line.clone();
     if around[0] == around[around.len() - 1] {

@@ -1,21 +1,23 @@
 //! Stroke fonts: letters as runs of the pen, kept as text.
 //!
-//! A line is a letter: the character, or its code point (`U+0023` for `#`), then its runs, each `+` (lit) or `-` (dark) and
-//! its points `x,y`, y up from the baseline. `#` begins a comment line. There are two kinds:
+//! A line is a letter: the character, or its code point (`U+0023` for `#`), then its runs, each `+`
+//! (lit) or `-` (dark) and its points `x,y`, y up from the baseline. `#` begins a comment line.
+//! There are two kinds:
 //! - the letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
 //!   one, and every move of the pen is listed, jumps included;
 //! - a font with a line `cap 21`, the height of a capital in its own units, keeps its proportions:
 //!   an advance follows the character, x = 0 is the pen's place before it, and between lit runs the
-//!   pen moves in the dark. Points that turn by less than 60° are samples of a curve ([`super::arcs`]),
-//!   and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot. `Á = A ´` composes a character: the mark is centered over the base, a
-//!   mark above it is raised by the base's height over a small letter, and `dx,dy` moves it.
+//!   pen moves in the dark. Points that turn by less than 60° are samples of a curve
+//!   ([`super::arcs`]), and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot.
+//!   `Á = A ´` composes a character: the mark is centered over the base, a mark above it is raised
+//!   by the base's height over a small letter, and `dx,dy` moves it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::arcs::rounded;
 use super::shape::{Fit, Run, Shape};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;

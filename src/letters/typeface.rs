@@ -1,14 +1,14 @@
 //! Typefaces: a TrueType or OpenType face's outlines become strokes.
 //!
 //! Center lines end half a stroke's width before the outline. So a face's capitals are measured
-//! between the center lines of a horizontal stroke at the top and one at the bottom: these are a cap
-//! height apart, the lower one on the baseline.
+//! between the center lines of a horizontal stroke at the top and one at the bottom: these are a
+//! cap height apart, the lower one on the baseline.
 //!
-//! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs that
-//! touch are traced together, so that joined letters are one line. A face for plotters and engravers,
-//! whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph that is an area, such
-//! as a heart, is its outline. Not read: variations, and in text that is not shaped ligatures and kerning
-//! outside the table `kern`.
+//! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs
+//! that touch are traced together, so that joined letters are one line. A face for plotters and
+//! engravers, whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph
+//! that is an area, such as a heart, is its outline. Not read: variations, and in text that is not
+//! shaped ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -26,9 +26,9 @@ use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{Placed, shaped};
 use super::stored;
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::geometry::{distance, polyline_length_m};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{distance, polyline_length_m};
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -45,8 +45,9 @@ const MAX_COORDINATE: f64 = 100.0;
 /// Largest distance of an outline's polyline from its curves, in cap heights.
 const CURVES: f64 = 2e-4;
 
-/// A glyph is an area where it is so many times as thick as the face's letters, and its center lines
-/// are shorter than so many of its thicknesses: a bold I has 4, but it is as thick as a letter.
+/// A glyph is an area where it is so many times as thick as the face's letters, and its center
+/// lines are shorter than so many of its thicknesses: a bold I has 4, but it is as thick as a
+/// letter.
 const THICK: f64 = 2.5;
 const LONG: f64 = 6.0;
 
@@ -74,15 +75,15 @@ struct Traced {
 /// A glyph, and its place in font units.
 type Part = (GlyphId, [i32; 2]);
 
-/// Letters that touch, as one shape: the byte of its first character in the line, its left edge and its
-/// strokes, in cap heights.
+/// Letters that touch, as one shape: the byte of its first character in the line, its left edge and
+/// its strokes, in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
 /// Letters of a line, or the byte of a character that the face lacks.
 pub(super) type Line = std::result::Result<Vec<Joined>, usize>;
 
-/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some faces
-/// meet at a common edge.
+/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
+/// faces meet at a common edge.
 const TOUCHING: f64 = 0.005;
 
 /// Characters whose height is that of capitals; the first that a face has counts.

@@ -1,6 +1,6 @@
 //! Vectors in a plane, as pairs.
 
-use crate::geometry::distance;
+use noctograph_core::geometry::distance;
 
 /// Unit vector from one point to another; zero where they are one.
 pub(super) fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {

@@ -1,12 +1,12 @@
 //! Which links of a log are wrong: a bias is estimated, a link whose error changes is left out.
 //!
-//! In: a log that contradicts itself. Out: the log located anew. Method:
-//! detection, identification and adaptation (Teunissen, "Quality control in integrated navigation
-//! systems", IEEE AES Magazine 5(7), 1990; for one link Baarda's test of 1968). A filter with one
-//! constant bias for every link gives the log's information on all biases at once, the positions
-//! taken out: N(b̂, P) with a prior of σ² is information Λ = P⁻¹ − I/σ² and vector λ = P⁻¹ b̂. With
-//! the biases C b and all others zero, χ² falls by λᵀC (CᵀΛC)⁻¹ Cᵀλ. Biases are added one by one, the
-//! greatest fall first, and the positions are found anew with them.
+//! In: a log that contradicts itself. Out: the log located anew. Method: detection, identification
+//! and adaptation (Teunissen, "Quality control in integrated navigation systems", IEEE AES Magazine
+//! 5(7), 1990; for one link Baarda's test of 1968). A filter with one constant bias for every link
+//! gives the log's information on all biases at once, the positions taken out: N(b̂, P) with a
+//! prior of σ² is information Λ = P⁻¹ − I/σ² and vector λ = P⁻¹ b̂. With the biases C b and all
+//! others zero, χ² falls by λᵀC (CᵀΛC)⁻¹ Cᵀλ. Biases are added one by one, the greatest fall first,
+//! and the positions are found anew with them.
 //!
 //! Two links whose biases explain the log as well as each other both get one: the covariance then
 //! holds the doubt. Where the log still contradicts itself, links with large residuals are left
@@ -21,8 +21,8 @@ use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_l
 use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};
-use crate::error::Result;
-use crate::estimate::Normal;
+use noctograph_core::error::Result;
+use noctograph_flying::estimate::Normal;
 
 /// σ of a bias before the log: antenna delays that nobody measured are some 0.5 m, paths around an
 /// obstacle less than a meter longer.
@@ -165,8 +165,8 @@ pub(super) struct Repaired {
     pub(super) left_out: Vec<Link>,
 }
 
-/// A log with the biases that explain it taken off, and without the links that none explains; `None`
-/// where there are neither. Ranges far from their link's others are left out.
+/// A log with the biases that explain it taken off, and without the links that none explains;
+/// `None` where there are neither. Ranges far from their link's others are left out.
 pub(super) fn repair<'a>(
     model: &Model<'a>,
     heard_s: &[[f64; 2]],
@@ -238,8 +238,8 @@ impl<'a> Log<'_, 'a> {
         Ok((found, start))
     }
 
-    /// The log without one more link, of those with the largest residuals the first without which it
-    /// contradicts itself less; `None` where there is none, or no contradiction.
+    /// The log without one more link, of those with the largest residuals the first without which
+    /// it contradicts itself less; `None` where there is none, or no contradiction.
     fn with_one_link_less(&self, before: &Repaired) -> Option<(Repaired, Normal)> {
         let innovations = &before.solved.innovations;
         let nis = innovations.nis()?;

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::{Located, Reference};
-use crate::statistics::median;
+use noctograph_core::statistics::median;
 
 /// Step of the search, s: drones turn within a second.
 const STEP_S: f64 = 0.1;
@@ -64,8 +64,8 @@ pub fn log_offset_s(
     best(left_m2, between.len(), [first_from_s - second_to_s, first_to_s - second_from_s])
 }
 
-/// Seconds to add to a reference's clock so that the located positions of a drone lie nearest to it;
-/// `None` where these do not tell.
+/// Seconds to add to a reference's clock so that the located positions of a drone lie nearest to
+/// it; `None` where these do not tell.
 #[must_use]
 pub fn reference_offset_s(
     located: &Located,

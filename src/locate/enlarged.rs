@@ -1,18 +1,18 @@
 //! Positions of N drones from ranges without a local region: the state is enlarged by squares.
 //!
-//! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`, motion and
-//! squared ranges are linear:
+//! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`,
+//! motion and squared ranges are linear:
 //!
 //! ```text
 //! p_i ← p_i + δ_i     n_i ← n_i + 2 δ_iᵀ p_i + |δ_i|²     z_ij ← z_ij + δ_jᵀ p_i + δ_iᵀ p_j + δ_iᵀ δ_j
 //! d_ik² = n_i − 2 a_kᵀ p_i + |a_k|²                       q_ij² = n_i + n_j − 2 z_ij
 //! ```
 //!
-//! so that a Kalman filter converges from any start. It is blind where motion and anchors lie in one
-//! plane; [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by Gauss and Newton,
-//! weighted by its own covariance, which hands over to [`Positions`]. [`locate_enlarged`] begins
-//! anywhere among the anchors, and hands over after five seconds; no later range improves an earlier
-//! position, as in flight.
+//! so that a Kalman filter converges from any start. It is blind where motion and anchors lie in
+//! one plane; [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by Gauss
+//! and Newton, weighted by its own covariance, which hands over to [`Positions`].
+//! [`locate_enlarged`] begins anywhere among the anchors, and hands over after five seconds; no
+//! later range improves an earlier position, as in flight.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
@@ -27,8 +27,8 @@ use super::positions::Positions;
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
-use crate::error::{Error, Result};
-use crate::estimate::{Measurement, Normal, Part};
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::estimate::{Measurement, Normal, Part};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
@@ -159,8 +159,9 @@ impl Enlarged {
         (place_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// The positions that fit the state best, by Gauss and Newton, in a room. Where motion and anchors lie in planes of one direction, the ranges are the
-    /// same for the drones' mirror image behind the anchors: only the room tells them apart.
+    /// The positions that fit the state best, by Gauss and Newton, in a room. Where motion and
+    /// anchors lie in planes of one direction, the ranges are the same for the drones' mirror image
+    /// behind the anchors: only the room tells them apart.
     #[must_use]
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
@@ -366,8 +367,8 @@ pub fn locate_enlarged(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::locate::positions::slope;
-    use crate::locate::tests::{FIVE_LINKS, GEOMETRIES, Random, flight, off_m, path};
+    use crate::positions::slope;
+    use crate::tests::{FIVE_LINKS, GEOMETRIES, Random, flight, off_m, path};
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {

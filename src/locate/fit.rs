@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Link;
 use super::positions::slope;
-use crate::estimate::Part;
+use noctograph_flying::estimate::Part;
 
 const FIT_STEPS: usize = 40;
 

@@ -9,14 +9,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-extern crate self as locate;
-use noctograph_core::{error, flight, random, statistics};
-use noctograph_flying::estimate;
-#[cfg(test)]
-use noctograph_flying::plan;
-#[cfg(test)]
-use noctograph_letters as letters;
-
 mod bias;
 mod biases;
 mod clocks;
@@ -143,9 +135,9 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::{Link, Located, RangeSample, Track};
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{EvenStyle, PlanOptions, Style, fleet};
-    use crate::random::split_mix;
+    use noctograph_core::random::split_mix;
+    use noctograph_flying::plan::{EvenStyle, PlanOptions, Style, fleet};
+    use noctograph_letters::{LetterOptions, write};
 
     /// Each drone's own anchor, then the shared one.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [

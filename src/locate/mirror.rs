@@ -1,11 +1,11 @@
 //! When the ranges leave a second place for a drone.
 //!
-//! In: a log and its located positions. Out: [`Ambiguity`]s. At every second the ranges that would be
-//! measured at the located places, over the links that are heard then, are fitted from mirror images
-//! and from places along the direction that is seen worst. A fit that the noise cannot tell from the
-//! located places and that lies elsewhere makes the drones that it moves ambiguous: three anchors or
-//! fewer, anchors in a plane, two anchors and another drone. What was heard before is not used: a
-//! drone that crosses the plane of its anchors may leave on either side.
+//! In: a log and its located positions. Out: [`Ambiguity`]s. At every second the ranges that would
+//! be measured at the located places, over the links that are heard then, are fitted from mirror
+//! images and from places along the direction that is seen worst. A fit that the noise cannot tell
+//! from the located places and that lies elsewhere makes the drones that it moves ambiguous: three
+//! anchors or fewer, anchors in a plane, two anchors and another drone. What was heard before is
+//! not used: a drone that crosses the plane of its anchors may leave on either side.
 //!
 //! Where the motion is known, all ranges of the log are fitted at once.
 
@@ -16,8 +16,8 @@ use serde::Serialize;
 
 use super::fit::{Observation, fit, residuals};
 use super::{Link, LocateOptions, Located, RangeSample};
-use crate::flight::DroneIndex;
-use crate::statistics::median;
+use noctograph_core::flight::DroneIndex;
+use noctograph_core::statistics::median;
 
 /// Span of the ranges that are looked at together; more where a link is measured less than three
 /// times in it.
@@ -125,8 +125,8 @@ fn span_s(samples: &[RangeSample]) -> f64 {
     median(pauses).map_or(SPAN_S, |pause_s| SPAN_S.max(3.0 * pause_s))
 }
 
-/// The ranges of a span as they would be at the located places, one for each link, and the places in
-/// its middle.
+/// The ranges of a span as they would be at the located places, one for each link, and the places
+/// in its middle.
 fn expected(
     anchors_m: &[Vector3<f64>],
     span: &[RangeSample],

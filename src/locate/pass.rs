@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::positions::slope;
 use super::{BiasOf, Link, LocateOptions, RangeSample};
-use crate::estimate::{Entry, Gate, Measurement, Normal, Part, Step, along};
+use noctograph_flying::estimate::{Entry, Gate, Measurement, Normal, Part, Step, along};
 
 /// States of a drone.
 pub(super) const STATES: usize = 6;

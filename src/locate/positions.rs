@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
-use crate::estimate::{Gate, Measurement, Normal, Part, along, toward};
+use noctograph_flying::estimate::{Gate, Measurement, Normal, Part, along, toward};
 
 /// Positions of N drones with their covariance: an extended Kalman filter on ranges.
 #[derive(Clone, Debug)]
@@ -15,8 +15,8 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// Independent drones near these places, each axis with a standard deviation. Ranges farther from
-    /// their prediction than `gate_sigmas` are refused.
+    /// Independent drones near these places, each axis with a standard deviation. Ranges farther
+    /// from their prediction than `gate_sigmas` are refused.
     #[must_use]
     pub fn new(
         anchors_m: &[Vector3<f64>],
@@ -48,8 +48,8 @@ impl Positions {
         }
     }
 
-    /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that is
-    /// refused five times in a row is believed again.
+    /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that
+    /// is refused five times in a row is believed again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let at = self.normal.mean.as_slice();
         let (slope, expected_m) = slope(link, &self.anchors_m, at, 3);

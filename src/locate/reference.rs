@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::residuals::SIGMA_PER_MAD;
 use super::{Link, Located, RangeSample};
-use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::statistics::median;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::statistics::median;
 
 /// The reference is not interpolated over longer gaps.
 const LONGEST_GAP_S: f64 = 0.2;
@@ -125,7 +125,7 @@ pub fn link_errors(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::FlightSample;
+    use noctograph_core::flight::FlightSample;
 
     #[test]
     fn a_bias_and_a_scatter_are_told_apart_and_gaps_are_left_out() {

@@ -1,14 +1,14 @@
 //! The local region of the authors' observer, and what its measurements see of a flight.
 //!
-//! Two questions before a flight: which share of a start error does the observer leave, and how well
-//! do the ranges fix the places at the start, if the motion is known exactly? Noise is left out of
-//! the first and motion noise out of the second.
+//! Two questions before a flight: which share of a start error does the observer leave, and how
+//! well do the ranges fix the places at the start, if the motion is known exactly? Noise is left
+//! out of the first and motion noise out of the second.
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
 
 use super::shared_anchor::SharedAnchorObserver;
-use crate::random::split_mix;
-use crate::statistics::median;
+use noctograph_core::random::split_mix;
+use noctograph_core::statistics::median;
 
 /// Steps per second of the observer, as on board.
 const RATE_HZ: f64 = 100.0;
@@ -179,7 +179,7 @@ fn seen(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::locate::tests::{GEOMETRIES, path};
+    use crate::tests::{GEOMETRIES, path};
 
     fn observer(gain: f64) -> SharedAnchorObserver {
         let [one, two, shared_m] = GEOMETRIES[0].1.map(Vector3::from);

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::pass::together;
 use super::{Bias, Link, Located, RangeSample};
-use crate::statistics::median;
+use noctograph_core::statistics::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
 pub(super) const SIGMA_PER_MAD: f64 = 1.4826;

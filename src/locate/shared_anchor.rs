@@ -1,7 +1,7 @@
 //! The observer of two drones that share an anchor, as its authors left it.
 //!
-//! Drone i hears an anchor `a_i` of its own and the shared anchor `a_3`, and both the range q between
-//! them. From squared ranges, with `C_i` = `a_3` − `a_i`:
+//! Drone i hears an anchor `a_i` of its own and the shared anchor `a_3`, and both the range q
+//! between them. From squared ranges, with `C_i` = `a_3` − `a_i`:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
@@ -11,8 +11,8 @@
 //!
 //! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
 //! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
-//! uses three of the five ranges: at an instant they fix three of six coordinates. [`locate_shared`]
-//! runs it over a log, from a start near the truth and without a covariance.
+//! uses three of the five ranges: at an instant they fix three of six coordinates.
+//! [`locate_shared`] runs it over a log, from a start near the truth and without a covariance.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +22,7 @@ use super::pass::together;
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, Located, RangeSample, Track};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Gain of the authors' observer, 1/(m² s).
 const GAIN: f64 = 0.03;
@@ -132,8 +132,8 @@ impl SharedAnchorObserver {
 ///
 /// # Errors
 ///
-/// As [`super::locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone, one
-/// of them the same, and the range between the drones.
+/// As [`super::locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone,
+/// one of them the same, and the range between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track; 2],
@@ -195,7 +195,7 @@ pub fn locate_shared(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::locate::tests::{Random, flight, off_m, path};
+    use crate::tests::{Random, flight, off_m, path};
 
     #[test]
     fn outputs_are_linear_and_bilinear_in_the_places_to_rounding() {

@@ -1,10 +1,10 @@
 //! Whole flights from range logs: a filter forward, a smoother backward, relinearized until it
 //! converges.
 //!
-//! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a smoother
-//! backward, repeated with slopes at the smoothed places, are the Gauss–Newton method on the whole
-//! flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It starts from
-//! the position that best fits the ranges of each drone's first second.
+//! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a
+//! smoother backward, repeated with slopes at the smoothed places, are the Gauss–Newton method on
+//! the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It
+//! starts from the position that best fits the ranges of each drone's first second.
 //!
 //! A link that the gate refuses five times in a row is believed again, as in flight. Where the
 //! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
@@ -19,7 +19,7 @@ use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
 use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, Link, RangeSample, Room};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Least standard deviation of a range for the place at the start.
 const START_SIGMA_M: f64 = 0.05;
@@ -212,7 +212,7 @@ pub(super) fn checked(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::locate::tests::Random;
+    use crate::tests::Random;
 
     fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
         let all = [

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::pass::{Innovations, Model, STATES};
 use super::{Bias, RangeSample};
-use crate::error::{Error, Result};
-use crate::estimate::{Normal, smoothed};
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::estimate::{Normal, smoothed};
 
 /// Most passes.
 const MAX_PASSES: usize = 8;

@@ -1,8 +1,8 @@
 //! The places at the start of a log, from the first second of each drone alone.
 //!
-//! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean range
-//! of each link is fitted by Levenberg's and Marquardt's method from 27 places around the anchors,
-//! since a few ranges have mirror images.
+//! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
+//! range of each link is fitted by Levenberg's and Marquardt's method from 27 places around the
+//! anchors, since a few ranges have mirror images.
 
 use std::collections::BTreeMap;
 
@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::fit::{Observation, fit, residuals};
 use super::pass::{LATE_S, STATES};
 use super::{Link, RangeSample, Room};
-use crate::error::{Error, Result};
-use crate::estimate::Normal;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::estimate::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;

@@ -16,10 +16,10 @@ use std::collections::BTreeMap;
 use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
 use super::{ImportOptions, MAX_VARIABLES, TimeUnit, plain_csv};
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::flight::stamps::SLOWEST_PERIOD_S;
-use crate::statistics::median;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
+use noctograph_core::statistics::median;
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
 const WRAP_S: f64 = 16_777.216;
@@ -89,8 +89,8 @@ pub(super) fn read(
     Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
 }
 
-/// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of events
-/// have steps of any length.
+/// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of
+/// events have steps of any length.
 fn settle_units(
     blocks: &mut [Block],
     in_seconds: bool,
@@ -119,8 +119,8 @@ fn settle_units(
     }
 }
 
-/// Seconds of a unit of stamps by their steps. Log periods are 10 ms to 2.55 s, so that longer steps are
-/// ms, and those below 0.5 are s; in between, the dialect decides.
+/// Seconds of a unit of stamps by their steps. Log periods are 10 ms to 2.55 s, so that longer
+/// steps are ms, and those below 0.5 are s; in between, the dialect decides.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -347,8 +347,8 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a member says of a log whose it is and when it was made, which changes nothing: those of the
-/// course's client, and those that an exported script writes.
+/// Whether a member says of a log whose it is and when it was made, which changes nothing: those of
+/// the course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
     const NAMES: [&str; 13] = [
         "noctograph",

@@ -5,8 +5,8 @@
 
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
-use crate::error::Result;
-use crate::files::{Budget, plain_text};
+use noctograph_core::error::Result;
+use noctograph_core::files::{Budget, plain_text};
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";

@@ -1,10 +1,10 @@
 //! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
 
 use super::recording::{Block, Clock, Pace, Recording};
-use crate::statistics::median;
+use noctograph_core::statistics::median;
 
-/// Seconds that the firmware's microsecond counter counts per true second up to and with release 2026.08:
-/// `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
+/// Seconds that the firmware's microsecond counter counts per true second up to and with release
+/// 2026.08: `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
 pub(super) const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
 
 /// A clock that falls by more than this without a wrap was restarted.
@@ -180,7 +180,7 @@ fn warn_of_slow_clock(recording: &mut Recording) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::recording::Column;
+    use crate::recording::Column;
 
     fn settled(stamps: &[f64], wrap_s: Option<f64>) -> (Vec<f64>, Vec<f64>, usize) {
         let values = (0_u32..).map(f64::from).take(stamps.len()).collect();

@@ -1,6 +1,6 @@
 //! Files of other programs that are known and not read, each with what turns it into a table.
 
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// What a file begins with, what it is, and what to do.
 const FORMATS: [(&[u8], &str, &str); 16] = [

@@ -1,13 +1,13 @@
 //! Axes of a table's world: z down and y up are turned into z up.
 //!
-//! The format says them, or an option, or the flight: a drone takes off from the floor along one axis,
-//! and never comes below it. Where z does so, it is up. Where it does not, and the drone would be below
-//! the floor or on it, another axis that does so is up; where two do, or none, nothing is turned, and a
-//! warning says so.
+//! The format says them, or an option, or the flight: a drone takes off from the floor along one
+//! axis, and never comes below it. Where z does so, it is up. Where it does not, and the drone
+//! would be below the floor or on it, another axis that does so is up; where two do, or none,
+//! nothing is turned, and a warning says so.
 
 use super::recording::{Block, Recording, names};
 use super::{Axes, ImportOptions};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Patterns of the columns of a vector.
 const VECTORS: [&str; 6] = [
@@ -143,7 +143,8 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     }
 }
 
-/// Whether rows begin or end on the floor, straight below a climb along an axis, and never come below.
+/// Whether rows begin or end on the floor, straight below a climb along an axis, and never come
+/// below.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     let height = |row: &[f64; 3]| sign * row[axis];
     let lowest_m = rows.iter().map(height).fold(f64::INFINITY, f64::min);
@@ -172,7 +173,7 @@ fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::recording::Column;
+    use crate::recording::Column;
 
     /// A flight of take-off, an L on the wall and landing, in a world that `to` makes of ours.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {

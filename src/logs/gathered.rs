@@ -1,10 +1,11 @@
-//! The logs of an evening: which of a folder's files and folders are one, and which drone's each is.
+//! The logs of an evening: which of a folder's files and folders are one, and which drone's each
+//! is.
 
 use std::path::{Path, PathBuf};
 
 use super::{LIMIT, cfclient_csv, sheet};
-use crate::error::{Error, Result};
-use crate::files::entries_in;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::entries_in;
 
 /// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
@@ -23,9 +24,9 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The serial number, or else the address, that an exported script keeps in its log; else the folder in
-    /// which it lies within that of the evening; of a log in the latter itself, its name up to the first
-    /// `-`, `_`, `.` or space.
+    /// The serial number, or else the address, that an exported script keeps in its log; else the
+    /// folder in which it lies within that of the evening; of a log in the latter itself, its name
+    /// up to the first `-`, `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
@@ -56,7 +57,8 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too many.
+/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too
+/// many.
 pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
     let (mut logs, mut folders) = (Vec::new(), vec![(folder.to_owned(), 0)]);
     while let Some((inside, depth)) = folders.pop() {

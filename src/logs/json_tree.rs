@@ -8,8 +8,8 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-use crate::error::Result;
-use crate::files::{Budget, push};
+use noctograph_core::error::Result;
+use noctograph_core::files::{Budget, push};
 
 /// Steps of reading a number, and a name besides its bytes.
 const STEPS: [usize; 2] = [60, 200];

@@ -1,9 +1,9 @@
 //! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive, Vicon,
-//! rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Product out:
-//! [`Flight`]. The format is recognized from the content, not from the file's name.
+//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
+//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Product
+//! out: [`Flight`]. The format is recognized from the content, not from the file's name.
 //!
 //! Method: the reader of the format makes a recording (blocks of named columns, each with its own
 //! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
@@ -12,45 +12,37 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is frozen while others change, or diverged, is skipped, whichever quantity it is of, and a
-//!   quantity that is frozen while the drone moves was not logged; both are warnings. `estimate_m` is the custom observer, else the firmware's.
+//!   that is frozen while others change, or diverged, is skipped, whichever quantity it is of, and
+//!   a quantity that is frozen while the drone moves was not logged; both are warnings.
+//!   `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
 //!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
 //!   setpoints, motor commands and unknown columns are always held.
-//! - **In-flight part**: nothing is cut away; [`crate::flight::airborne`] finds it.
+//! - **In-flight part**: nothing is cut away; [`noctograph_core::flight::airborne`] finds it.
 //! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
 //! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
 //!   have columns `light.<channel>`.
 //! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
 //!   [`PositionSource::Estimate`] alone applies.
 //!
-//! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with their
-//!   reason, options of [`ImportOptions`], and errors where two fit. Columns without a meaning are named.
+//! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with
+//!   their reason, options of [`ImportOptions`], and errors where two fit. Columns without a
+//!   meaning are named.
 //!
 //! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-extern crate self as logs;
-#[cfg(test)]
-use noctograph_core::random;
-use noctograph_core::{crazyflie, error, files, flight, geometry, settings, statistics};
-use noctograph_flying::vehicle;
-#[cfg(test)]
-use noctograph_flying::{plan, sim};
-#[cfg(test)]
-use noctograph_letters as letters;
-
 pub mod identify;
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::files::{Budget, Limit, decoded, files_in, plain_text};
-use crate::flight::{Flight, Quantity};
-use crate::settings::{Described, settings};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Budget, Limit, decoded, files_in, plain_text};
+use noctograph_core::flight::{Flight, Quantity};
+use noctograph_core::settings::{Described, settings};
 
 mod ae483_json;
 mod cfclient_csv;
@@ -89,13 +81,13 @@ const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 settings! {
     /// Options of an import.
     pub struct ImportOptions {
-        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
-        /// oscillations of strokes.
+        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths
+        /// the oscillations of strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
-        /// Longest gap over which the position is interpolated (or two and a half periods of a slower
-        /// log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a lamp's
-        /// width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves many gaps
-        /// in a radio log (a third of that flight at 0.1 s).
+        /// Longest gap over which the position is interpolated (or two and a half periods of a
+        /// slower log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a
+        /// lamp's width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves
+        /// many gaps in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;
@@ -156,7 +148,8 @@ settings! {
         "best" => Best,
         /// Motion capture.
         ///
-        /// Its own block, its echo in the drone's log, or `locSrv`. A plain table's position comes after it.
+        /// Its own block, its echo in the drone's log, or `locSrv`. A plain table's position comes
+        /// after it.
         "mocap" => Mocap,
         /// The observer of the AE483 course.
         ///
@@ -251,8 +244,8 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     Ok(found)
 }
 
-/// Whether a header is that of a flight file: it begins with a pose, or it has the column of letters,
-/// which every flight file has.
+/// Whether a header is that of a flight file: it begins with a pose, or it has the column of
+/// letters, which every flight file has.
 fn is_own(header: &[String]) -> bool {
     header.starts_with(&OWN.map(str::to_owned))
         || header.first().is_some_and(|name| name == OWN[0])

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, VelocityFrame, quantities};
 use super::{ImportOptions, PositionSource};
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::flight::csv::is_standard_column;
-use crate::flight::stamps::SLOWEST_PERIOD_S;
-use crate::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
-use crate::flight::{Flight, FlightSample, Quantity, Warning};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::flight::csv::is_standard_column;
+use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
+use noctograph_core::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
+use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning};
 
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
@@ -201,8 +201,9 @@ fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
     Some(text)
 }
 
-/// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body that
-/// leans by 0.1 rad moves a lamp 5 cm from its middle by 5 mm; without a position nothing is known.
+/// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body
+/// that leans by 0.1 rad moves a lamp 5 cm from its middle by 5 mm; without a position nothing is
+/// known.
 const ATTITUDE_GAPS: f64 = 4.0;
 
 /// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.

@@ -5,8 +5,8 @@
 //! explains most of their variance is taken.
 //!
 //! Its world may be another one: turned about the vertical, shifted, with y up. Where it is, it is
-//! laid onto the drone's by the rigid transform that fits best, if that leaves centimeters; else its
-//! columns are left out, since a distance across two worlds says nothing.
+//! laid onto the drone's by the rigid transform that fits best, if that leaves centimeters; else
+//! its columns are left out, since a distance across two worlds says nothing.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -14,7 +14,7 @@ use super::PositionSource;
 use super::clock::SLOW_CLOCK_RATIO;
 use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::quantities;
-use crate::flight::Quantity;
+use noctograph_core::flight::Quantity;
 
 /// Number of stamps at which the two paths are compared.
 const N_STAMPS: u32 = 200;
@@ -96,7 +96,8 @@ struct Shift {
     left_m: f64,
 }
 
-/// Frames that differ by less are one: an estimator's error, a marker beside the middle of the body.
+/// Frames that differ by less are one: an estimator's error, a marker beside the middle of the
+/// body.
 const SAME_M: f64 = 0.15;
 const SAME_RAD: f64 = 0.09;
 

@@ -2,13 +2,13 @@
 //!
 //! Understood: Motive (a first line `Format Version,…`; lines of types, names and properties above
 //! `Frame,Time (Seconds)`; y up) and Vicon (`Objects`, `Segments` or `Trajectories`, the frames per
-//! second, names, `Frame,Sub Frame,…` and units; z up, rotations left out). The one rigid body is taken,
-//! or the one marker where there is no body; of more, which one is asked for.
+//! second, names, `Frame,Sub Frame,…` and units; z up, rotations left out). The one rigid body is
+//! taken, or the one marker where there is no body; of more, which one is asked for.
 
 use std::collections::BTreeSet;
 
 use super::Axes;
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Lines of a head.
 const HEAD_LINES: usize = 12;

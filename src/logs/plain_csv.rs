@@ -1,18 +1,19 @@
-//! Plain tables: t, x, y, z and others, under their usual names; range logs of a drone with a Loco deck.
+//! Plain tables: t, x, y, z and others, under their usual names; range logs of a drone with a Loco
+//! deck.
 //!
 //! What is understood: the titles of `NAMES`, also as the ends of paths (`/cf1/pose/position/x` of
 //! `PlotJuggler`, `field.pose.position.x` of rosbag), with the units of `UNITS` at their end or in
 //! brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and Vicon
 //! ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between blanks
-//! t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another unit is
-//! refused, and so are the poses of two bodies.
+//! t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another unit
+//! is refused, and so are the poses of two bodies.
 //!
-//! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these units.
-//! Each guess is a warning, and an option says otherwise.
+//! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
+//! units. Each guess is a warning, and an option says otherwise.
 //!
-//! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings one
-//! new range, and its stamp is a date or a number: the flight keeps the rows with their own times, and
-//! has no position.
+//! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings
+//! one new range, and its stamp is a date or a number: the flight keeps the rows with their own
+//! times, and has no position.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,10 +21,10 @@ use std::collections::BTreeMap;
 use super::recording::{Block, Column, Recording, shortened};
 use super::sheet::{self, Sheet};
 use super::{AngleUnit, ImportOptions, TimeUnit, mocap_csv};
-use crate::error::{Error, Result};
-use crate::files::{Budget, plain_text};
-use crate::flight::csv::is_standard_column;
-use crate::flight::stamps::unit_of;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Budget, plain_text};
+use noctograph_core::flight::csv::is_standard_column;
+use noctograph_core::flight::stamps::unit_of;
 
 /// Names of the columns where a file has no header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::{Axes, HINT, MAX_VARIABLES};
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::statistics::median;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::statistics::median;
 
 /// Most variables that become quantities of a flight, each as a channel of its own.
 const MAX_CHANNELS: usize = 32;
@@ -38,7 +38,8 @@ pub(super) enum Pace {
     /// The ticks of the operating system (radio logs), or unknown: true time.
     #[default]
     Ticks,
-    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and with release 2026.08.
+    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and with release
+    /// 2026.08.
     Microseconds,
 }
 
@@ -91,8 +92,8 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
-    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`; `None` where one
-    /// is missing.
+    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`; `None` where
+    /// one is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
     }

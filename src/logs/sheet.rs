@@ -1,11 +1,11 @@
-//! Sheets: tables of loggers, with more freedom than [`crate::flight::table`] allows.
+//! Sheets: tables of loggers, with more freedom than [`noctograph_core::flight::table`] allows.
 //!
-//! In the form of [`crate::files::plain_text`], or with semicolons or tabs; a header line, optionally
-//! after `#`; missing values; dates and times of day; columns of texts, where nothing needs them; a
-//! last line that is cut off.
+//! In the form of [`noctograph_core::files::plain_text`], or with semicolons or tabs; a header
+//! line, optionally after `#`; missing values; dates and times of day; columns of texts, where
+//! nothing needs them; a last line that is cut off.
 
-use crate::error::{Error, Result};
-use crate::files::{Budget, Lines};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Budget, Lines};
 
 /// Steps of reading a byte, and a cell besides.
 const STEPS: [usize; 2] = [4, 50];
@@ -274,8 +274,8 @@ fn month(name: &str) -> Option<i64> {
     Some([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 5, 10, 12, 3][place])
 }
 
-/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day comes
-/// first with points, as in German, and where it is beyond 12.
+/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
+/// comes first with points, as in German, and where it is beyond 12.
 fn days_from_date(date: &str) -> Option<i64> {
     let parts: Vec<&str> = date.split(['-', '/', '.']).collect();
     let [a, b, c] = parts[..] else { return None };

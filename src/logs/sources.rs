@@ -1,23 +1,24 @@
 //! From logged variables to quantities in SI units, our frames and our signs.
 //!
 //! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
-//! table is in order of preference: the first source that is logged, sound and alive is taken. A source
-//! is sound while its numbers are of a drone's world, and alive while it changes as others do; a
-//! quantity that is frozen while the drone moves was not logged. Each that is left out is named.
+//! table is in order of preference: the first source that is logged, sound and alive is taken. A
+//! source is sound while its numbers are of a drone's world, and alive while it changes as others
+//! do; a quantity that is frozen while the drone moves was not logged. Each that is left out is
+//! named.
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
-//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; `controller_lee.c` (radians, no
-//! sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted); the
-//! AE483 course's `controller_ae483.c` (metres, radians, body frame).
+//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; `controller_lee.c` (radians,
+//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted);
+//! the AE483 course's `controller_ae483.c` (metres, radians, body frame).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
-use crate::flight::Quantity;
-use crate::flight::table::{MAX_QUANTITY, on_grid};
-use crate::geometry::Attitude;
+use noctograph_core::flight::Quantity;
+use noctograph_core::flight::table::{MAX_QUANTITY, on_grid};
+use noctograph_core::geometry::Attitude;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
 /// values into SI units and our signs (1 where there are none).
@@ -25,7 +26,8 @@ struct Source(PositionSource, &'static str, &'static [f64]);
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Least time for which a living source changes, as a share of the time for which the liveliest does.
+/// Least time for which a living source changes, as a share of the time for which the liveliest
+/// does.
 const ALIVE_SHARE: f64 = 0.1;
 
 /// Least way of a drone that moves: more than the noise of a resting one's position.
@@ -34,7 +36,8 @@ const MOVES_M: f64 = 0.1;
 /// Beginning of what is said of a log with a heading and no attitude.
 const YAW_ALONE: &str = "of the attitude, the yaw alone is logged";
 
-/// Zeros of all three axes are no place where the drone would have come there this fast, and this far.
+/// Zeros of all three axes are no place where the drone would have come there this fast, and this
+/// far.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
@@ -253,8 +256,8 @@ fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     moves.map(active_s).fold(0.0, f64::max)
 }
 
-/// Why a quantity counts as not logged: it is frozen, or all zero, while the drone moves. A setpoint may
-/// stay, but not at the origin; each motor must change; a heading may be held.
+/// Why a quantity counts as not logged: it is frozen, or all zero, while the drone moves. A
+/// setpoint may stay, but not at the origin; each motor must change; a heading may be held.
 fn why_dead(
     quantity: Quantity,
     channels: &[Channel],
@@ -302,8 +305,8 @@ fn why_dead(
     ))
 }
 
-/// A position without the zeros of all axes that a motion capture writes of a body it lost: the drone
-/// would have jumped there.
+/// A position without the zeros of all axes that a motion capture writes of a body it lost: the
+/// drone would have jumped there.
 fn without_zeros(mut channels: Vec<Channel>, search: &mut Search) -> Vec<Channel> {
     let [x, y, z] = &channels[..] else { return channels };
     if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -343,9 +346,9 @@ fn without_zeros(mut channels: Vec<Channel>, search: &mut Search) -> Vec<Channel
 }
 
 impl Search {
-    /// The first of these sources that is sound and alive: one that changes while others do. An observer
-    /// that was compiled in and did not run logs a constant. Where no source changes, the first that is
-    /// not zero; else the first that is logged.
+    /// The first of these sources that is sound and alive: one that changes while others do. An
+    /// observer that was compiled in and did not run logs a constant. Where no source changes, the
+    /// first that is not zero; else the first that is logged.
     fn first<'a>(
         &mut self,
         recording: &Recording,
@@ -472,7 +475,7 @@ fn without_jumps(channel: &mut Channel) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::recording::{Block, Column};
+    use crate::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {
         let column =

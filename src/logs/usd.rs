@@ -5,16 +5,16 @@
 //! u32 ms, version 2: u64 µs) and the variables, packed; at the end the CRC32 of everything before.
 //! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
 //!
-//! A drone that is switched off while it logs leaves half a record and no CRC: such a file is read up
-//! to there, with a warning. A whole file that does not match its CRC is refused, except with
+//! A drone that is switched off while it logs leaves half a record and no CRC: such a file is read
+//! up to there, with a warning. A whole file that does not match its CRC is refused, except with
 //! [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
 
 use super::recording::{Block, Column, Pace, Recording};
 use super::{Damaged, MAX_VARIABLES};
-use crate::error::{Error, Result};
-use crate::files::{Budget, push};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Budget, push};
 
 /// The first byte of the file.
 pub(super) const MAGIC: u8 = 0xBC;

@@ -4,10 +4,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use noctograph_core::{
-    camera, crazyflie, digest, error, files, flight, geometry, random, settings, srgb, statistics,
-};
-
 pub mod expose;
 pub mod light;
 pub mod photo;

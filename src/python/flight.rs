@@ -204,15 +204,16 @@ impl PyFlight {
         self.array(py, "motors", |sample| sample.motors)
     }
 
-    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape (N,).
+    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape
+    /// (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         let columns = self.flight.lights.iter();
         columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
     }
 
-    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of shape
-    /// (N,).
+    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of
+    /// shape (N,).
     #[getter]
     fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         let columns = self.flight.extra.iter();

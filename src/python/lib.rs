@@ -1,5 +1,5 @@
-//! The Python package `noctograph` (crate `noctograph-python`): stages as functions, products as objects with
-//! numpy arrays. `examples/python` builds and documents it.
+//! The Python package `noctograph` (crate `noctograph-python`): stages as functions, products as
+//! objects with numpy arrays. `examples/python` builds and documents it.
 //!
 //! The interpreter is released while a stage runs, and asked for Ctrl-C meanwhile.
 #![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
@@ -106,7 +106,8 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and left to itself: its result is dropped.
+/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and left to itself: its
+/// result is dropped.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -165,8 +166,8 @@ fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound
     array_of(py, bytemuck::cast_slice(values), "f8", shape)
 }
 
-/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes are
-/// refused.
+/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes
+/// are refused.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
     let py = array.py();
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;

@@ -43,7 +43,8 @@ impl PyPlan {
         array(py, &values, 1)
     }
 
-    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up; shape (N, 3).
+    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up; shape (N,
+    /// 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let points = self.0.setpoints.iter().flat_map(|setpoint| setpoint.position_m.data.0[0]);

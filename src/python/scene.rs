@@ -12,7 +12,8 @@ use noctograph::shoot::Stop;
 use noctograph::sim::design::{MOTOR_LAG_S, design};
 use noctograph::vehicle::Mixer;
 
-/// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera, seed.
+/// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera,
+/// seed.
 ///
 /// Parameters
 /// ----------
@@ -80,17 +81,17 @@ impl PyScene {
         self.0.vehicle.mass_kg
     }
 
-    /// numpy.ndarray: Motor commands m1 to m4 for torques about x, y and z (N m) and thrust (N), shape
-    /// (4, 4).
+    /// numpy.ndarray: Motor commands m1 to m4 for torques about x, y and z (N m) and thrust (N),
+    /// shape (4, 4).
     #[getter]
     fn motors_from_wrench<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         array(py, Mixer::new(&self.0.vehicle).motors_from_wrench().transpose().as_slice(), 4)
     }
 
-    /// Gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x - x_ref)``, by the
-    /// weights ``controller.lqr.q`` and ``.r``: torques about x, y and z (N m) and thrust (N) by the twelve
-    /// states of a controller (further columns for integrals and lagging rotors). None for a scene whose
-    /// controller is no regulator.
+    /// Gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x - x_ref)``, by
+    /// the weights ``controller.lqr.q`` and ``.r``: torques about x, y and z (N m) and thrust (N)
+    /// by the twelve states of a controller (further columns for integrals and lagging rotors).
+    /// None for a scene whose controller is no regulator.
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let sim = self.0.sim();
         let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;
@@ -109,7 +110,8 @@ impl PyScene {
         Scene::parse(toml, "scene").map(Self).map_err(|error| raised(py, &error))
     }
 
-    /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it again.
+    /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it
+    /// again.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         save(py, &path, self.to_toml().as_bytes())
     }

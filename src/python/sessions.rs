@@ -78,8 +78,8 @@ impl PySessions {
         begun.map_err(|error| raised(py, &error))
     }
 
-    /// Holds motor commands (N, 4) for `n_commands` (N) turns of the controller; those who have landed or are
-    /// lost do not move.
+    /// Holds motor commands (N, 4) for `n_commands` (N) turns of the controller; those who have
+    /// landed or are lost do not move.
     fn step(
         &self,
         py: Python<'_>,
@@ -108,8 +108,9 @@ impl PySessions {
         Ok(())
     }
 
-    /// Estimates (N, 12), references (N, 9), positions of truth and design (N, 3), times (N,) in s, and
-    /// whether each has landed and is lost (N,); estimate and reference are 0 of those who have landed.
+    /// Estimates (N, 12), references (N, 9), positions of truth and design (N, 3), times (N,) in s,
+    /// and whether each has landed and is lost (N,); estimate and reference are 0 of those who have
+    /// landed.
     fn look<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let flying = self.all();
         let (mut state, mut reference, mut time) = (vec![], vec![], vec![]);

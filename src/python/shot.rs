@@ -62,8 +62,8 @@ impl PyShot {
         self.shot.exposure.film.sha256()
     }
 
-    /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light and the
-    /// sensor's noise and limits; shape (height, width, 3), float32.
+    /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light
+    /// and the sensor's noise and limits; shape (height, width, 3), float32.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = &self.shot.exposure.film;

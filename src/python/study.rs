@@ -89,8 +89,8 @@ pub(super) fn outcomes<'py>(
     Ok(columns)
 }
 
-/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json` with the
-/// flights.
+/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json`
+/// with the flights.
 #[pyfunction]
 pub(super) fn ranking<'py>(
     py: Python<'py>,
@@ -122,8 +122,8 @@ pub(super) fn ranking<'py>(
     Ok((text, to_python(py, &json)?))
 }
 
-/// Tunes a scene: see `tune` of `noctograph/studies.py`. The table, the keys of `noctograph tune --json`
-/// with all candidates, and the tuned scene.
+/// Tunes a scene: see `tune` of `noctograph/studies.py`. The table, the keys of
+/// `noctograph tune --json` with all candidates, and the tuned scene.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub(super) fn tuning<'py>(

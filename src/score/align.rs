@@ -1,14 +1,14 @@
 //! Alignment: the shift, scale and rotation at which the intended word correlates most with the
 //! photo.
 //!
-//! The place of a word does not matter to a viewer, so within limits it costs nothing; it is reported
-//! as a measure of the flight. Not modeled: shear and perspective (the camera is known).
+//! The place of a word does not matter to a viewer, so within limits it costs nothing; it is
+//! reported as a measure of the flight. Not modeled: shear and perspective (the camera is known).
 
 use super::ink::Page;
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
 use super::raster::{Raster, dots};
 use super::{PEN_H, PX_PER_H};
-use crate::strokes::Strokes;
+use noctograph_core::strokes::Strokes;
 
 /// Scales tried first, from the smallest to the largest.
 const N_SCALES: i32 = 7;
@@ -18,8 +18,8 @@ const N_SCALES: i32 = 7;
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
 /// Blur of both pictures, first and once the place is nearly found: 0.1 H, so that a coarse grid of
-/// shifts catches the peak, then 0.05 H as the reader's. More would let a wrong letter pull the word
-/// off its place toward the strokes of the next letter.
+/// shifts catches the peak, then 0.05 H as the reader's. More would let a wrong letter pull the
+/// word off its place toward the strokes of the next letter.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
 /// Width of the pen, in pixels.

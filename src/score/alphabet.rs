@@ -1,8 +1,8 @@
 //! Characters and the net's classes: which classes count as a character.
 //!
-//! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the cases
-//! of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and Cyrillic and Greek
-//! letters of the shape of a Latin one.
+//! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the
+//! cases of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and
+//! Cyrillic and Greek letters of the shape of a Latin one.
 
 use unicode_normalization::UnicodeNormalization;
 
@@ -51,8 +51,8 @@ const SHAPES: [&str; 24] = [
     "ZŹŻŽΖ",
 ];
 
-/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, and the composed letters of Latin
-/// Extended Additional, Vietnamese ones among them (Unicode).
+/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, and the composed letters of
+/// Latin Extended Additional, Vietnamese ones among them (Unicode).
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
     ['\u{c0}'..='\u{24f}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
@@ -89,8 +89,8 @@ pub(super) fn class_of(character: char) -> Option<usize> {
     CHARACTERS.iter().position(|known| char::from(*known) == character).map(|at| at + 1)
 }
 
-/// The classes that count as a character; `None` for one that the net does not know. A letter with a
-/// mark may also be no letter to the net: it was trained without marks.
+/// The classes that count as a character; `None` for one that the net does not know. A letter with
+/// a mark may also be no letter to the net: it was trained without marks.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if has_mark(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {

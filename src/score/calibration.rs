@@ -1,12 +1,13 @@
-//! From shares of letters to the probability that a viewer reads the word at first sight: the fitted
-//! numbers.
+//! From shares of letters to the probability that a viewer reads the word at first sight: the
+//! fitted numbers.
 
 use serde::Serialize;
 
 use super::choice::Choice;
 
-/// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the choosing
-/// half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md has the result.
+/// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the
+/// choosing half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md
+/// has the result.
 const CONSTANT: f64 = -0.081;
 const MEAN_LOG_ODDS: f64 = 0.286;
 const RIVAL: f64 = 0.296;
@@ -26,9 +27,10 @@ const LEAST_SPELLING: f64 = -4.0;
 const MEAN_SPELLING: f64 = -2.2;
 
 /// Method of a verdict's readability:
-/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the
-/// letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of
-/// ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8.
+/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds
+/// `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling
+/// `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 −
+/// m / 8, for m from 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Readers whose reading it predicts.
@@ -39,8 +41,8 @@ pub struct Calibration {
     pub mean_log_odds: f64,
     /// Weight of the log-odds of the word against the likeliest other one, within ±9.
     pub rival: f64,
-    /// Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4
-    /// at least and above −2.2, as far as the letters are unclear.
+    /// Weight of the spelling: the mean of ln p over the word's letters, each after the four before
+    /// it, −4 at least and above −2.2, as far as the letters are unclear.
     pub spelling: f64,
 }
 
@@ -54,8 +56,8 @@ pub const CALIBRATION: Calibration = Calibration {
 };
 
 /// Probability that a viewer reads a word at first sight, from what is seen in the place of each
-/// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p of
-/// its spelling.
+/// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p
+/// of its spelling.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let log_odds = |choice: &Choice| {
         libm::log(choice.p / (1.0 - choice.p).max(LEAST_REST)).clamp(LOG_ODDS[0], LOG_ODDS[1])

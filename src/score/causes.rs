@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// A fault in the photo, and the letter's gain without it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,8 +84,8 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a real flight, in which its lamps are dark in the photo: it does not say where
-/// they were.
+/// A gap in the log of a real flight, in which its lamps are dark in the photo: it does not say
+/// where they were.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {

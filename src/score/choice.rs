@@ -37,7 +37,8 @@ impl Columns {
         (0..word.len()).map(|index| lattice.middle(index, &self.shares(word[index]))).collect()
     }
 
-    /// For each letter of a word, what is seen in its place; `digits` says which of them are digits.
+    /// For each letter of a word, what is seen in its place; `digits` says which of them are
+    /// digits.
     pub(super) fn choices(&self, word: &[Classes], digits: &[bool]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
         let own = lattice.total();

@@ -10,8 +10,8 @@ use super::light::{Rgb, luminance};
 /// there is too little light in them.
 const MIN_CHANNEL: f32 = 0.3;
 
-/// What light of another color takes off ink, by its own. An overexposed blue lamp is white by three
-/// quarters; the white of a trail differs from place to place by a tenth.
+/// What light of another color takes off ink, by its own. An overexposed blue lamp is white by
+/// three quarters; the white of a trail differs from place to place by a tenth.
 const FOREIGN: f32 = 3.0;
 
 /// Mean color of the brightest pixels.

@@ -21,8 +21,8 @@ use super::strip::{CAP_PX, Strip};
 use super::verdict::Verdict;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
-use crate::error::Result;
-use crate::photo::Photo;
+use noctograph_core::error::Result;
+use noctograph_core::photo::Photo;
 
 /// Cap height in the photo, in pixels, below which letters have few pixels.
 const FEW_PX: f64 = 30.0;
@@ -33,8 +33,8 @@ const DIM: f32 = 2.0;
 /// Share in the choice below which a faultless drawing is a flaw of its font.
 const STRANGE: f64 = 0.5;
 
-/// Share of another letter in a faultless drawing from which the font has a part in it, if the photo
-/// is read as that letter: the team's J, whose hook is small, has it for T.
+/// Share of another letter in a faultless drawing from which the font has a part in it, if the
+/// photo is read as that letter: the team's J, whose hook is small, has it for T.
 const AMBIGUOUS: f64 = 0.01;
 
 /// Share in the choice from which a letter is sure: mending it gains nothing.
@@ -43,7 +43,8 @@ const SURE: f64 = 0.97;
 /// Gains of readability below this are no reason for advice.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read anew.
+/// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read
+/// anew.
 const MOST_MENDED: usize = 12;
 
 /// Longest word, in letters, of which faults are taken out: of a longer one they are named, without
@@ -216,8 +217,8 @@ impl Reader {
         Columns::joined(columns)
     }
 
-    /// Letters that look like other ones even where they are drawn without fault, or that do so a little
-    /// and are read as these in the photo.
+    /// Letters that look like other ones even where they are drawn without fault, or that do so a
+    /// little and are read as these in the photo.
     fn flaws_of_design(&self, verdict: &Verdict, found: &mut Vec<Found>) {
         let drawn = |grid: &Grid| {
             let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;

@@ -10,7 +10,8 @@ use super::trace::{CLOSE_PX, LightLines, around};
 /// How far from its stroke light may be: 0.10 H.
 pub(super) const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
-/// Shorter gaps, less `CLOSE_PX` at each end, are none: 0.12 H. A corner that is cut leaves as much.
+/// Shorter gaps, less `CLOSE_PX` at each end, are none: 0.12 H. A corner that is cut leaves as
+/// much.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
 /// Gaps that reach no farther than this from a corner are a cut corner: 0.2 H.

@@ -1,12 +1,12 @@
 //! Ink: strokes drawn with a round pen.
 //!
-//! The page is a raster whose pixel `x, y` has its center at +0.5 and y down; moves are given in the
-//! plane of the word (meters, y up), with the transform that brings them onto the page.
+//! The page is a raster whose pixel `x, y` has its center at +0.5 and y down; moves are given in
+//! the plane of the word (meters, y up), with the transform that brings them onto the page.
 
 use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Stroke, Transform};
 
 use super::raster::Raster;
-use crate::strokes::Move;
+use noctograph_core::strokes::Move;
 
 /// A page that ink is put on: coverage from 0 to 1.
 pub(super) struct Page(Mask);

@@ -11,7 +11,7 @@ use super::raster::whole;
 use super::search::search;
 use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
-use crate::strokes::Strokes;
+use noctograph_core::strokes::Strokes;
 
 /// Shares below this are left out of a letter's row of confusions.
 const LEAST_SHARE: f64 = 0.001;
@@ -95,8 +95,8 @@ impl Expected {
         }
     }
 
-    /// What is seen in the place of each judged character. The time grows with the square of a word's
-    /// length if all its letters decide, so that those near by do in a long one.
+    /// What is seen in the place of each judged character. The time grows with the square of a
+    /// word's length if all its letters decide, so that those near by do in a long one.
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
         let n_letters = self.classes.len();
         if n_letters <= 2 * NEAR + 1 {
@@ -134,8 +134,8 @@ impl Expected {
         Judgment { choices, rival: None, readability }.against(rival)
     }
 
-    /// The likeliest word that has one letter more or less at an end of a line, if it is likelier than
-    /// the expected one. In a long word the letters near that end decide.
+    /// The likeliest word that has one letter more or less at an end of a line, if it is likelier
+    /// than the expected one. In a long word the letters near that end decide.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);

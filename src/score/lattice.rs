@@ -2,8 +2,8 @@
 //!
 //! A word is spelled by every sequence of columns that shows its letters in order, each for one or
 //! more columns, with or without blanks between them (connectionist temporal classification, Graves
-//! and others 2006). Sums over all ways from the left and from the right give the probability of the
-//! word, and of the word with one letter replaced or left out.
+//! and others 2006). Sums over all ways from the left and from the right give the probability of
+//! the word, and of the word with one letter replaced or left out.
 
 use super::alphabet::{BLANK, Classes};
 use super::columns::Columns;
@@ -11,8 +11,8 @@ use super::columns::Columns;
 /// Sums over the ways to each state from the left and from the right.
 pub(super) struct Lattice<'a> {
     word: &'a [Classes],
-    /// By column and state: blank, first letter, blank, second letter … blank. Both sums include the
-    /// share of the state itself.
+    /// By column and state: blank, first letter, blank, second letter … blank. Both sums include
+    /// the share of the state itself.
     forward: Vec<Vec<f64>>,
     backward: Vec<Vec<f64>>,
     /// What the shares of each column were divided by, so that products stay in range.

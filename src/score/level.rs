@@ -2,7 +2,7 @@
 
 use super::light::code_step;
 use super::raster::Raster;
-use crate::statistics::median;
+use noctograph_core::statistics::median;
 
 /// How far above the sky light must be, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
@@ -16,8 +16,8 @@ const GLARE_SHARE: f64 = 0.1;
 /// pixels are fewer.
 const MIN_INK_SHARE: f64 = 0.05;
 
-/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level by
-/// the least that stands out; `None` where next to nothing stands out from the sky.
+/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level
+/// by the least that stands out; `None` where next to nothing stands out from the sky.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
     let deviations = seen.values.iter().map(|value| value.abs());
     // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step

@@ -17,16 +17,11 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-extern crate self as score;
-use noctograph_core::{camera, error, geometry, photo, settings, srgb, statistics, strokes};
-#[cfg(test)]
-use noctograph_letters as letters;
-
-use crate::camera::Camera;
-use crate::error::{Error, Result, within};
-use crate::photo::Photo;
-use crate::settings::{Described, settings};
-use crate::strokes::Strokes;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::photo::Photo;
+use noctograph_core::settings::{Described, settings};
+use noctograph_core::strokes::Strokes;
 
 use alphabet::classes_of;
 

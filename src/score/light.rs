@@ -1,12 +1,12 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
 use super::raster::{narrow, overlaps, whole};
-use crate::photo::Photo;
-use crate::srgb::linear_from_level;
-/// How bright light looks to a reader. An even mean of the channels makes the blue power LEDs, which
-/// shine on every transit, as much a part of a letter as its strokes.
-pub(super) use crate::srgb::luminance_f32 as luminance;
-use crate::statistics::median;
+use noctograph_core::photo::Photo;
+use noctograph_core::srgb::linear_from_level;
+/// How bright light looks to a reader. An even mean of the channels makes the blue power LEDs,
+/// which shine on every transit, as much a part of a letter as its strokes.
+pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
+use noctograph_core::statistics::median;
 
 /// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
 /// steps. Fewer would soften the picture; more only cost time.
@@ -35,7 +35,8 @@ const MAX_SKY_OF_WHOLE: f32 = 0.3;
 /// Linear light above the sky: red, green and blue, 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. What lies outside is sky.
+/// The part of a photo that shows the word, in linear light above the sky. What lies outside is
+/// sky.
 pub(super) struct Light {
     /// Photo pixels to one of ours.
     step: usize,
@@ -58,8 +59,8 @@ pub(super) struct Frame {
 }
 
 impl Light {
-    /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it without a
-    /// frame. `None` where the photo does not show the part.
+    /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it
+    /// without a frame. `None` where the photo does not show the part.
     pub(super) fn decode(photo: &Photo, frame: Option<Frame>, pixel_px: f64) -> Option<Self> {
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
         let whole_photo = Frame::of(photo);

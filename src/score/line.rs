@@ -1,8 +1,8 @@
 //! Lines of writing in a photo, found from their ink alone: which pixels are ink, and how high the
 //! letters are.
 //!
-//! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. A line is
-//! where rows of pixels cross the most strokes.
+//! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. A
+//! line is where rows of pixels cross the most strokes.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use super::color;
 use super::light::{Light, luminance};
 use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
-use crate::photo::Photo;
-use crate::statistics::median;
+use noctograph_core::photo::Photo;
+use noctograph_core::statistics::median;
 
 /// Longest side at which a photo is searched. Letters of half its height have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
@@ -178,8 +178,8 @@ impl Line {
         (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
     }
 
-    /// The line as a strip, for a cap height; and where in the photo its left end is and how wide its
-    /// columns are, in pixels.
+    /// The line as a strip, for a cap height; and where in the photo its left end is and how wide
+    /// its columns are, in pixels.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
         let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;

@@ -6,10 +6,10 @@
 
 use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
-use crate::error::Result;
-use crate::photo::Photo;
-use crate::statistics::median;
-use crate::strokes::{Glyph, Strokes};
+use noctograph_core::error::Result;
+use noctograph_core::photo::Photo;
+use noctograph_core::statistics::median;
+use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Most that one scale may be of the other.
 const MAX_STRETCH: f64 = 2.5;

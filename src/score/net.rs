@@ -1,8 +1,8 @@
 //! The net: from a strip of light to the logits of every character at every second column.
 //!
-//! Layers of convolution in integers: bytes for light and activations, weights of 8 bits, sums of 32,
-//! one multiplier per channel. Integers have the same sums on every machine. The architecture, the
-//! training and the file format are in `examples/readings/net.py` and `train.py`.
+//! Layers of convolution in integers: bytes for light and activations, weights of 8 bits, sums of
+//! 32, one multiplier per channel. Integers have the same sums on every machine. The architecture,
+//! the training and the file format are in `examples/readings/net.py` and `train.py`.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -27,7 +27,8 @@ const LOGIT: f64 = 1.0 / 256.0;
 /// The net of this program.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
-/// A convolution, added to its input if its columns stand apart, then a maximum over rows and columns.
+/// A convolution, added to its input if its columns stand apart, then a maximum over rows and
+/// columns.
 struct Layer {
     /// Kernel: rows and columns.
     kernel: [usize; 2],
@@ -51,7 +52,8 @@ struct Map {
     values: Vec<i16>,
 }
 
-/// Columns of a strip to either side of a logit's own that it depends on, rounded up to whole logits.
+/// Columns of a strip to either side of a logit's own that it depends on, rounded up to whole
+/// logits.
 static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     let reach = NET.iter().scan(1, |step, layer| {
         let reach = layer.kernel[1] / 2 * layer.apart.unwrap_or(1) * *step;
@@ -89,7 +91,8 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let logits = |sums: &[i32]| std::array::from_fn(|class| f64::from(sums[class]) * LOGIT);
     let mut logits: Vec<[f64; N_CLASSES]> =
         last.sums(&map).chunks_exact(N_CLASSES).map(logits).collect();
-    // What is dark is no light that is no letter: the net takes a gap between words for a letter lost.
+    // What is dark is no light that is no letter: the net takes a gap between words for a letter
+    // lost.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
             logits[N_CLASSES - 1] = f64::NEG_INFINITY;
@@ -123,7 +126,8 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Scaled sums, row by row. Columns are padded with zeros, and rows unless the kernel is as high as the map.
+    /// Scaled sums, row by row. Columns are padded with zeros, and rows unless the kernel is as
+    /// high as the map.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;

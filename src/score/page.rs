@@ -3,7 +3,7 @@
 use super::PX_PER_H;
 use super::plane::Grid;
 use super::raster::whole;
-use crate::strokes::Cell;
+use noctograph_core::strokes::Cell;
 
 /// Farthest shift of a letter that is searched, in pixels: a quarter of a cap height.
 pub(super) const REACH_PX: usize = 8;

@@ -5,7 +5,7 @@ use tiny_skia::Transform;
 use super::light::{Frame, Light, Rgb};
 use super::view::View;
 use super::{PX_PER_H, cap_height_m};
-use crate::strokes::Strokes;
+use noctograph_core::strokes::Strokes;
 
 /// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
 /// that a word out of range is still found.
@@ -88,8 +88,8 @@ impl Grid {
         Self { left_m, width: self.width + 2 * columns, ..self.clone() }
     }
 
-    /// Brings the plane of the word (meters, y up) onto the grid's page (pixels, y down), with the word
-    /// as placed.
+    /// Brings the plane of the word (meters, y up) onto the grid's page (pixels, y down), with the
+    /// word as placed.
     pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
         let [a, b] = placed.column().map(|part| part / self.pitch_m);
         let [x, y] = placed.apply([0.0, 0.0]);

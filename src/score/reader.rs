@@ -24,16 +24,17 @@ use super::{
     BLUR_H, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, ScoreOptions, cap_height_m, check,
     check_size,
 };
-use crate::error::Result;
-use crate::photo::Photo;
-use crate::strokes::{Glyph, Strokes};
+use noctograph_core::error::Result;
+use noctograph_core::photo::Photo;
+use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
 /// beside letters that are half missing.
 const INK_SHARE: f64 = 0.5;
 
-/// Least share of the light in a letter's cell that is of the color of its page's brightest light, which
-/// is then the letter's. White that an overexposed blue line tints has 0.5, another color none.
+/// Least share of the light in a letter's cell that is of the color of its page's brightest light,
+/// which is then the letter's. White that an overexposed blue line tints has 0.5, another color
+/// none.
 const LEAST_OWN: f32 = 0.25;
 
 /// Reads photos of one word.
@@ -56,8 +57,9 @@ pub struct Reader {
 /// Share from which a letter that is read beside the place of the word counts as one.
 const CLEAR_SHARE: f64 = 0.6;
 
-/// Ratio of the odds of being read in the line found blindly to those in the word's place from which
-/// the two views contradict each other: the outline of a white patch is an O in the one alone.
+/// Ratio of the odds of being read in the line found blindly to those in the word's place from
+/// which the two views contradict each other: the outline of a white patch is an O in the one
+/// alone.
 const CONTRADICTION: f64 = 20.0;
 
 /// A verdict, and the light that it is about.
@@ -94,9 +96,9 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) for an empty word or a drawing, a letter that the
-    /// reader does not know or that leaves no light, letters too narrow or too wide, or an option out
-    /// of range.
+    /// [`Error::Input`](noctograph_core::error::Error::Input) for an empty word or a drawing, a
+    /// letter that the reader does not know or that leaves no light, letters too narrow or too
+    /// wide, or an option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
         options.check()?;
         check(strokes)?;
@@ -127,7 +129,8 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) for a photo whose size is not the view's.
+    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo whose size is not the
+    /// view's.
     ///
     /// # Panics
     ///
@@ -151,8 +154,8 @@ impl Reader {
 
     /// The verdict without causes, and the light that it was made from.
     ///
-    /// The word is looked for in its place and in the lines that blind recognition finds: two views of
-    /// the same light, of which the one that shows the word better counts.
+    /// The word is looked for in its place and in the lines that blind recognition finds: two views
+    /// of the same light, of which the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
@@ -340,8 +343,8 @@ fn lit_length_m(glyph: &Glyph) -> f64 {
     lit.map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1])).sum()
 }
 
-/// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's own
-/// pixels: one of ours holds a stroke and the status light beside it.
+/// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's
+/// own pixels: one of ours holds a stroke and the status light beside it.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
     let color_in = |part: &Grid| {

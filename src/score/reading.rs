@@ -1,8 +1,8 @@
 //! Blind recognition: the text of a photo, without knowledge of the word.
 //!
-//! Lines of writing are found by their ink, cut out as strips at several sizes, and read by the net as
-//! capitals, small letters, capitalized, digits, or capitals mixed with digits; the likeliest wins.
-//! Accents and punctuation are not read.
+//! Lines of writing are found by their ink, cut out as strips at several sizes, and read by the net
+//! as capitals, small letters, capitalized, digits, or capitals mixed with digits; the likeliest
+//! wins. Accents and punctuation are not read.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use super::net;
 use super::search::{Symbols, search};
 use super::spelling::likeliest;
 use super::strip::CAP_PX;
-use crate::photo::Photo;
+use noctograph_core::photo::Photo;
 
 /// Sizes at which a line is tried: cap height by the height of most letters. Small letters are two
 /// thirds of a capital.
@@ -27,12 +27,12 @@ const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 /// Mean share of the letters from which a line is clear.
 const LEAST_SHARE: f64 = 0.6;
 
-/// Gap between two letters from which there is a space, in cap heights: a space of the shipped fonts
-/// leaves more, two letters leave less.
+/// Gap between two letters from which there is a space, in cap heights: a space of the shipped
+/// fonts leaves more, two letters leave less.
 const SPACE_H: f64 = 0.65;
 
-/// Mean of ln p over the letters from which other rules for ink are tried only where they find more of
-/// the line.
+/// Mean of ln p over the letters from which other rules for ink are tried only where they find more
+/// of the line.
 const SURE: f64 = -0.1;
 
 /// Share of a letter from which reading it says more than leaving it out.

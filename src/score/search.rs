@@ -56,7 +56,8 @@ struct Prefix {
     beside: usize,
 }
 
-/// All prefixes that were tried: a step takes the same time however long they are. 0 is the empty one.
+/// All prefixes that were tried: a step takes the same time however long they are. 0 is the empty
+/// one.
 struct Prefixes(Vec<Prefix>);
 
 impl Prefixes {
@@ -89,9 +90,9 @@ impl Prefixes {
     }
 }
 
-/// The likeliest words whose first character is of `first` and whose others are of `rest`, with ln of
-/// their probability, the likeliest first; `?` is light that is no letter (prefix beam search, Hannun
-/// and others 2014).
+/// The likeliest words whose first character is of `first` and whose others are of `rest`, with ln
+/// of their probability, the likeliest first; `?` is light that is no letter (prefix beam search,
+/// Hannun and others 2014).
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let blanks = columns.shares(BLANK);

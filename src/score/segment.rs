@@ -1,7 +1,7 @@
 //! Straight strokes on a page, in pixels.
 
 use super::raster::whole;
-use crate::geometry::segment_distance;
+use noctograph_core::geometry::segment_distance;
 
 /// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
 pub(super) const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;

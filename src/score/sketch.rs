@@ -9,7 +9,7 @@ use super::segment::Segment;
 use super::trace::LightLines;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
-use crate::strokes::Move;
+use noctograph_core::strokes::Move;
 
 /// A letter on its page: its light, and its strokes in pixels.
 pub(super) struct Sketch {

@@ -1,9 +1,9 @@
-//! Spelling: what a viewer takes a half-seen word for, who knows words and names, and needs every letter of
-//! an unusual one.
+//! Spelling: what a viewer takes a half-seen word for, who knows words and names, and needs every
+//! letter of an unusual one.
 //!
-//! A model of letters, not a dictionary: the probability of a letter after the four before it, in words
-//! and names, interpolated over shorter runs of letters (Witten and Bell 1991), of which a table holds
-//! those that say most (`examples/readings/spelling.py`).
+//! A model of letters, not a dictionary: the probability of a letter after the four before it, in
+//! words and names, interpolated over shorter runs of letters (Witten and Bell 1991), of which a
+//! table holds those that say most (`examples/readings/spelling.py`).
 
 use std::sync::LazyLock;
 
@@ -22,8 +22,8 @@ const LN_BACKOFF: f64 = -0.916;
 /// A unit of the table's ln p.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling beside the light, and share of words that are spelled like none; chosen on the
-/// choosing halves of the readings.
+/// Weight of the spelling beside the light, and share of words that are spelled like none; chosen
+/// on the choosing halves of the readings.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
@@ -41,7 +41,8 @@ const N_WORDS: usize = 64;
 const WITH_DIGIT: f64 = -3.58;
 const AVERAGE: f64 = -2.2;
 
-/// Runs of four or of five letters, as numbers of base 27 in three bytes, in order, and their costs.
+/// Runs of four or of five letters, as numbers of base 27 in three bytes, in order, and their
+/// costs.
 struct Runs {
     numbers: &'static [[u8; 3]],
     costs: &'static [u8],
@@ -139,9 +140,9 @@ impl Spelled {
     }
 }
 
-/// The likeliest word, given what is seen in the place of each of its letters and the letters that it
-/// was looked at for: as its light says, or as words are spelled that the light might be. `?` stands
-/// for light that is no letter.
+/// The likeliest word, given what is seen in the place of each of its letters and the letters that
+/// it was looked at for: as its light says, or as words are spelled that the light might be. `?`
+/// stands for light that is no letter.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();

@@ -20,15 +20,15 @@ pub(super) const HEAD_ROW: usize = 8;
 /// Columns beside the first and the last letter, as in most strips that the net was trained on.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Columns beside the first and the last letter of a word where more letters are looked for: 1.5 H, so
-/// that one more of any width is seen.
+/// Columns beside the first and the last letter of a word where more letters are looked for: 1.5 H,
+/// so that one more of any width is seen.
 pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
 
-/// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels of
-/// it: hot pixels are single ones.
+/// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels
+/// of it: hot pixels are single ones.
 const LIT: (f32, usize) = (0.15, 2);
 
 /// A line of writing: light from 0 to 1.
@@ -68,8 +68,8 @@ impl Strip {
         Self { width, bright: light.clone(), pure: light, read: 0..width }
     }
 
-    /// The same, read from the first to the last column with light alone, and the margin that the net
-    /// knows: it knows no wide darkness, and sees letters in it.
+    /// The same, read from the first to the last column with light alone, and the margin that the
+    /// net knows: it knows no wide darkness, and sees letters in it.
     pub(super) fn where_lit(self) -> Self {
         let read = lit_columns(&self.bright, self.width);
         Self { read, ..self }

@@ -7,14 +7,15 @@ use super::calibration::{CALIBRATION, Calibration};
 use super::causes::{Advice, Cause};
 use super::plane::Placed;
 use super::{MAX_ROTATION_RAD, SCALES};
-use crate::strokes::Strokes;
+use noctograph_core::strokes::Strokes;
 
 /// Whether the word in a photo is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// The word that should be there.
     pub word: String,
-    /// The likeliest letter in the place of each, `?` where there is none; punctuation as it should be.
+    /// The likeliest letter in the place of each, `?` where there is none; punctuation as it should
+    /// be.
     pub read: String,
     /// Whether the word is read: the readability reaches
     /// [`super::ScoreOptions::legible_probability`], and no other word is likelier.
@@ -36,12 +37,13 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible; `None` where it is.
     pub reason: Option<Reason>,
-    /// Blind recognition: the text that is read without knowledge of the word; `None` where nothing can
-    /// be seen.
+    /// Blind recognition: the text that is read without knowledge of the word; `None` where nothing
+    /// can be seen.
     pub second_opinion: Option<String>,
     /// Faults, the most costly first; empty where they were not looked for.
     pub causes: Vec<Cause>,
-    /// Changes to make, at most three, the most gainful first; empty where faults were not looked for.
+    /// Changes to make, at most three, the most gainful first; empty where faults were not looked
+    /// for.
     pub advice: Vec<Advice>,
 }
 
@@ -79,10 +81,11 @@ pub struct LetterVerdict {
     pub no_letter: Option<f64>,
     /// The three likeliest other letters, the likeliest first.
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its place in the word, to the right and up; this and the next four are
-    /// `None` where faults were not looked for.
+    /// Offset of the letter from its place in the word, to the right and up; this and the next four
+    /// are `None` where faults were not looked for.
     pub shift_m: Option<[f64; 2]>,
-    /// Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it.
+    /// Share of the intended strokes that has light within 0.1 cap heights, once they are moved
+    /// onto it.
     pub recall: Option<f64>,
     /// Share of the light's lines that is within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
@@ -125,9 +128,9 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the readability,
-    /// and where another word is likelier, no more than the word's own share against it. What
-    /// studies rank, tune and learn by.
+    /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the
+    /// readability, and where another word is likelier, no more than the word's own share against
+    /// it. What studies rank, tune and learn by.
     #[must_use]
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
@@ -210,7 +213,7 @@ impl LetterVerdict {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn a_likelier_rival_caps_the_probability_of_being_read_by_the_words_share() {

@@ -3,9 +3,9 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::photo::Photo;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::photo::Photo;
 
 /// Where points of the word's plane (x and height, meters) fall in the picture.
 #[derive(Clone, Debug)]
@@ -186,7 +186,7 @@ impl Homography {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraOptions, FixedPose, Framing};
+    use noctograph_core::camera::{CameraOptions, FixedPose, Framing};
 
     #[test]
     fn four_corners_of_a_camera_s_picture_are_that_camera() {

@@ -2,8 +2,8 @@
 //!
 //! The address holds a token, so that another user or page of the machine does not know it. A name
 //! that is rebound to this machine (DNS rebinding) is known by its `Host`, and a foreign page that
-//! posts by its `Origin`, its `Sec-Fetch-Site`, and by the content type, which it may not set without
-//! a leave that is never given. There are no cookies.
+//! posts by its `Origin`, its `Sec-Fetch-Site`, and by the content type, which it may not set
+//! without a leave that is never given. There are no cookies.
 
 use std::net::IpAddr;
 

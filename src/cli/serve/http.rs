@@ -1,8 +1,8 @@
 //! HTTP/1.1 for a page of one's own machine: one request a connection, read within a deadline and a
 //! size.
 //!
-//! The heads are parsed by httparse, hyper's parser. A whole server crate would own the sockets, and
-//! with them the limits that the page needs on silent and on many connections.
+//! The heads are parsed by httparse, hyper's parser. A whole server crate would own the sockets,
+//! and with them the limits that the page needs on silent and on many connections.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream};

@@ -98,8 +98,8 @@ fn token() -> String {
     format!("{:016x}{:016x}", random.hash_one(0), random.hash_one(1))
 }
 
-/// The address of this machine in its network. Nothing is sent: the socket only looks up the route to
-/// an address that is kept free for examples (RFC 5737).
+/// The address of this machine in its network. Nothing is sent: the socket only looks up the route
+/// to an address that is kept free for examples (RFC 5737).
 fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;

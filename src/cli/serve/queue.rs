@@ -38,8 +38,8 @@ pub(super) struct Queue {
 }
 
 impl Queue {
-    /// Adds a job at the end; `None` where the line is full. It answers with what it made, an error, or
-    /// `stopped` where the visitor asked for something newer.
+    /// Adds a job at the end; `None` where the line is full. It answers with what it made, an
+    /// error, or `stopped` where the visitor asked for something newer.
     pub(super) fn push(&self, visitor: &str, work: Work) -> Option<Receiver<Value>> {
         let mut line = self.line();
         if line.waiting.len() >= MAX_WAITING {

@@ -24,11 +24,11 @@ use super::wish::{Wish, preview_args};
 use crate::error::{Error, Result};
 use crate::export::zip::zip;
 use crate::expose::BackendChoice;
-use crate::files::{Limit, files_in};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Stop};
+use noctograph_core::files::{Limit, files_in};
 
 /// Size of the photo while one types, and of the large one.
 const LIVE: &str = "--size=960x540";
@@ -38,7 +38,8 @@ const PREVIEW: [&str; 2] = [LARGE, "--backend=cpu"];
 /// Output folder of a verb, inside its temporary folder.
 const OUT: &str = "out";
 const JPEG_QUALITY: u8 = 85;
-/// Longest time that a verb may take. A word that does not read is flown some thirty times for advice.
+/// Longest time that a verb may take. A word that does not read is flown some thirty times for
+/// advice.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// How often a verb is asked whether it is done.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -106,7 +107,8 @@ impl Studio {
         })
     }
 
-    /// The large photo with advice: what `preview --json` says, and the number under which it is kept.
+    /// The large photo with advice: what `preview --json` says, and the number under which it is
+    /// kept.
     pub(super) fn large(&self, wish: &Wish, stop: &Stop) -> Result<Value> {
         let (mut said, folder) = self.verb("preview", wish, &PREVIEW, stop)?;
         let png = WRITTEN.read(&folder.path().join(OUT).join("photo.png"))?.into();

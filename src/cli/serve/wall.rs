@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::super::output::Output;
 use crate::error::{Error, Result};
-use crate::files::{Limit, files_in};
+use noctograph_core::files::{Limit, files_in};
 
 /// Photos that are shown.
 const SHOWN: usize = 12;

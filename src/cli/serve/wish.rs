@@ -1,8 +1,8 @@
-//! What a visitor wishes to see: a word or a drawing, and settings. It becomes the arguments of a verb,
-//! so that the page can do what the command line does and nothing else.
+//! What a visitor wishes to see: a word or a drawing, and settings. It becomes the arguments of a
+//! verb, so that the page can do what the command line does and nothing else.
 //!
-//! No path comes from the network: a drawing is a text, which is written into the job's own folder, and
-//! only keys that name no file can be set.
+//! No path comes from the network: a drawing is a text, which is written into the job's own folder,
+//! and only keys that name no file can be set.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;

@@ -3,12 +3,13 @@
 //! EXIF 2.32. The tags that are understood are those of [`CameraOptions::taken_as`]; no other tag
 //! changes the camera, and a directory that holds none of them may be broken.
 //!
-//! The width of the sensor is that of the body where the model is known, else from its resolution in
-//! pixels per unit of length, else from the focal length and its equivalent on 35 mm film (36 mm wide,
-//! as most makers define it). Of an edited picture the number of pixels is of another age than the
-//! resolution: Canon writes the resolution as 1000 times the pixels over thousandths of the unit, so
-//! that it holds both of one age; of others the width is taken where the film equivalent agrees, and
-//! else with a warning, or not at all where the tags say that the picture was edited.
+//! The width of the sensor is that of the body where the model is known, else from its resolution
+//! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film (36 mm
+//! wide, as most makers define it). Of an edited picture the number of pixels is of another age
+//! than the resolution: Canon writes the resolution as 1000 times the pixels over thousandths of
+//! the unit, so that it holds both of one age; of others the width is taken where the film
+//! equivalent agrees, and else with a warning, or not at all where the tags say that the picture
+//! was edited.
 
 use std::path::Path;
 
@@ -154,8 +155,8 @@ impl CameraOptions {
             );
             return;
         };
-        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have left
-        // the tag.
+        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
+        // left the tag.
         let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
         let (mut width, mut height) = (width, height);
         if let Some([real_width, real_height]) = size_px {
@@ -268,8 +269,8 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
     Some(of_pixels)
 }
 
-/// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels of
-/// the sensor over its width in thousandths.
+/// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
+/// of the sensor over its width in thousandths.
 fn canon_width(exif: &Exif) -> Option<f64> {
     if !text(exif, Tag::Make)?.to_lowercase().contains("canon") {
         return None;
@@ -485,7 +486,8 @@ mod tests {
         CameraOptions::default().taken_as(tiff(tags).path()).unwrap()
     }
 
-    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of an inch.
+    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of
+    /// an inch.
     fn compact(pixels: [u32; 2]) -> Vec<(Tag, Value)> {
         let mut tags = telephone();
         tags.retain(|(tag, _)| {

@@ -96,8 +96,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world; `None` for a point that is not in front of the entrance pupil,
-    /// and beyond the radius at which the distortion folds back.
+    /// Image of a point of the world; `None` for a point that is not in front of the entrance
+    /// pupil, and beyond the radius at which the distortion folds back.
     #[must_use]
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);

@@ -43,8 +43,8 @@ settings! {
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes; the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
-        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and with
-        /// a custom one everything is sharp.
+        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and
+        /// with a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
         /// Standard deviation of the blur of the lens on the sensor, without diffraction; a
         /// telephone's lens has it in proportion to its sensor, on full frame.
@@ -80,8 +80,8 @@ settings! {
         /// Middle of the brightest trail in its strongest color channel, where its lamp writes in
         /// color.
         ///
-        /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness), half
-        /// a stop below by 7; two stops above, by 27.
+        /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness),
+        /// half a stop below by 7; two stops above, by 27.
         color_stops: f64 = -0.5, in -10.0..=10.0;
         /// Most of the room's light, which gathers while the shutter is open; the trail gives way
         /// to it, down to its `least_stops`.

@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 
 /// Gain `K` of the feedback `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
 ///
-/// `K = R⁻¹ Bᵀ X` with `X` of the continuous algebraic Riccati equation. Only the ratio of `Q` to `R` matters.
+/// `K = R⁻¹ Bᵀ X` with `X` of the continuous algebraic Riccati equation. Only the ratio of `Q` to
+/// `R` matters.
 ///
 /// # Errors
 ///

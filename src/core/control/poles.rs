@@ -29,7 +29,7 @@ pub fn poles(a: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{ComplexField, dmatrix};
+    use nalgebra::dmatrix;
 
     use super::*;
 

@@ -53,8 +53,8 @@ pub(super) fn care(a: &Square, g: &Square, q: &Square) -> Result<Square> {
     Err(no_solution())
 }
 
-/// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`: doubles its horizon
-/// until the cost converges.
+/// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`: doubles its
+/// horizon until the cost converges.
 fn doubling(mut a: Square, mut g: Square, mut h: Square) -> Option<Square> {
     for _ in 0..MAX_DOUBLINGS {
         let w = (one_like(&a) + &g * &h).lu();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Entry, Limit, Yaml};
+use crate::files::{Limit, Yaml, YamlEntry};
 
 /// Largest file that is read.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
@@ -31,7 +31,7 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
             return Err(Error::input(at, found, wanted, HINT));
         }
         let mut place = [0.0; 3];
-        for Entry { key: name, value, .. } in
+        for YamlEntry { key: name, value, .. } in
             anchor.entries().map_err(|broken| broken.error(file, HINT))?
         {
             if !["x", "y", "z"].contains(&name.as_str()) {

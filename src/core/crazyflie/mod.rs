@@ -7,13 +7,13 @@ use nalgebra::Matrix4;
 
 pub use anchors::read_anchors;
 
-/// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release 2026.08:
-/// its files are the sources named here and in other rooms, and its C gave the numbers under
-/// `recorded/` (tests/firmware).
+/// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release
+/// 2026.08: its files are the sources named here and in other rooms, and its C gave the numbers
+/// under `recorded/` (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 
-/// Rate of the clock on board, in true seconds a second, up to and with release 2026.08 (`usec_time.c`:
-/// a timer that counts to 85 instead of 84).
+/// Rate of the clock on board, in true seconds a second, up to and with release 2026.08
+/// (`usec_time.c`: a timer that counts to 85 instead of 84).
 pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
 
 /// Gravitational acceleration, m/s², as the firmware and the AE483 team round it.
@@ -49,9 +49,9 @@ pub const RING_TIMING_ENTRIES: usize = 9;
 /// Bytes of the trajectory memory (`TRAJECTORY_MEMORY_SIZE`, `crtp_commander_high_level.h`).
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
-/// Silence of the host after which the firmware levels the drone out, and stops its motors for good, s
-/// (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`, `supervisor.c` of release
-/// 2026.08; what follows: `supervisorOverrideSetpoint`).
+/// Silence of the host after which the firmware levels the drone out, and stops its motors for
+/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`, `supervisor.c` of
+/// release 2026.08; what follows: `supervisorOverrideSetpoint`).
 pub const LEVEL_OUT_S: f64 = 0.5;
 /// See [`LEVEL_OUT_S`].
 pub const MOTORS_STOP_S: f64 = 2.0;

@@ -35,7 +35,8 @@ enum Beyond {
 }
 
 impl Budget {
-    /// The budget of an input; `place` is its name in messages, `hint` the advice where it is spent.
+    /// The budget of an input; `place` is its name in messages, `hint` the advice where it is
+    /// spent.
     pub fn of(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
@@ -100,8 +101,8 @@ impl Budget {
     }
 }
 
-/// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it would
-/// hold up to twice the bytes that are taken off its budget.
+/// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it
+/// would hold up to twice the bytes that are taken off its budget.
 pub fn push(column: &mut Vec<f64>, value: f64) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);

@@ -85,7 +85,8 @@ impl Limit {
 }
 
 /// The regular files of a folder, links to them included, in the order of their names. What a
-/// program finds in a folder was not named by its user: a pipe there would keep it waiting for ever.
+/// program finds in a folder was not named by its user: a pipe there would keep it waiting for
+/// ever.
 ///
 /// # Errors
 ///

@@ -1,9 +1,9 @@
 //! Files: read up to a limit and no further; written whole or not at all.
 //!
-//! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device or
-//! an endless stream costs no more than a file of that size; what a file may become beyond its bytes
-//! is taken off a [`Budget`]. Every writer stages its file beside its place, see [`Output`] and
-//! [`OutputFolder`].
+//! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device
+//! or an endless stream costs no more than a file of that size; what a file may become beyond its
+//! bytes is taken off a [`Budget`]. Every writer stages its file beside its place, see [`Output`]
+//! and [`OutputFolder`].
 
 mod budget;
 #[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
@@ -23,4 +23,4 @@ pub use input::{Limit, entries_in, files_in};
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
 pub use text::{PlainText, decoded, plain_text};
-pub use yaml::{Broken, Entry, Yaml};
+pub use yaml::{Broken, Yaml, YamlEntry};

@@ -1,9 +1,9 @@
 //! Text of tables in one form: commas between cells, points in numbers, the head in one line.
 //!
-//! Understood, and turned into that form line by line: UTF-16 and byte order marks; lines that end in
-//! CR; semicolons, tabs or blanks between cells; decimal commas, where no cell has a point; comments
-//! (`#`, `%`, `//`) and other lines before the head; a head that is a comment; a line of units below
-//! the head. Lines keep their numbers.
+//! Understood, and turned into that form line by line: UTF-16 and byte order marks; lines that end
+//! in CR; semicolons, tabs or blanks between cells; decimal commas, where no cell has a point;
+//! comments (`#`, `%`, `//`) and other lines before the head; a head that is a comment; a line of
+//! units below the head. Lines keep their numbers.
 
 use std::borrow::Cow;
 
@@ -176,7 +176,8 @@ impl Head {
             before().filter(fits).filter(|index| !is_comment(lines[*index])).collect();
         let commented = || before().filter(fits).rfind(|index| is_comment(lines[*index]));
         let titles = bare.first().copied().or_else(commented);
-        // Without a line that fits, the last one is the head, and its row is refused with its place.
+        // Without a line that fits, the last one is the head, and its row is refused with its
+        // place.
         let titles = titles.or_else(|| before().rfind(|index| !is_comment(lines[*index])));
         let units = bare.get(1).copied().filter(|index| {
             bare.len() == 2 && separator.cells(lines[*index]).all(|cell| cell.len() <= 8)

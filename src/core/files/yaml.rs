@@ -1,7 +1,7 @@
 //! YAML, as Bitcraze's programs write it: mappings, lists and scalars in block or flow style.
 //!
-//! `granit-parser` makes events of the text; here they become nodes with their lines. Anchors, tags,
-//! keys that are no scalars, keys twice and a second document are refused.
+//! `granit-parser` makes events of the text; here they become nodes with their lines. Anchors,
+//! tags, keys that are no scalars, keys twice and a second document are refused.
 
 use granit_parser::{Event, Parser};
 
@@ -25,12 +25,12 @@ pub struct Yaml {
 enum Value {
     Scalar(String),
     List(Vec<Yaml>),
-    Map(Vec<Entry>),
+    Map(Vec<YamlEntry>),
 }
 
 /// A key of a mapping, its line and its value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry {
+pub struct YamlEntry {
     /// The line of the key, from 1.
     pub line: usize,
     /// The key.
@@ -200,7 +200,7 @@ impl Yaml {
     /// # Errors
     ///
     /// [`Broken`] where it is none.
-    pub fn entries(&self) -> Result<&[Entry]> {
+    pub fn entries(&self) -> Result<&[YamlEntry]> {
         match &self.value {
             Value::Map(entries) => Ok(entries),
             _ => Err(self.broken("a mapping")),
@@ -237,7 +237,7 @@ impl Yaml {
     /// [`Broken`] where it is no mapping, or has another key.
     pub fn numbered(&self) -> Result<Vec<(u8, &Self)>> {
         let mut numbers: Vec<(u8, &Self)> = Vec::new();
-        for Entry { line, key, value } in self.entries()? {
+        for YamlEntry { line, key, value } in self.entries()? {
             let broken = |found, wanted: &str| Broken { line: *line, found, wanted: wanted.into() };
             let number = key.parse().map_err(|_no_byte| {
                 broken(format!("key {key}"), "a number from 0 to 255 as its key")
@@ -257,7 +257,7 @@ impl Open {
     fn add(&mut self, node: Yaml) -> Result<()> {
         match (&mut self.value, self.key.take(), node) {
             (Value::Map(entries), Some((line, key)), value) => {
-                entries.push(Entry { line, key, value });
+                entries.push(YamlEntry { line, key, value });
             }
             (Value::Map(entries), None, Yaml { line, value: Value::Scalar(key) }) => {
                 if entries.iter().any(|entry| entry.key == key) {

@@ -1,10 +1,10 @@
 //! Flights as CSV files: one row a sample, one column a number, SI units in the names.
 //!
 //! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
-//! columns of a quantity that a real log lacks are left out together. One column `light.<channel>` a
-//! light channel. `gap_before` is 1 in the first row after a gap, and is there only in files with
-//! gaps. Columns of other names are kept as [`Flight::extra`]; the simulator's are `saturated_s` and,
-//! for a drone with a battery, `battery_v` and `energy_j`.
+//! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
+//! a light channel. `gap_before` is 1 in the first row after a gap, and is there only in files with
+//! gaps. Columns of other names are kept as [`Flight::extra`]; the simulator's are `saturated_s`
+//! and, for a drone with a battery, `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -73,8 +73,8 @@ impl Flight {
         write_table(out, &header, rows)
     }
 
-    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests, on
-    /// every machine and in every build.
+    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests,
+    /// on every machine and in every build.
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
@@ -166,8 +166,8 @@ impl Flight {
     }
 }
 
-/// Names further columns that are nearly ours, and refuses two columns of one name where one would be
-/// dropped.
+/// Names further columns that are nearly ours, and refuses two columns of one name where one would
+/// be dropped.
 fn odd_titles(table: &Table) -> Result<Vec<String>> {
     let bare = |text: &str| {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
@@ -339,7 +339,8 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// One thing in a flight file that is not understood, and would change the flight, is named.
+        /// One thing in a flight file that is not understood, and would change the flight, is
+        /// named.
         #[test]
         fn what_a_flight_file_should_not_have_is_named(which in 0..26_usize, kind in 0..4_usize) {
             let mut file = Vec::new();

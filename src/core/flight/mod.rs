@@ -1,4 +1,5 @@
-//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over time.
+//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over
+//! time.
 //!
 //! The simulator and the readers of real logs both make it; later stages do not depend on which.
 
@@ -28,8 +29,8 @@ pub const SATURATED_S: &str = "saturated_s";
 pub const BATTERY_V: &str = "battery_v";
 /// Column of a simulated flight: energy drawn from the battery so far, J.
 pub const ENERGY_J: &str = "energy_j";
-/// Column of a simulated flight with the estimator `cooperative`: standard deviation of the estimated
-/// position over all three axes, m, as the estimator has it.
+/// Column of a simulated flight with the estimator `cooperative`: standard deviation of the
+/// estimated position over all three axes, m, as the estimator has it.
 pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
 /// Column beside it: normalized squared error of the estimated position over its three axes; 1 on
 /// average where the estimator's covariance is true.
@@ -44,8 +45,8 @@ pub struct Flight {
     /// channel, 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
     /// Further columns, each as long as `samples`. Of a real log: under the names and in the units
-    /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and, where
-    /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
+    /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and,
+    /// where the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
     /// Gaps in a real log: times of the last sample before and of the first sample after, in rising
     /// order. Nothing is known in between: no line is drawn and no lamp shines across one.

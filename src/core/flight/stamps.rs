@@ -16,9 +16,10 @@ pub struct FoundUnit {
     pub in_doubt: bool,
 }
 
-/// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie logs so
-/// slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no unit makes one
-/// of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several rows of one stamp.
+/// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie
+/// logs so slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no
+/// unit makes one of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several
+/// rows of one stamp.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);

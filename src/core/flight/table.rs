@@ -246,8 +246,8 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction of
-/// its time, for the 300,000 numbers of a flight.
+/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction
+/// of its time, for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
     let scaled = (value * 1e6).abs();
     if scaled >= 4.5e15 {
@@ -260,8 +260,8 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
         line.push(b'-');
     }
     let (mut whole, mut part) = (rest / 1_000_000, (rest % 1_000_000) as u32);
-    // From the last digit to the first, six after the point: divided by constants, which the compiler
-    // turns into multiplications.
+    // From the last digit to the first, six after the point: divided by constants, which the
+    // compiler turns into multiplications.
     let mut digits = [b'.'; 24];
     for digit in digits[18..].iter_mut().rev() {
         *digit = b'0' + (part % 10) as u8;

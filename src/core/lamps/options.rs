@@ -8,8 +8,8 @@ use crate::settings::{Described, settings};
 settings! {
     /// The lamps, and how they follow commands.
     ///
-    /// By default those of the reference flight: a Crazyflie 2.x with the LED-ring deck, its ring as
-    /// the firmware starts it, since the team's script never turned it off.
+    /// By default those of the reference flight: a Crazyflie 2.x with the LED-ring deck, its ring
+    /// as the firmware starts it, since the team's script never turned it off.
     pub struct LightOptions {
         /// Delay from sending a light command to its arrival in the firmware.
         ///
@@ -47,14 +47,15 @@ settings! {
         ///
         /// `colorLedBot.wrgb8888`.
         color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
-        /// White, red, green, blue of the letters in turn, of the color LED deck or, without white, of
-        /// the ring; empty: all alike.
+        /// White, red, green, blue of the letters in turn, of the color LED deck or, without white,
+        /// of the ring; empty: all alike.
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
         /// `colorLedBot.brightCorr`. The colors of a drawing are written without it.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
-        /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists them.
+        /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists
+        /// them.
         deck: Deck = Deck::LedRing, unless "light.fixtures";
         /// Glints of the headlights on the motors in front of them: a second strand beside every
         /// stroke that is seen from the drone's side, as in the reference team's photograph.
@@ -99,8 +100,8 @@ settings! {
 
     /// Brightness correction of the color LED deck.
     pub enum ColorLedLevels {
-        /// Evened out and squared, the default of the firmware: white, red, green and blue are scaled
-        /// by 0.99, 0.78, 0.51 and 1, then `3 + 252 (v/255)²`.
+        /// Evened out and squared, the default of the firmware: white, red, green and blue are
+        /// scaled by 0.99, 0.78, 0.51 and 1, then `3 + 252 (v/255)²`.
         "corrected" => Corrected,
         /// None.
         "plain" => Plain,
@@ -152,8 +153,8 @@ impl LightOptions {
         }
     }
 
-    /// Color of the ring on a letter, counted from 0. Its LEDs have no white: letters in white alone
-    /// have the ring's own color.
+    /// Color of the ring on a letter, counted from 0. Its LEDs have no white: letters in white
+    /// alone have the ring's own color.
     #[must_use]
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {

@@ -23,13 +23,13 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// the picture.
 ///
 /// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
-/// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of `ledseq.c` at 016e1e7); link
-/// LED at the front left (M4), red for every packet sent (`radiolinkSyslinkDispatch`,
-/// `radiolink.c`), for a tick of 1 ms that its timer cuts short (`seq_linkup_def` and `runLedseq`,
-/// `ledseq.c`), so half of it in the mean. The reference flight's log of 38 variables in seven
-/// blocks, at 10 ms where the radio keeps up, holds 279 packets a second. At 0.2 m/s they lie 0.7 mm
-/// apart: a faint thin line, as in the team's photograph, which shows no green for the packets
-/// received.
+/// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of
+/// `ledseq.c` at 016e1e7); link LED at the front left (M4), red for every packet sent
+/// (`radiolinkSyslinkDispatch`, `radiolink.c`), for a tick of 1 ms that its timer cuts short
+/// (`seq_linkup_def` and `runLedseq`, `ledseq.c`), so half of it in the mean. The reference
+/// flight's log of 38 variables in seven blocks, at 10 ms where the radio keeps up, holds 279
+/// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
+/// photograph, which shows no green for the packets received.
 ///
 /// Assumptions: 20 mcd in every direction (0603 class; the light that a small package and the
 /// white solder mask around it send sideways), at the motor mounts 30 mm out on both axes; the
@@ -67,9 +67,9 @@ pub fn crazyflie() -> Vec<Fixture> {
 /// The glint of an LED of the board on the propeller above it.
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
-/// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7 of
-/// saturation, where a tenth of the main strand's own light, which leaks into green, clips. That it
-/// is the propeller which throws it, a centimeter higher up, is an assumption.
+/// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7
+/// of saturation, where a tenth of the main strand's own light, which leaks into green, clips. That
+/// it is the propeller which throws it, a centimeter higher up, is an assumption.
 fn off_the_propeller(led: &Fixture) -> Fixture {
     let [x, y, _] = led.position_body_m;
     let mut glint = led.clone();
@@ -127,12 +127,12 @@ pub fn led_ring() -> Vec<Fixture> {
 
 /// The glints of the headlights on the two motors in front of them, 46 mm from the middle.
 ///
-/// In the team's photograph a second white strand runs beside the headlights', 15 mm (4.5 to 5 px of
-/// 3.1 mm) ahead of them in the first N and the O's, where the drone is seen from its side; to the right
-/// of the camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
-/// things as far to the left and to the right as the motors are. They reach 0.7 to 0.9 of saturation
-/// there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the same camera: 0.05 cd
-/// to every side but the front, which the motors shade.
+/// In the team's photograph a second white strand runs beside the headlights', 15 mm (4.5 to 5 px
+/// of 3.1 mm) ahead of them in the first N and the O's, where the drone is seen from its side; to
+/// the right of the camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25
+/// mm in its bowl: things as far to the left and to the right as the motors are. They reach 0.7 to
+/// 0.9 of saturation there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the
+/// same camera: 0.05 cd to every side but the front, which the motors shade.
 pub fn off_the_motors() -> Vec<Fixture> {
     let glint = |mut headlight: Fixture| {
         headlight.name = format!("{} off the motor", headlight.name);

@@ -1,19 +1,19 @@
 //! The form on board: pieces of whole millimeters and milliseconds, and their bytes.
 //!
-//! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16 (x,
-//! y, z in mm, yaw in 0.1°); then a piece after another: a byte with two bits an axis (x, y, z, yaw
-//! from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration as uint16 in ms, and for
-//! each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero bytes. The
-//! first control point of a piece is the last of the piece before.
+//! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
+//! (x, y, z in mm, yaw in 0.1°); then a piece after another: a byte with two bits an axis (x, y, z,
+//! yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration as uint16 in ms,
+//! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
+//! bytes. The first control point of a piece is the last of the piece before.
 
 use nalgebra::Vector3;
 
 use super::super::pieces::Polynomials;
 use super::Compressed;
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// What ends a trajectory.
-pub(in crate::export) const END: [u8; 3] = [0; 3];
+pub(crate) const END: [u8; 3] = [0; 3];
 
 /// One piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,7 +119,8 @@ impl Compressed {
         bytes
     }
 
-    /// Reads the bytes that [`Self::to_bytes`] writes; yaw must be constant, and no axis of degree 7.
+    /// Reads the bytes that [`Self::to_bytes`] writes; yaw must be constant, and no axis of degree
+    /// 7.
     ///
     /// # Errors
     ///

@@ -8,9 +8,9 @@
 use nalgebra::Vector3;
 
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
-use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use crate::error::{Error, Result};
-use crate::plan::Plan;
+use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::Plan;
 
 mod form;
 
@@ -201,8 +201,8 @@ fn round_mm(x_m: f64) -> i16 {
 mod tests {
     use super::super::pieces::{motion, waves};
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, Setpoint, plan};
+    use noctograph_flying::plan::{PlanOptions, Setpoint, plan};
+    use noctograph_letters::{LetterOptions, write};
 
     fn noor() -> Plan {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();

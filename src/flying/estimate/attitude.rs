@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
-use crate::geometry::Attitude;
+use noctograph_core::geometry::Attitude;
 
 /// `world_from_body`.
 #[derive(Clone, Copy, Debug)]

@@ -1,9 +1,9 @@
 //! Gates: which measurements a filter refuses.
 //!
-//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong refuses what
-//! is right: after [`MOST_REFUSALS`] refusals in a row the next measurement of the same source is
-//! believed with the variance that it asks for, so that the truth cannot be locked out. And a filter
-//! takes a step of the floor for motion of the drone: the second range to the floor beyond a
+//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong refuses
+//! what is right: after [`MOST_REFUSALS`] refusals in a row the next measurement of the same source
+//! is believed with the variance that it asks for, so that the truth cannot be locked out. And a
+//! filter takes a step of the floor for motion of the drone: the second range to the floor beyond a
 //! [`StepTest`] is one, and the floor moves by the mean of both innovations.
 
 use std::collections::BTreeMap;
@@ -83,8 +83,8 @@ impl StepTest {
     }
 
     /// [`Normal::correct`] by a range to a floor, whose state is the last part of the slope, unless
-    /// the floor steps: then its state is moved and widened. Ranges that are not a step's are refused
-    /// beyond `gate_sq`.
+    /// the floor steps: then its state is moved and widened. Ranges that are not a step's are
+    /// refused beyond `gate_sq`.
     ///
     /// # Panics
     ///

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::attitude::Turned;
 use super::normal::Normal;
 
-pub use crate::crazyflie::GRAVITY_M_S2;
+pub use noctograph_core::crazyflie::GRAVITY_M_S2;
 
 /// Errors of a drone: three of the position first,
 pub const ERRORS: usize = 9;
@@ -130,8 +130,8 @@ impl Inertial {
 }
 
 impl Normal {
-    /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and turn
-    /// (rad), and of further states.
+    /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and
+    /// turn (rad), and of further states.
     #[must_use]
     pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
         let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);

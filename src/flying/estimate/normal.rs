@@ -1,17 +1,18 @@
 //! A normal distribution of states, and the one correction by a measurement.
 //!
-//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of variance
-//! `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`; with the gain `k = P h / √s` it
-//! corrects `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction subtracts one square from a matrix that stays exactly
-//! symmetric, which at the ratios of variance that occur here (1e-6 and more) is as safe as Joseph's
-//! form and half the work. Independent measurements are taken in one after the other, which is the
-//! same as at once.
+//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of
+//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`; with the gain
+//! `k = P h / √s` it corrects `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction subtracts
+//! one square from a matrix that stays exactly symmetric, which at the ratios of variance that
+//! occur here (1e-6 and more) is as safe as Joseph's form and half the work. Independent
+//! measurements are taken in one after the other, which is the same as at once.
 //!
 //! Slopes are sparse: a measurement sees a place, a turn and at most a few biases. All loops are
 //! over plain columns, so that no product picks another kernel on another CPU.
 //!
 //! Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
-//! Navigation*, Wiley 2001, sections 5.2 and 5.4 (consistency by the normalized innovation squared).
+//! Navigation*, Wiley 2001, sections 5.2 and 5.4 (consistency by the normalized innovation
+//! squared).
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -71,7 +72,8 @@ impl Innovation {
         self.value * self.value / self.variance
     }
 
-    /// Whether it is farther from the prediction than the root of `gate_sq` standard deviations (χ²).
+    /// Whether it is farther from the prediction than the root of `gate_sq` standard deviations
+    /// (χ²).
     #[must_use]
     pub fn is_beyond(&self, gate_sq: f64) -> bool {
         self.value * self.value > gate_sq * self.variance
@@ -113,8 +115,9 @@ impl Normal {
         self.covariance[(state, state)].max(0.0).sqrt()
     }
 
-    /// Propagates by a transition `Φ`, given as the entries of `Φ − 1` in an order in which no row is
-    /// changed before another that it enters, and by the upper triangle of a covariance `Q` of noise.
+    /// Propagates by a transition `Φ`, given as the entries of `Φ − 1` in an order in which no row
+    /// is changed before another that it enters, and by the upper triangle of a covariance `Q` of
+    /// noise.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
@@ -155,7 +158,8 @@ impl Normal {
         }
         Innovation {
             value: value - along(slope, self.mean.as_slice()),
-            // Rounding may leave less than nothing where a measurement is far sharper than the rest.
+            // Rounding may leave less than nothing where a measurement is far sharper than the
+            // rest.
             variance: along(slope, &self.gain).max(0.0) + variance,
         }
     }

@@ -1,4 +1,5 @@
-//! The backward pass over the steps of a filter, of Rauch, Tung and Striebel (AIAA Journal 3(8), 1965).
+//! The backward pass over the steps of a filter, of Rauch, Tung and Striebel (AIAA Journal 3(8),
+//! 1965).
 
 use super::normal::{Entry, Normal};
 

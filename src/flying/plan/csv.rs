@@ -6,15 +6,15 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
-use crate::error::{Error, Result};
-use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
-use crate::flight::table::{Table, write_table};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::csv::{letter_from_number, light_columns, number_from_letter};
+use noctograph_core::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
 /// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
-/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light channels,
-/// a heading other than 0 adds `yaw_rad`, which stays the same.
+/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light
+/// channels, a heading other than 0 adds `yaw_rad`, which stays the same.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
@@ -58,7 +58,8 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Io`], or [`crate::error::Error::Input`] with line and column.
+    /// [`noctograph_core::error::Error::Io`], or [`noctograph_core::error::Error::Input`] with line
+    /// and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
@@ -67,7 +68,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with line and column.
+    /// [`noctograph_core::error::Error::Input`] with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }
@@ -112,8 +113,8 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn a_plan_reads_back_bit_by_bit() {

@@ -1,9 +1,9 @@
 //! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
 //!
-//! The drone takes off below the first stroke, hovers at its beginning while the height settles, draws,
-//! and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms, the lamps'
-//! timer, so that light commands can meet its ends. All setpoints lie on one grid in time, so that a
-//! controller that holds positions is a linear filter of them.
+//! The drone takes off below the first stroke, hovers at its beginning while the height settles,
+//! draws, and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms,
+//! the lamps' timer, so that light commands can meet its ends. All setpoints lie on one grid in
+//! time, so that a controller that holds positions is a linear filter of them.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -11,9 +11,9 @@ use super::motion::{Motion, State};
 use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
-use crate::crazyflie::RING_TICK_S;
-use crate::error::{Error, Result};
-use crate::flight::table::on_grid;
+use noctograph_core::crazyflie::RING_TICK_S;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::on_grid;
 
 /// Steps of a dimmed light: finer ones are not visible, and each one is a command.
 const LEVEL_STEPS: f64 = 50.0;
@@ -21,16 +21,16 @@ const LEVEL_STEPS: f64 = 50.0;
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home at which a drone of several begins and ends its way to the strokes.
 const OVER_HOME_M: f64 = 0.3;
-/// Take-off acceleration over that of other transits. A climb that saturates the motors winds up the
-/// integrators of a PID controller, and the first letter is written too high.
+/// Take-off acceleration over that of other transits. A climb that saturates the motors winds up
+/// the integrators of a PID controller, and the first letter is written too high.
 const TAKE_OFF_SHARE: f64 = 0.5;
 /// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
-/// Run-in of a loop: its light goes on so long after its beginning, when the drone is as far off the
-/// curve as at its end, and goes off so much later. Longer than three of these, it is a loop.
+/// Run-in of a loop: its light goes on so long after its beginning, when the drone is as far off
+/// the curve as at its end, and goes off so much later. Longer than three of these, it is a loop.
 const LEAD_S: f64 = 0.4;
-/// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the lamps'
-/// timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
+/// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
+/// lamps' timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
 /// Hover at a dot before its light goes on, in which the drone comes to rest.
 const SETTLE_S: f64 = 0.2;
@@ -44,7 +44,8 @@ struct Segment {
 }
 
 impl Segment {
-    /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the lamps.
+    /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the
+    /// lamps.
     fn letter_at(&self, time_s: f64) -> Option<usize> {
         let Path::Lit(motion) = &self.path else { return self.letter };
         let tick = ((time_s - self.start_s) / RING_TICK_S + 1e-3).floor();
@@ -263,8 +264,8 @@ fn rest(x_m: f64, height_m: f64) -> State {
 
 #[cfg(test)]
 mod tests {
-    use crate::letters::{Ink, LetterOptions, draw, write};
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
+    use noctograph_letters::{Ink, LetterOptions, draw, write};
 
     fn noor(options: &PlanOptions) -> Plan {
         plan(&write("NOOR", &LetterOptions::default()).unwrap(), options).unwrap()
@@ -279,8 +280,8 @@ mod tests {
 
     #[test]
     fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
-        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. With the hover before
-        // the first stroke it takes longer.
+        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. With the hover
+        // before the first stroke it takes longer.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
             ..PlanOptions::even_with(EvenStyle {

@@ -2,15 +2,15 @@
 //!
 //! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
 //! positions to send. Method: the zero-phase inverse of [`StepResponse`] over the whole flight, per
-//! axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight is
-//! sent through the inverse once more ([`learn`]).
+//! axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight
+//! is sent through the inverse once more ([`learn`]).
 
 use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
-use crate::control::StepResponse;
-use crate::flight::Flight;
-use crate::flight::table::on_grid;
+use noctograph_core::control::StepResponse;
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
 
 /// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
 const RIDGE: f64 = 0.02;
@@ -42,7 +42,8 @@ pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
 }
 
 /// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
-/// iterative learning, and the correction that a controller with feedforward of its own still needs.
+/// iterative learning, and the correction that a controller with feedforward of its own still
+/// needs.
 ///
 /// # Panics
 ///
@@ -94,8 +95,8 @@ fn sending(plan: &Plan, sent_m: impl Fn(usize, &Setpoint) -> Vector3<f64>) -> Pl
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
+    use noctograph_letters::{LetterOptions, write};
 
     fn noor() -> Plan {
         let strokes = write("NO", &LetterOptions::default()).unwrap();

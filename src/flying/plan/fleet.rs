@@ -1,10 +1,11 @@
 //! Fleet: several drones share the strokes of one word, and keep apart in space and time.
 //!
 //! Each drone takes a stretch of the word from left to right with about as much light as the
-//! others. Of each stretch some routes are tried: the shortest, the same backward, and from one side to
-//! the other, which keep drones apart that fly at once. The drones are dealt with one after another; each
-//! takes the route that ends first and keeps apart from those before, waiting on the floor as long as it
-//! must. The one that ends last is dealt with first the next time, until that has been tried with each.
+//! others. Of each stretch some routes are tried: the shortest, the same backward, and from one
+//! side to the other, which keep drones apart that fly at once. The drones are dealt with one after
+//! another; each takes the route that ends first and keeps apart from those before, waiting on the
+//! floor as long as it must. The one that ends last is dealt with first the next time, until that
+//! has been tried with each.
 
 use std::collections::HashMap;
 
@@ -13,9 +14,9 @@ use nalgebra::Vector3;
 use super::order::{as_drawn, is_kept, shortest};
 use super::pen::PenStroke;
 use super::{EvenStyle, Plan, PlanOptions, Setpoint, Style, adjusted, even};
-use crate::error::{Error, Result};
-use crate::geometry::bounds;
-use crate::strokes::Strokes;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::bounds;
+use noctograph_core::strokes::Strokes;
 
 /// Least horizontal distance of two drones, unless they are [`MIN_VERTICAL_M`] above each other:
 /// the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
@@ -140,8 +141,8 @@ impl Start {
     }
 }
 
-/// The routes and delays of all drones whose last one ends first, and the step at which it does; `None`
-/// where they cannot keep apart.
+/// The routes and delays of all drones whose last one ends first, and the step at which it does;
+/// `None` where they cannot keep apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
@@ -190,8 +191,8 @@ fn dealt(
     Ok(found.into_iter().map(|(_, start)| start).collect())
 }
 
-/// Whether two drones meet, each on one of its routes and by how many steps the first starts after the
-/// other one: looked up from order to order.
+/// Whether two drones meet, each on one of its routes and by how many steps the first starts after
+/// the other one: looked up from order to order.
 struct Meetings<'a> {
     routes: &'a [Vec<Route>],
     /// By drones and routes, then by delay.
@@ -230,13 +231,14 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, if the plan starts after some: on the floor before it and behind its end.
+    /// The place at a step, if the plan starts after some: on the floor before it and behind its
+    /// end.
     fn at(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
         self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
-    /// Horizontal distance and difference in height from another at a step, unless they are above each
-    /// other.
+    /// Horizontal distance and difference in height from another at a step, unless they are above
+    /// each other.
     fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
         let ((a, a_parked), (b, b_parked)) = (self.at(step, delay), other.at(step, later));
         let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -263,7 +265,8 @@ impl Track {
     }
 }
 
-/// The strokes from left to right, in stretches of about equal length; of whole letters, if asked for.
+/// The strokes from left to right, in stretches of about equal length; of whole letters, if asked
+/// for.
 fn shares(
     strokes: &Strokes,
     whole_letters: bool,
@@ -348,8 +351,8 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of the
-/// first plan is then `vertical_m` above the other one's, or below it where that is negative.
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of
+/// the first plan is then `vertical_m` above the other one's, or below it where that is negative.
 #[must_use]
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
     let (mut nearest, mut time_s): (Option<Approach>, f64) = (None, 0.0);
@@ -369,7 +372,7 @@ pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
+    use noctograph_letters::{LetterOptions, write};
 
     fn strokes(word: &str) -> Strokes {
         write(word, &LetterOptions { font: "simplex".into(), ..LetterOptions::default() }).unwrap()

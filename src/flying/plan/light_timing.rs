@@ -15,9 +15,9 @@ use super::lamp::LampTiming;
 use super::light_letters::drawn;
 use super::stroke_ends::{Aligned, Edge, StrokeEnd};
 use super::{Plan, Setpoint};
-use crate::error::Result;
-use crate::flight::Flight;
-use crate::flight::table::on_grid;
+use noctograph_core::error::Result;
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
 
 /// Reference that a controller follows between two setpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ const LEAST_APART_S: f64 = 0.001;
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Input`] for a flight without samples or without a design.
+/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
 pub fn time_lights(
     plan: &Plan,
     flight: &Flight,
@@ -155,9 +155,9 @@ fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::FlightSample;
-    use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
+    use noctograph_core::flight::FlightSample;
+    use noctograph_letters::{LetterOptions, write};
 
     const LAMP: LampTiming =
         LampTiming { delay_s: 0.025, tick_s: 0.05, phase_s: 0.0, rise_s: 0.0, decay_s: 0.0 };

@@ -16,8 +16,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use crate::error::Result;
-use crate::strokes::Strokes;
+use noctograph_core::error::Result;
+use noctograph_core::strokes::Strokes;
 
 pub mod csv;
 mod even;
@@ -188,9 +188,9 @@ impl Setpoint {
 ///
 /// # Errors
 ///
-/// [`Input`](crate::error::Error::Input) for an option out of range or a drawing without light,
-/// [`Infeasible`](crate::error::Error::Infeasible) for a flight longer than an hour and a drawing of
-/// more than 10 000 strokes.
+/// [`Input`](noctograph_core::error::Error::Input) for an option out of range or a drawing without
+/// light, [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight longer than an
+/// hour and a drawing of more than 10 000 strokes.
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
     let plan = match &options.style {
@@ -203,8 +203,8 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// The plan with its heading, on the clock that will pace it, moved against the mean error of earlier
-/// flights.
+/// The plan with its heading, on the clock that will pace it, moved against the mean error of
+/// earlier flights.
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
     let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
     let plan = match options.trajectory_clock {
@@ -220,8 +220,8 @@ fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
-    use crate::letters::{LetterOptions, write};
+    use noctograph_core::error::Error;
+    use noctograph_letters::{LetterOptions, write};
 
     fn noor(extent: Extent) -> Plan {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();

@@ -177,7 +177,7 @@ impl Piece {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::segment_distance;
+    use noctograph_core::geometry::segment_distance;
 
     fn motion(points: &[[f64; 2]], speed_m_s: f64, corner_error_m: f64) -> Motion {
         let style = EvenStyle { corner_error_m, ..EvenStyle::default() };

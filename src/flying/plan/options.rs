@@ -1,15 +1,15 @@
 //! Options of planning.
 
-use crate::error::Result;
-use crate::settings::{Described, settings};
+use noctograph_core::error::Result;
+use noctograph_core::settings::{Described, settings};
 
 settings! {
     /// How a word is flown.
     pub struct PlanOptions {
         /// Part of the flight that is planned.
         extent: Extent = Extent::Whole;
-        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led` (the default
-        /// where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
+        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led` (the
+        /// default where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
         /// Speed along every leg; in style `even`, along lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;
@@ -24,16 +24,19 @@ settings! {
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
         reference: ReferenceKind = ReferenceKind::Design;
-        /// Mean of `flown - design` per world axis in an earlier flight, subtracted from the setpoints.
+        /// Mean of `flown - design` per world axis in an earlier flight, subtracted from the
+        /// setpoints.
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
-        /// Rate of the clock that paces the setpoints, in true seconds per second: 1 for a host that
-        /// sends them, 84/85 for a trajectory on board of firmware up to and with release 2026.08
-        /// (`usec_time.c`; `vehicle.firmware`), while light commands from the host keep true time.
+        /// Rate of the clock that paces the setpoints, in true seconds per second: 1 for a host
+        /// that sends them, 84/85 for a trajectory on board of firmware up to and with release
+        /// 2026.08 (`usec_time.c`; `vehicle.firmware`), while light commands from the host keep
+        /// true time.
         trajectory_clock: f64 = 1.0, in 0.9..=1.1;
-        /// Heading of the nose from take-off to landing, from world x toward y: the drone is put down
-        /// so. Headlights shine along it; at -π/2 they face the audience, one beside the other.
+        /// Heading of the nose from take-off to landing, from world x toward y: the drone is put
+        /// down so. Headlights shine along it; at -π/2 they face the audience, one beside the
+        /// other.
         yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Way of flying. It also sets the defaults of the other keys of this table.
         style: Style = Style::default();
@@ -153,7 +156,7 @@ impl PlanOptions {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with the key that is out of range.
+    /// [`noctograph_core::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "plan", None)
     }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
-use crate::strokes::Strokes;
+use noctograph_core::strokes::Strokes;
 
 /// Most corners of a closed stroke at which its drawing may begin.
 const MAX_STARTS: usize = 8;
@@ -15,10 +15,10 @@ pub(super) const DOT_M: f64 = 0.005;
 
 /// Cosine of the turn at its beginning up to which a closed stroke is a curve.
 const SMOOTH_COS: f64 = 0.5;
-/// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle of a
-/// spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
-/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm; four times that make
-/// up for the hovering drone's own motion, and for serifs that dots do not have.
+/// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
+/// of a spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
+/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm; four times that
+/// make up for the hovering drone's own motion, and for serifs that dots do not have.
 const DOT_LIGHT_M: f64 = 0.04;
 
 /// Time for which a dot is lit where strokes are drawn at a speed.
@@ -185,8 +185,8 @@ impl PenStroke {
         Self { letter, points_m, letters, pace }
     }
 
-    /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1` is way `2 k`
-    /// backward; way 0 is as drawn.
+    /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1`
+    /// is way `2 k` backward; way 0 is as drawn.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let way = |way: usize| {
             let points = self.along(way).points_m;
@@ -221,8 +221,8 @@ impl PenStroke {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::segment_distance;
-    use crate::letters::{LetterOptions, write};
+    use noctograph_core::geometry::segment_distance;
+    use noctograph_letters::{LetterOptions, write};
 
     fn runs(word: &str) -> Vec<PenStroke> {
         pen_strokes(&write(word, &LetterOptions::default()).unwrap())

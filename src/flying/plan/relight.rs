@@ -4,16 +4,16 @@
 //! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
 //! after the current one that contains it, and never backward.
 
-use crate::error::{Error, Result};
-use crate::flight::{Flight, Quantity};
-use crate::geometry::segment_distance;
-use crate::strokes::{Move, Strokes};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, Quantity};
+use noctograph_core::geometry::segment_distance;
+use noctograph_core::strokes::{Move, Strokes};
 
 /// The light channel that the team's letters drive.
 pub const HEADLIGHTS: &str = "headlights";
 
-/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints; strokes
-/// lie centimeters apart.
+/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints;
+/// strokes lie centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
 /// Share of the word's strokes that the setpoints must run along: words share some strokes.
@@ -69,8 +69,8 @@ struct Progress {
 }
 
 impl Progress {
-    /// Advances to a setpoint: letter and light of its move, once the move has begun. While the drone
-    /// waits at the beginning of a letter its light is still off.
+    /// Advances to a setpoint: letter and light of its move, once the move has begun. While the
+    /// drone waits at the beginning of a letter its light is still off.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
         let onward = moves.iter().enumerate().skip(self.index);
         let (index, along_m) = onward.into_iter().find_map(|(index, (_, leg))| {
@@ -101,9 +101,9 @@ fn along(leg: &Move, [x, y]: [f64; 2]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
     use crate::sim::{Drone, SimOptions, fly};
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn letters_and_lights_are_recovered_from_setpoints() {

@@ -3,14 +3,15 @@
 use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
-use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::flight::table::on_grid;
-use crate::statistics::median;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
+use noctograph_core::statistics::median;
 
 /// Distance in median steps from which setpoints between two were lost.
 const LOST_STEPS: f64 = 1.5;
-/// Speed between two setpoints by the median speed: beyond it there was a jump or a wait, not a loss.
+/// Speed between two setpoints by the median speed: beyond it there was a jump or a wait, not a
+/// loss.
 const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 
 /// A flight's setpoints, ready to be flown again.
@@ -135,8 +136,8 @@ fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::FlightSample;
-    use crate::geometry::Attitude;
+    use noctograph_core::flight::FlightSample;
+    use noctograph_core::geometry::Attitude;
 
     /// A log at 100 Hz of setpoints `(time, x, light)`, each held until the next, to 1 s.
     fn logged(sent: &[(f64, f64, f64)]) -> Flight {

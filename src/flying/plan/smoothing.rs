@@ -2,8 +2,8 @@
 //!
 //! A pen at constant speed along the drawn line has a velocity that jumps at every corner. Two
 //! moving averages over time, one after the other, make it flyable: over the longer one, `T1`, a
-//! change of velocity Δv becomes an acceleration of Δv/T1; the shorter one, `T2`, limits the jerk to
-//! Δv/(T1 T2). Straight lines at constant speed are unchanged, and a corner is cut by at most
+//! change of velocity Δv becomes an acceleration of Δv/T1; the shorter one, `T2`, limits the jerk
+//! to Δv/(T1 T2). Straight lines at constant speed are unchanged, and a corner is cut by at most
 //! `Δv (T1/8 + T2²/(24 T1))`. Acceleration, jerk and corner error determine T1, T2 and the largest
 //! change of velocity within T1.
 

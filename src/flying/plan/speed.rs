@@ -1,5 +1,5 @@
-//! Speed of the pen along a polyline: the stroke speed or each leg's share of it, and less before and in
-//! corners that turn too far for it.
+//! Speed of the pen along a polyline: the stroke speed or each leg's share of it, and less before
+//! and in corners that turn too far for it.
 //!
 //! Method: where the velocity would turn by more than the smoothing allows within its time, all
 //! corners of that window are slowed by 5 %, repeatedly; a forward and a backward pass along the

@@ -7,9 +7,9 @@ use nalgebra::Vector3;
 
 use super::Plan;
 use super::lamp::LampTiming;
-use crate::error::Result;
-use crate::flight::tracking::{Part, designed};
-use crate::flight::{Flight, FlightSample};
+use noctograph_core::error::Result;
+use noctograph_core::flight::tracking::{Part, designed};
+use noctograph_core::flight::{Flight, FlightSample};
 
 /// Error of the light at one end of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,7 @@ const MAX_SAMPLES: usize = 2000;
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Input`] for a flight without samples or without a design.
+/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
 pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Vec<StrokeEnd>> {
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
@@ -98,8 +98,8 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// Mean of `flown − design` after a lag, and its variance in the word's plane, over samples in the
-    /// order of time.
+    /// Mean of `flown − design` after a lag, and its variance in the word's plane, over samples in
+    /// the order of time.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,

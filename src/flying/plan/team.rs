@@ -9,11 +9,11 @@ use nalgebra::Vector3;
 
 use super::pen::{DOT_M, dot_s};
 use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
-use crate::error::{Error, Result};
-use crate::flight::table::MAX_DURATION_S;
-use crate::flight::table::on_grid;
-use crate::geometry::polyline_length_m;
-use crate::strokes::{Glyph, Strokes};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::flight::table::on_grid;
+use noctograph_core::geometry::polyline_length_m;
+use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Plans the flight that writes `strokes`.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {

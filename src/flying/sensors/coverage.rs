@@ -4,17 +4,16 @@
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
 //! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao). σ
 //! is the whole error of an angle: its white noise, its distortion, and the station's own place and
-//! turn; the distortion that all stations share is added. People in the way
-//! and mirrors are those of the sensors. Not modeled: walls, the tilt of the drone, what a reflection
-//! does to the error.
+//! turn; the distortion that all stations share is added. People in the way and mirrors are those
+//! of the sensors. Not modeled: walls, the tilt of the drone, what a reflection does to the error.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use super::room::Room;
-use crate::error::{Error, Result, within};
 use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
-use crate::settings::Described;
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::settings::Described;
 
 /// Finest and coarsest grid.
 const STEPS_M: [f64; 2] = [0.001, 10.0];

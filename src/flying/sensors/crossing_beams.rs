@@ -73,10 +73,10 @@ impl CrossingBeams {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Attitude;
-    use crate::random::Noise;
     use crate::sensors::lighthouse::Lighthouse;
     use crate::sensors::{Generation, LighthouseOptions, SensorOptions};
+    use noctograph_core::geometry::Attitude;
+    use noctograph_core::random::Noise;
 
     /// Fixes of a second at rest.
     fn fixes(options: &LighthouseOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {

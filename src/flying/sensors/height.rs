@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
-use crate::random::Noise;
 use crate::vehicle::FloorOptions;
+use noctograph_core::random::Noise;
 
 /// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
@@ -153,8 +153,8 @@ impl Gnss {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Attitude;
     use crate::sensors::density::{Series, random_walk_density, white_density};
+    use noctograph_core::geometry::Attitude;
 
     const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
 

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::ImuOptions;
-use crate::random::{Noise, Normals};
+use noctograph_core::random::{Noise, Normals};
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
 /// modeled: noise is white up to half the rate at which it is read.

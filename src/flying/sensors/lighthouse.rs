@@ -12,8 +12,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::room::Room;
 use super::station::StationPose;
 use super::{Generation, LighthouseOptions, Station};
-use crate::geometry::Attitude;
-use crate::random::{Field, Noise, Normals};
+use noctograph_core::geometry::Attitude;
+use noctograph_core::random::{Field, Noise, Normals};
 
 /// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
 /// firmware, `lighthouse_position_est.c`.

@@ -14,8 +14,8 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Generation, Station};
-use crate::error::{Error, Result};
-use crate::files::{Broken, Limit, Yaml};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Broken, Limit, Yaml};
 
 /// Largest file that is read; sixteen stations take some 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
@@ -29,7 +29,8 @@ const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, wi
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
 const CALIBRATION: [&str; 2] = ["sweeps", "uid"];
-/// Figures of a plane's calibration, under the firmware's names; the first generation lacks the last two.
+/// Figures of a plane's calibration, under the firmware's names; the first generation lacks the
+/// last two.
 const SWEEP: [&str; 7] = ["phase", "tilt", "curve", "gibmag", "gibphase", "ogeemag", "ogeephase"];
 const N_SWEEP: usize = 5;
 

@@ -27,9 +27,9 @@ use self::imu::Imu;
 use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
-use crate::flight::Warning;
-use crate::random::Noise;
 use crate::vehicle::{FloorOptions, RigidBody};
+use noctograph_core::flight::Warning;
+use noctograph_core::random::Noise;
 
 pub use self::coverage::{Coverage, Place, coverage};
 pub(crate) use self::height::time_of_flight_sigma_m;
@@ -251,8 +251,8 @@ impl Sensors {
 mod tests {
     use super::density::{Series, white_density};
     use super::*;
-    use crate::crazyflie::GRAVITY_M_S2;
     use crate::sensors::Generation;
+    use noctograph_core::crazyflie::GRAVITY_M_S2;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
 

@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::settings::{Described, Shape, settings};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{Described, Shape, settings};
 
 /// Most base stations: the channels of the second generation.
 const MAX_STATIONS: usize = 16;
@@ -115,21 +115,22 @@ settings! {
         /// the origin, a place on the x-axis one meter off, a place on the floor (cflib,
         /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
         frame_turn_rad: [f64; 3] = [0.0; 3], in -0.5..=0.5;
-        /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the scale.
+        /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the
+        /// scale.
         frame_scale_error: f64 = 0.0, in -0.5..=0.5;
         /// Base stations, at their believed places.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
             .into();
-        /// Mirrors, which reflect all: a point of each, and the direction that it faces. Besides its sweeps the
-        /// deck then hears those of each station's image.
+        /// Mirrors, which reflect all: a point of each, and the direction that it faces. Besides
+        /// its sweeps the deck then hears those of each station's image.
         ///
         /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
         mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
-        /// Panes of glass: a point of each, and the direction that it faces. They reflect 8 % straight on
-        /// and more the flatter the light falls in; the deck hears an image up to 6 m times the root
-        /// of that.
+        /// Panes of glass: a point of each, and the direction that it faces. They reflect 8 %
+        /// straight on and more the flatter the light falls in; the deck hears an image up to 6 m
+        /// times the root of that.
         panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         /// People who stand in the light, 1.8 m high: x, y and radius of each.

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{PeerOptions, Positioning, SensorOptions};
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::random::Noise;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::random::Noise;
 
 /// The drones that fly together, in the order of their plans, as one of them knows them.
 #[derive(Clone, Debug)]

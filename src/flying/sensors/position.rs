@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
 use super::lighthouse::turn;
-use crate::random::{Field, Noise, Normals};
+use noctograph_core::random::{Field, Noise, Normals};
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
 /// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.

@@ -1,14 +1,14 @@
 //! What stands in the light of the base stations: people, other drones, mirrors and panes.
 //!
 //! A person is a standing cylinder, a drone a ball; they take the light away. A mirror shows each
-//! station a second time: the deck hears the sweep that meets its own image behind the mirror, with that
-//! image's angle. Which of these sweeps are believed is up to the filter of the estimator. A pane of
-//! glass does so where it reflects enough: a deck that hears a station from 6 m hears a share R of its
-//! light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's equations for unpolarized
-//! light and a refractive index of 1.52.
+//! station a second time: the deck hears the sweep that meets its own image behind the mirror, with
+//! that image's angle. Which of these sweeps are believed is up to the filter of the estimator. A
+//! pane of glass does so where it reflects enough: a deck that hears a station from 6 m hears a
+//! share R of its light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's
+//! equations for unpolarized light and a refractive index of 1.52.
 //!
-//! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time between
-//! a sweep and its reflection, by which the firmware's pulse processor drops some of them.
+//! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time
+//! between a sweep and its reflection, by which the firmware's pulse processor drops some of them.
 
 use nalgebra::{Matrix3, Vector3};
 

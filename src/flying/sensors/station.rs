@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Generation, Station};
-use crate::geometry::Attitude;
+use noctograph_core::geometry::Attitude;
 
 /// tan(π/6): slant of a second-generation station's planes.
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;

@@ -1,14 +1,15 @@
 //! Ultra-wideband ranges: two-way, or differences between two anchors.
 //!
 //! White noise, an error of each link that depends on the drone's place, and strays. Anchors are
-//! asked in turn; a difference is taken between an anchor and the next one that is heard. In a fleet
-//! all links take turns: those of each drone to its anchors, then the pairs of drones, both of which
-//! read the same range. Walls, antennas' patterns and collisions of packets are not modeled.
+//! asked in turn; a difference is taken between an anchor and the next one that is heard. In a
+//! fleet all links take turns: those of each drone to its anchors, then the pairs of drones, both
+//! of which read the same range. Walls, antennas' patterns and collisions of packets are not
+//! modeled.
 
 use nalgebra::Vector3;
 
 use super::{Fleet, PeerOptions, UwbOptions};
-use crate::random::{Field, Noise};
+use noctograph_core::random::{Field, Noise};
 
 /// Distance over which a link's error changes: an assumption, of the size of the furniture.
 const BIAS_LENGTH_M: f64 = 1.5;

@@ -8,13 +8,13 @@ use super::estimator::{AltitudeFilter, Estimator, estimator};
 use super::options::{ControllerKind, EstimatorKind, Setpoints};
 use super::radio::Link;
 use super::recorder::Snapshot;
-use crate::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
-use crate::error::{Error, Result};
-use crate::flight::Warning;
-use crate::geometry::turned;
 use crate::plan::Plan;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
 use crate::vehicle::{Plant, RigidBody, State, attitude, velocity};
+use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Warning;
+use noctograph_core::geometry::turned;
 
 /// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
@@ -91,8 +91,8 @@ impl Avionics {
         })
     }
 
-    /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions of the
-    /// fleet, between which ranges are measured. Whether the motors are to be commanded.
+    /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
+    /// of the fleet, between which ranges are measured. Whether the motors are to be commanded.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,

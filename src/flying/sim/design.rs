@@ -2,9 +2,9 @@
 //!
 //! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
 //! both gains come from their Riccati equations, and poles and margins of the closed loop are
-//! computed for immediate and for lagging motors. A cascade of PID loops and the geometric controller
-//! have no such gain: their own code is linearized at hover, and poles and margins are those of its
-//! loops.
+//! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
+//! controller have no such gain: their own code is linearized at hover, and poles and margins are
+//! those of its loops.
 //!
 //! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
 //! (1975), for the weights. Not modeled: the observer's own part in the margins, drag,
@@ -15,13 +15,13 @@ use serde::{Serialize, Serializer};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
-use crate::control::{
+use crate::vehicle::{Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
+use noctograph_core::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain,
     poles, unobservable_states, with_input_lag,
 };
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::{Error, Result, within};
-use crate::vehicle::{Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::{Error, Result, within};
 
 /// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
 /// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights
@@ -46,7 +46,8 @@ pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 /// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve [`STATES`].
+    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve
+    /// [`STATES`].
     #[serde(rename = "A", serialize_with = "rows")]
     pub a: DMatrix<f64>,
     /// Its B (12×4), by [`INPUTS`].

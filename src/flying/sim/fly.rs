@@ -5,12 +5,12 @@ use nalgebra::Vector3;
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
 use super::drone::Drone;
 use super::recorder::Recorder;
-use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::flight::table::MAX_DURATION_S;
 use crate::plan::{Plan, Setpoint};
 use crate::sensors::{Air, Fleet, Member};
 use crate::vehicle::{Downwash, FloorOptions, Plant, Wake};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::MAX_DURATION_S;
 
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
@@ -36,7 +36,8 @@ pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Res
 
 /// Flies several plans in step: the drones blow upon those below them (`air.downwash`), measure the
 /// distances between each other and tell each other what they measured, where their sensors and
-/// estimators are set to. A drone alone flies as by [`fly`]. A drone that has landed goes on ranging until the last one has.
+/// estimators are set to. A drone alone flies as by [`fly`]. A drone that has landed goes on
+/// ranging until the last one has.
 ///
 /// # Errors
 ///
@@ -53,7 +54,8 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were commanded.
+/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were
+/// commanded.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -236,9 +238,9 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     check_above(plan, floor)
 }
 
-/// Checks that the plan stays above the steps of the floor from its first setpoint above them to its
-/// last. Before and after, where a ramp begins and ends that rises above the step, the drone stands on
-/// the step.
+/// Checks that the plan stays above the steps of the floor from its first setpoint above them to
+/// its last. Before and after, where a ramp begins and ends that rises above the step, the drone
+/// stands on the step.
 fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
     let above = |s: &Setpoint| s.position_m.z > below_m(s);

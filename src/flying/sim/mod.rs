@@ -1,16 +1,16 @@
 //! Simulation of a flight.
 //!
-//! Product in: [`Plan`](crate::plan::Plan). Product out: [`Flight`](crate::flight::Flight), which
-//! the log of a real flight gives as well.
+//! Product in: [`Plan`](crate::plan::Plan). Product out:
+//! [`Flight`](noctograph_core::flight::Flight), which the log of a real flight gives as well.
 //!
 //! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
 //! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
-//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone starts at rest at the
-//! first setpoint, and a setpoint at or below the floor switches the motors off. The reference
-//! team's controller, the default of [`SimOptions`] (a scene's is the firmware's PID), holds each
-//! setpoint as it was sent: a position with no velocity, which the drone trails by about half a
-//! second; [`ControllerKind`] lists the others.
-//! [`design`] computes the gains without a flight.
+//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone
+//! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
+//! off. The reference team's controller, the default of [`SimOptions`] (a scene's is the firmware's
+//! PID), holds each setpoint as it was sent: a position with no velocity, which the drone trails by
+//! about half a second; [`ControllerKind`] lists the others. [`design`] computes the gains without
+//! a flight.
 //!
 //! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's

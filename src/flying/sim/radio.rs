@@ -1,17 +1,18 @@
 //! The radio link of one drone: which setpoint it has heard last, and when.
 //!
-//! The host offers its newest setpoint at every turn of the drone, so that a late one overtakes what it
-//! replaces. Turns fail by chance, each on its own, and in outages, one after the other.
+//! The host offers its newest setpoint at every turn of the drone, so that a late one overtakes
+//! what it replaces. Turns fail by chance, each on its own, and in outages, one after the other.
 //!
-//! Not modeled: signal strength and its dependence on the place; broadcasts; a host that blocks while
-//! its queue is full (cflib's holds one packet).
+//! Not modeled: signal strength and its dependence on the place; broadcasts; a host that blocks
+//! while its queue is full (cflib's holds one packet).
 
 use super::options::RadioOptions;
-use crate::random::Noise;
+use noctograph_core::random::Noise;
 
 /// Time of a packet with its answer, and of the switch to another drone's address
-/// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for packet and
-/// answer; firmware with addresses in the packets, issue 23, sends 1370 packets a second in all).
+/// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for
+/// packet and answer; firmware with addresses in the packets, issue 23, sends 1370 packets a second
+/// in all).
 const PACKET_S: f64 = 0.7e-3;
 const SWITCH_S: f64 = 2.5e-3;
 

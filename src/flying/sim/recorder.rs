@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::flight::table::on_grid;
-use crate::flight::{
-    BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightSample, SATURATED_S,
-    Warning,
-};
 use crate::plan::{Plan, Setpoint};
 use crate::vehicle::{State, attitude, position, rate, velocity};
 use nalgebra::Matrix3;
+use noctograph_core::flight::table::on_grid;
+use noctograph_core::flight::{
+    BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightSample, SATURATED_S,
+    Warning,
+};
 
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
 /// decimals gives back exactly the flight that was written.

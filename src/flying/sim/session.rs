@@ -3,12 +3,12 @@
 use super::controller::Reference;
 use super::drone::Drone;
 use super::fly::{Rig, rigs};
-use crate::error::{Error, Result};
-use crate::flight::Flight;
 use crate::plan::Plan;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
 
-/// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while its
-/// setpoint is above the floor.
+/// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while
+/// its setpoint is above the floor.
 #[derive(Debug)]
 pub struct Session {
     plan: Plan,
@@ -34,9 +34,9 @@ impl Session {
         Ok(session)
     }
 
-    /// What a command is to be chosen by, until the drone has landed: the estimated position (m, world),
-    /// yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame; and the
-    /// design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
+    /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
+    /// world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body
+    /// frame; and the design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
     #[must_use]
     pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
         let time_s = self.time_s();
@@ -151,9 +151,10 @@ mod tests {
         }
         assert_eq!(session.waits(), None, "landed");
         let again = session.finish();
-        let apart_m = |(a, b): (&crate::flight::FlightSample, &crate::flight::FlightSample)| {
-            (a.position_m - b.position_m).norm()
-        };
+        let apart_m = |(a, b): (
+            &noctograph_core::flight::FlightSample,
+            &noctograph_core::flight::FlightSample,
+        )| { (a.position_m - b.position_m).norm() };
         let apart_m = flight.samples.iter().zip(&again.samples).map(apart_m).fold(0.0, f64::max);
         assert!(apart_m < 1e-5, "{apart_m} m, of commands rounded to 1e-6");
         assert_eq!(again.samples.len(), flight.samples.len());

@@ -5,11 +5,12 @@ use nalgebra::Vector4;
 use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
-/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`, `pm_stm32f4.c`
-/// of firmware 2026.08): a sag at take-off empties no battery.
+/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
+/// `pm_stm32f4.c` of firmware 2026.08): a sag at take-off empties no battery.
 const CUT_OFF_S: f64 = 5.0;
 
-/// Highest voltage of a motor that is looked for, in those of the battery, and bisections: to 1e-9 V.
+/// Highest voltage of a motor that is looked for, in those of the battery, and bisections: to 1e-9
+/// V.
 const HIGHEST_V: f64 = 8.0;
 const BISECTIONS: u32 = 36;
 
@@ -61,7 +62,8 @@ impl Battery {
         self.energy_j
     }
 
-    /// Whether the voltage has been below the cut-off for too long; the motors stay off from then on.
+    /// Whether the voltage has been below the cut-off for too long; the motors stay off from then
+    /// on.
     pub(super) fn is_cut_off(&self) -> bool {
         self.low_s >= CUT_OFF_S
     }
@@ -98,8 +100,9 @@ impl Battery {
         }
     }
 
-    /// Thrusts that a battery gives that cannot give those wanted: with the firmware's compensation,
-    /// duty cycles lowered by what the largest one exceeds a full one; else each motor full.
+    /// Thrusts that a battery gives that cannot give those wanted: with the firmware's
+    /// compensation, duty cycles lowered by what the largest one exceeds a full one; else each
+    /// motor full.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
         if self.is_cut_off() || self.options.compensation == Compensation::None {

@@ -9,7 +9,7 @@ use super::model::State;
 #[cfg(test)]
 use super::model::{attitude, rate, velocity};
 use super::rotors::Load;
-use crate::crazyflie::GRAVITY_M_S2;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;

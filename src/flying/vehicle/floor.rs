@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::settings::{Described, Shape, settings};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{Described, Shape, settings};
 
 settings! {
     /// The floor: level at z = 0, but for steps. The ranger sees them, and the drone can stand on

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{AirOptions, Gusts};
-use crate::random::{Noise, Normals};
+use noctograph_core::random::{Noise, Normals};
 
 /// Meters per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::VehicleOptions;
 use super::model::Wrench;
-use crate::crazyflie::MOTOR_SIGNS;
+use noctograph_core::crazyflie::MOTOR_SIGNS;
 
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
@@ -19,7 +19,8 @@ impl Mixer {
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
+        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its
+        // transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
@@ -58,8 +59,8 @@ impl Mixer {
         (motors, motors != wanted)
     }
 
-    /// The same where the battery's compensation comes first and caps what it drives: commands have no
-    /// upper limit (firmware `stabilizer.c`, `controlMotors`).
+    /// The same where the battery's compensation comes first and caps what it drives: commands have
+    /// no upper limit (firmware `stabilizer.c`, `controlMotors`).
     pub(crate) fn uncapped_motors_from_commands(
         &self,
         commands: &Vector4<f64>,

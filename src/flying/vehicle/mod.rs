@@ -11,7 +11,8 @@
 //! Sources: equations of the reference flight (AE483, 2022); each option names the rest.
 //!
 //! Not modeled: blade flapping, lift and inflow of moving air, vortex ring state, ceiling and
-//! walls, recovery of a resting battery, its temperature; sliding, bouncing and tipping on the floor.
+//! walls, recovery of a resting battery, its temperature; sliding, bouncing and tipping on the
+//! floor.
 
 mod battery;
 mod body;

@@ -4,8 +4,8 @@
 use nalgebra::{SVector, Vector3, Vector4};
 
 use super::VehicleOptions;
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::geometry::Attitude;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::geometry::Attitude;
 
 /// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
 /// and angular velocity in the body frame.

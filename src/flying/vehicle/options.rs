@@ -1,10 +1,10 @@
 //! Settings of the drone, its battery and the air around it.
 
-use crate::error::{Error, Result};
-use crate::settings::settings;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::settings;
 
-pub(super) use crate::crazyflie::GRAVITY_M_S2;
-use crate::crazyflie::SLOW_CLOCK;
+pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::crazyflie::SLOW_CLOCK;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
@@ -65,8 +65,8 @@ settings! {
         ///
         /// Causes the gyroscopic torque, and the yaw torque of a rotor that speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
-        /// Share of its thrust that each motor m1…m4 lacks at every command: a nicked propeller, a worn
-        /// motor.
+        /// Share of its thrust that each motor m1…m4 lacks at every command: a nicked propeller, a
+        /// worn motor.
         motor_loss_frac: [f64; 4] = [0.0; 4], in 0.0..=1.0;
         /// Ground effect: thrust near the floor over thrust far from it, at the same rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
@@ -80,9 +80,9 @@ settings! {
     pub enum Release {
         /// From 2023.11 to 2026.04: the controller keeps its integrals when the host falls silent.
         "2026.04" => R2026_04,
-        /// 2026.08: all loops of `pid` begin anew when the kind of setpoint changes, as it does when the
-        /// drone levels out after an outage of the radio, and back (`controller_pid.c`). Its clock, as
-        /// that of all before, is slow by 1 in 85.
+        /// 2026.08: all loops of `pid` begin anew when the kind of setpoint changes, as it does
+        /// when the drone levels out after an outage of the radio, and back (`controller_pid.c`).
+        /// Its clock, as that of all before, is slow by 1 in 85.
         "2026.08" => R2026_08,
         /// After 2026.08: as 2026.08, with a clock that is right.
         "after-2026.08" => After2026_08,
@@ -143,9 +143,9 @@ settings! {
 
     /// Compensation of a falling battery voltage by the firmware.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls, until one is full. Then
-        /// all four are lowered alike: thrust gives way to attitude. The controller `pid` may thus
-        /// command more than `vehicle.motor_max`, which a full battery gives.
+        /// A command is a thrust: the duty cycle rises as the voltage falls, until one is full.
+        /// Then all four are lowered alike: thrust gives way to attitude. The controller `pid` may
+        /// thus command more than `vehicle.motor_max`, which a full battery gives.
         ///
         /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.

@@ -9,8 +9,8 @@ use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
 use super::wake::Wake;
 use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::flight::Warning;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::flight::Warning;
 
 /// What a plant is made of: the drone and its battery, the air and the floor around it.
 #[derive(Clone, Copy, Debug)]

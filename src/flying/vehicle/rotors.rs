@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector4};
 
 use super::VehicleOptions;
-use crate::crazyflie::MOTOR_SIGNS;
+use noctograph_core::crazyflie::MOTOR_SIGNS;
 
 /// Action of the rotors on the body at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -14,33 +14,36 @@
 //! | here, mN | 98 | 75 | 53 | 41 | 34 | 20 |
 //!
 //! The first is `_downwash()` of `BaseAviary.py` with the coefficients 2267.18, 0.16 and −0.11 of
-//! `cf2x.urdf`. It takes three times the weight at 0.3 m, where Crazyflies have hovered one above the
-//! other (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The second is figure 3 of Shi,
-//! Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in flight with drones of 34 g, as
-//! `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it: 10, 8, 6 and 4 g up to 0.5 m and a
-//! straight line to 0 beyond. Chosen: the second up to 0.5 m; beyond, the decay of a round jet,
-//! `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1), because at 0.6 m drones with a good
-//! controller still hover and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm issue 97).
+//! `cf2x.urdf`. It takes three times the weight at 0.3 m, where Crazyflies have hovered one above
+//! the other (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The second is figure 3
+//! of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in flight with drones of
+//! 34 g, as `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it: 10, 8, 6 and 4 g up to 0.5
+//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m; beyond, the decay of a round
+//! jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1), because at 0.6 m drones with a
+//! good controller still hover and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm
+//! issue 97).
 //!
-//! Not modeled: turbulence of the stream, the time it takes to arrive, its deflection by the floor and
-//! by wakes beside it (losses add up), drag of the body in it.
+//! Not modeled: turbulence of the stream, the time it takes to arrive, its deflection by the floor
+//! and by wakes beside it (losses add up), drag of the body in it.
 
 use nalgebra::{Vector3, Vector4};
 
 use super::body::RigidBody;
-use crate::crazyflie::MOTOR_SIGNS;
+use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Greatest share of a thrust that is lost: 10 g of 34 g at 0.2 m, nearer than which nobody measured.
+/// Greatest share of a thrust that is lost: 10 g of 34 g at 0.2 m, nearer than which nobody
+/// measured.
 const MOST_LOST: f64 = 10.0 / 34.0;
-/// Product of the share lost and of the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46 mm
-/// loses 1.9 g m. Within 10 % of the figures from 0.3 to 0.5 m.
+/// Product of the share lost and of the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46
+/// mm loses 1.9 g m. Within 10 % of the figures from 0.3 to 0.5 m.
 const LOSS_SIZES: f64 = 1.9 / 34.0 / CRAZYFLIE_M;
 /// Virtual origin of the jet below the drone, in sizes: 50 mm.
 const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
 /// Distance from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
 /// Growth of the jet's standard deviation with the distance: where the speed is half of that on the
-/// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1; quoted, the book could not be opened), 1.177 σ.
+/// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1; quoted, the book
+/// could not be opened), 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
 /// Standard deviations from the axis beyond which there is no wake: 0.03 % of it.
 const REACH: f64 = 4.0;

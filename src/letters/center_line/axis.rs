@@ -1,15 +1,15 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink are
-//! the nodes, joined where triangles share a side. As samples become dense this is the set of centers
-//! of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of a node's
-//! disc is half the stroke's width there.
+//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink
+//! are the nodes, joined where triangles share a side. As samples become dense this is the set of
+//! centers of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of
+//! a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::super::outline::Filled;
 use super::super::vector::direction;
-use crate::geometry::distance;
+use noctograph_core::geometry::distance;
 
 /// Grid of the samples, in cap heights: nearer ones are one.
 const WELD: f64 = 1e-6;

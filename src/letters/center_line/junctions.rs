@@ -5,7 +5,7 @@ use super::super::outline::Filled;
 use super::super::vector::{ahead, dot, mean};
 use super::axis::{Axis, Branch};
 use super::limbs::{Arm, Connection, Knot, Limb, chain};
-use crate::geometry::distance;
+use noctograph_core::geometry::distance;
 
 /// Two junctions nearer than this by the larger radius are one: a crossing appears as two. The
 /// second value is for two bends, which are one where a tip is cut off flat (v, M).
@@ -20,8 +20,8 @@ const THROUGH_BEND: f64 = 0.906;
 /// Sine of the largest angle off the vertical or horizontal at which an arm counts as such: 3°.
 const UPRIGHT: f64 = 0.05;
 
-/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that is
-/// cut off flat.
+/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that
+/// is cut off flat.
 const FAR: f64 = 10.0;
 
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
@@ -70,7 +70,8 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     chain(&mut limbs)
 }
 
-/// For each node the junction it belongs to, by its smallest node; and which branches lie within one.
+/// For each node the junction it belongs to, by its smallest node; and which branches lie within
+/// one.
 fn clusters(axis: &Axis, branches: &[Branch]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let root = |cluster_of: &[usize], mut node: usize| {
@@ -108,8 +109,8 @@ impl Joint<'_> {
     }
 
     /// The point where the arms' lines meet, but no farther than a pen as wide as they stays in the
-    /// ink: a tip that is cut off flat is not extended to a point. A vertical or horizontal arm keeps
-    /// its line there; others share the turn.
+    /// ink: a tip that is cut off flat is not extended to a point. A vertical or horizontal arm
+    /// keeps its line there; others share the turn.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let end = |arm: &Arm| {
             let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
@@ -178,7 +179,8 @@ fn join(limbs: &mut [Limb], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// The pair of arms that are most nearly opposite, where they turn by less than a limit (its cosine).
+/// The pair of arms that are most nearly opposite, where they turn by less than a limit (its
+/// cosine).
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let straight = |(a, b): (usize, usize)| -dot(arms[a].away, arms[b].away);
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));

@@ -1,7 +1,7 @@
 //! Limbs: branches of the axis while their ends at junctions are repaired, and their chains.
 
-use crate::geometry::{arc_lengths, distance};
-use crate::statistics::median;
+use noctograph_core::geometry::{arc_lengths, distance};
+use noctograph_core::statistics::median;
 
 use super::super::vector::direction;
 

@@ -1,17 +1,17 @@
 //! Center lines: the strokes of a pen that would leave an outline's ink.
 //!
-//! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions the
-//! center lines are extended straight until they meet, and two that are nearly in line are one stroke
-//! ([`junctions`]); between corners lines are smoothed within a stated error. A blob without a line,
-//! such as a full stop, becomes a dot.
+//! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions
+//! the center lines are extended straight until they meet, and two that are nearly in line are one
+//! stroke ([`junctions`]); between corners lines are smoothed within a stated error. A blob without
+//! a line, such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Filled, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
-use crate::files::Budget;
-use crate::geometry::{distance, polyline_length_m, segment_distance};
-use crate::statistics::median;
 use axis::Axis;
 use limbs::Knot;
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
+use noctograph_core::statistics::median;
 
 mod axis;
 mod junctions;
@@ -47,8 +47,8 @@ pub(super) struct CenterLines {
     pub(super) half_width: f64,
     /// Half width where the ink is thickest.
     pub(super) thickest: f64,
-    /// Longest part of the medial axis whose ink no line touches, where it is too long for a corner:
-    /// a stroke of the face that was lost. In cap heights; 0: none.
+    /// Longest part of the medial axis whose ink no line touches, where it is too long for a
+    /// corner: a stroke of the face that was lost. In cap heights; 0: none.
     pub(super) lost: f64,
 }
 
@@ -187,8 +187,8 @@ mod tests {
         Budget::of("face.ttf", "none")
     }
 
-    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from its
-    /// lower left end, a closed one from its lower left corner.
+    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from
+    /// its lower left end, a closed one from its lower left corner.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();

@@ -2,8 +2,8 @@
 
 use super::super::vector::dot;
 use super::axis::{Axis, Branch};
-use crate::files::Budget;
-use crate::statistics::median;
+use noctograph_core::files::Budget;
+use noctograph_core::statistics::median;
 
 /// Steps of looking at a node.
 const STEPS: usize = 10;
@@ -17,8 +17,8 @@ const BLUNT: f64 = 0.46;
 const SHARP: f64 = 0.45;
 
 /// Longest spur into a corner, by the radius at its root: 1 / sin of half the corner's angle. At
-/// this value it is 32°: sharper than a slanted stroke that is cut level (K, X: 35° to 50°), blunter
-/// than a stroke that tapers.
+/// this value it is 32°: sharper than a slanted stroke that is cut level (K, X: 35° to 50°),
+/// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
 /// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.

@@ -1,11 +1,12 @@
 //! Bitmaps: line art, handwriting on paper and logos, as PNG or JPEG, turned upright by their EXIF.
 //!
 //! Ink is what is darker than the paper around it (lighter, where most of the picture is dark): the
-//! paper's brightness is estimated block by block, so that shadows are none. The threshold is Otsu's
-//! (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch of ink with
-//! its holes is traced as a typeface's characters are ([`center_lines`]), or along its outline where it
-//! is an area by itself: too thick for its length. A line has the hue of its ink where that is not gray. A photograph, whose paper
-//! would have texture, is drawn by its edges ([`super::photograph`]).
+//! paper's brightness is estimated block by block, so that shadows are none. The threshold is
+//! Otsu's (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch
+//! of ink with its holes is traced as a typeface's characters are ([`center_lines`]), or along its
+//! outline where it is an area by itself: too thick for its length. A line has the hue of its ink
+//! where that is not gray. A photograph, whose paper would have texture, is drawn by its edges
+//! ([`super::photograph`]).
 
 use std::io::Cursor;
 
@@ -16,14 +17,14 @@ use super::gradient::Paint;
 use super::levels::{contours, softened};
 use super::photograph::edges;
 use super::{ColoredLine, MAX_POINTS};
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::geometry::{bounds, distance, polyline_length_m};
-use crate::letters::Picture;
-use crate::letters::center_line::{CenterLines, center_lines, outlines};
-use crate::letters::options::{LetterOptions, Trace};
-use crate::letters::outline::{Contour, Filled, mean_stroke_width};
-use crate::statistics::median;
+use crate::Picture;
+use crate::center_line::{CenterLines, center_lines, outlines};
+use crate::options::{LetterOptions, Trace};
+use crate::outline::{Contour, Filled, mean_stroke_width};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{bounds, distance, polyline_length_m};
+use noctograph_core::statistics::median;
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -35,26 +36,26 @@ const STEPS: usize = 8;
 const BLOCKS: usize = 24;
 /// Share of a block's pixels that are darker than its paper.
 const PAPER: f64 = 0.75;
-/// Paper is brighter than this share of paper beside it, from the brightest block on, so that a shadow with
-/// a soft edge may be as dark as it likes; what is darker is a patch of ink.
+/// Paper is brighter than this share of paper beside it, from the brightest block on, so that a
+/// shadow with a soft edge may be as dark as it likes; what is darker is a patch of ink.
 const SHADOW: f64 = 0.45;
 /// Least difference of ink and paper, as a share of the paper's brightness.
 const FAINT: f64 = 0.12;
-/// Least area of a patch, and least length along the picture's rim of what stands around the paper, by
-/// the picture's longer side.
+/// Least area of a patch, and least length along the picture's rim of what stands around the paper,
+/// by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
-/// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph. It was
-/// 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs of scikit-image
-/// (astronaut, coffee, cat, motorcycle, grass, tissue).
+/// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph.
+/// It was 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs
+/// of scikit-image (astronaut, coffee, cat, motorcycle, grass, tissue).
 const TEXTURE: f64 = 0.175;
 /// Detail of a photograph where none is given.
 const PHOTOGRAPH: f64 = 0.5;
 /// Mean width of a patch that is outlined, by the drawing's larger side.
 const THICK: f64 = 0.1;
-/// A patch is an area, whatever lies beside it, where its center line is shorter than so many of its
-/// thicknesses, and it is so many times as thick as the drawing's lines, or as this share of the drawing
-/// where it has none: a dash of the pen is short, but no thicker than the pen.
+/// A patch is an area, whatever lies beside it, where its center line is shorter than so many of
+/// its thicknesses, and it is so many times as thick as the drawing's lines, or as this share of
+/// the drawing where it has none: a dash of the pen is short, but no thicker than the pen.
 const LONG: f64 = 6.0;
 const PENS: f64 = 2.0;
 const POINT: f64 = 0.03;
@@ -64,8 +65,9 @@ const ALL_LIGHT: f64 = 0.98;
 /// Least chroma of a colored ink, by its brightness.
 const CHROMA: f64 = 0.35;
 
-/// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size` gives the
-/// size of a pixel in cap heights from the bounds of the ink. The detail in which they are drawn, and what the picture is taken for.
+/// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size`
+/// gives the size of a pixel in cap heights from the bounds of the ink. The detail in which they
+/// are drawn, and what the picture is taken for.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
@@ -133,8 +135,8 @@ pub(super) fn read(
     Ok((colored.collect(), options.detail.unwrap_or(1.0), Picture::Drawing))
 }
 
-/// The picture in upright position, and at most as large as needed. Where it is transparent it lies on
-/// white, or on black if its ink is light.
+/// The picture in upright position, and at most as large as needed. Where it is transparent it lies
+/// on white, or on black if its ink is light.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
     let refuse = |found: &dyn std::fmt::Display| {
         let wanted = "a PNG image or a JPEG photo";
@@ -176,7 +178,8 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
     Ok(on_white)
 }
 
-/// Share of the paper's brightness that the ink takes, pixel by pixel, 0 to 1, with a margin of paper.
+/// Share of the paper's brightness that the ink takes, pixel by pixel, 0 to 1, with a margin of
+/// paper.
 struct Field {
     width: usize,
     height: usize,
@@ -205,8 +208,8 @@ impl Field {
         Self { width: w, height: h, ink }
     }
 
-    /// Otsu's threshold, the one with the largest variance between ink and paper, and the middle between
-    /// it and the mean ink. `None` where ink and paper are hardly different.
+    /// Otsu's threshold, the one with the largest variance between ink and paper, and the middle
+    /// between it and the mean ink. `None` where ink and paper are hardly different.
     fn thresholds(&self) -> Option<(f64, f64)> {
         let mut counts = [0_usize; 256];
         self.ink.iter().for_each(|ink| counts[level(255.0 * ink)] += 1);
@@ -244,8 +247,8 @@ impl Field {
         libm::sqrt(mean(&squares)) / (ink_mean - paper_mean)
     }
 
-    /// Patches of ink, each a contour with its holes; without specks, what is nowhere strong, and what
-    /// stands around the paper.
+    /// Patches of ink, each a contour with its holes; without specks, what is nowhere strong, and
+    /// what stands around the paper.
     fn patches(&self, threshold: f64, strong: f64) -> Vec<Vec<Contour>> {
         let side = self.width.max(self.height) as f64;
         let contours = contours(&self.ink, [self.width, self.height], threshold);
@@ -361,8 +364,8 @@ impl Paper {
                 }
             }
         }
-        // Brightest, then darkest of the neighbors (a morphological closing): a patch as large as a few
-        // blocks is filled, and the edge of a shadow stays where it is.
+        // Brightest, then darkest of the neighbors (a morphological closing): a patch as large as a
+        // few blocks is filled, and the edge of a shadow stays where it is.
         let each = |levels: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
             let near = |at| near(at, columns, rows).map(|k| levels[k]).collect::<Vec<_>>();
             (0..levels.len()).map(|at| of(&near(at))).collect()

@@ -1,15 +1,15 @@
 //! Style sheets: how much work it takes to match and apply them.
 //!
-//! Each rule is tried on each element, and the declarations of those that match are written into it.
-//! That is taken off the drawing's budget beforehand, as an upper bound.
+//! Each rule is tried on each element, and the declarations of those that match are written into
+//! it. That is taken off the drawing's budget beforehand, as an upper bound.
 
 use std::collections::HashMap;
 
 use usvg::roxmltree::{Document, Node};
 
 use super::plain::MAX_DEPTH;
-use crate::error::Result;
-use crate::files::Budget;
+use noctograph_core::error::Result;
+use noctograph_core::files::Budget;
 
 /// Steps of asking an element, and of writing a declaration into it.
 const STEPS: [usize; 2] = [10, 100];

@@ -4,13 +4,13 @@ use super::super::smooth::{simplified, smooth};
 use super::super::vector::{direction, dot};
 use super::ColoredLine;
 use super::gradient::Paint;
-use crate::error::Result;
-use crate::files::Budget;
-use crate::geometry::{distance, polyline_length_m};
-use crate::letters::LeftOut;
+use crate::LeftOut;
+use noctograph_core::error::Result;
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{distance, polyline_length_m};
 
-/// Of the roughest drawing, by its larger side: the shortest stroke that is drawn, the largest gap between
-/// two strokes that become one, and the largest distance by which smoothing moves a line.
+/// Of the roughest drawing, by its larger side: the shortest stroke that is drawn, the largest gap
+/// between two strokes that become one, and the largest distance by which smoothing moves a line.
 const SHORTEST: f64 = 0.25;
 const GAP: f64 = 0.03;
 const BEND: f64 = 0.01;
@@ -24,7 +24,8 @@ const POINTS: f64 = 200.0;
 /// Steps of comparing two ends, and of smoothing a point.
 const STEPS: [usize; 2] = [10, 500];
 
-/// Lines of a drawing with less detail, 0 to 1, and what is left out of it. `size` is its larger side.
+/// Lines of a drawing with less detail, 0 to 1, and what is left out of it. `size` is its larger
+/// side.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,

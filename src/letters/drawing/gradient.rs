@@ -1,16 +1,16 @@
 //! Gradients: lines that are painted with one are cut into pieces of one color each.
 //!
-//! A gradient gives each point an offset from 0 to 1, and its stops give each offset a color (SVG 2,
-//! section 14.2). The colors are quantized into levels, and a line is cut where the level changes.
-//! Not modeled: the focal point of a radial gradient, which is taken for its center.
+//! A gradient gives each point an offset from 0 to 1, and its stops give each offset a color (SVG
+//! 2, section 14.2). The colors are quantized into levels, and a line is cut where the level
+//! changes. Not modeled: the focal point of a radial gradient, which is taken for its center.
 
 use kurbo::{Affine, Point};
 use usvg::{BaseGradient, Paint as Server, SpreadMethod, Transform};
 
 use super::{MAX_COLORS, MAX_POINTS, too_many};
-use crate::error::Result;
-use crate::files::Budget;
-use crate::geometry::distance;
+use noctograph_core::error::Result;
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::distance;
 
 /// What colors a line of a drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +29,8 @@ type Level = (f64, [u8; 3]);
 /// A part of a line in one color.
 type Piece = (Vec<[f64; 2]>, [u8; 3]);
 
-/// Least difference of two levels in a channel, of 255. More makes the steps visible along a stroke;
-/// less fills the memory of the lamps.
+/// Least difference of two levels in a channel, of 255. More makes the steps visible along a
+/// stroke; less fills the memory of the lamps.
 const STEP: f64 = 16.0;
 
 /// Samples of a ramp in which levels are sought.
@@ -46,8 +46,8 @@ const STEPS: usize = 50;
 #[derive(Debug)]
 pub(super) struct Gradient {
     stops: Vec<Stop>,
-    /// From the drawing's own units, y up: the offset of a linear gradient is x, that of a radial one
-    /// the distance from the origin.
+    /// From the drawing's own units, y up: the offset of a linear gradient is x, that of a radial
+    /// one the distance from the origin.
     offset_from_place: Affine,
     is_radial: bool,
     spread: SpreadMethod,
@@ -106,7 +106,8 @@ impl Gradient {
         ramp[ramp.partition_point(|(end, _)| *end <= offset).min(ramp.len() - 1)].1
     }
 
-    /// The pieces of a line, each in the color of a level of the ramp. `size` is the drawing's larger side.
+    /// The pieces of a line, each in the color of a level of the ramp. `size` is the drawing's
+    /// larger side.
     fn pieces(&self, line: &[[f64; 2]], ramp: &[Level], size: f64) -> Vec<Piece> {
         let mut pieces = Vec::new();
         let (mut piece, mut length) = (vec![line[0]], 0.0);
@@ -151,12 +152,12 @@ fn n_samples(leg: &[[f64; 2]], size: f64) -> f64 {
     (distance(leg[0], leg[1]) / (SHORTEST * size)).ceil().max(1.0)
 }
 
-/// The pieces of lines in gradients, each line's together, in levels as fine as the colors that are left
-/// allow. `size` is the drawing's larger side.
+/// The pieces of lines in gradients, each line's together, in levels as fine as the colors that are
+/// left allow. `size` is the drawing's larger side.
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Input`] for too many points.
+/// [`noctograph_core::error::Error::Input`] for too many points.
 pub(super) fn pieces(
     lines: &[(Vec<[f64; 2]>, usize)],
     gradients: &[Gradient],

@@ -6,13 +6,13 @@
 //!
 //! A stroke is a list of points from pen down to pen up; a point is x, y and, if known, the time in
 //! seconds. Units of length are arbitrary; `y` grows `down` (the default, as on screens) or `up`.
-//! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for lamps
-//! that write in colors; black is the lamp's own. Other keys are ignored.
+//! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for
+//! lamps that write in colors; black is the lamp's own. Other keys are ignored.
 
 use serde::Deserialize;
 
 use super::Written;
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 #[derive(Deserialize)]
 struct Page {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::letters::outline::Contour;
+use crate::outline::Contour;
 
 /// Closed contours of a level, y up, with the ink to their left: around a patch counterclockwise,
 /// around a hole clockwise.

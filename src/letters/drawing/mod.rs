@@ -12,11 +12,11 @@ use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
-use crate::error::{Error, Result};
-use crate::files::Limit;
-use crate::geometry::{arc_lengths, bounds, distance, simplify};
 use detail::reduced;
 use gradient::{Gradient, Paint};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 
 mod bitmap;
 mod css;
@@ -65,8 +65,8 @@ const TAP: f64 = 0.02;
 pub enum Ink {
     /// They do not: the drawing is one glyph.
     Alike,
-    /// Each color of an SVG file is a glyph, in the order in which they first occur, those of gradients
-    /// last; of handwriting, which keeps its order, each run of strokes of one color.
+    /// Each color of an SVG file is a glyph, in the order in which they first occur, those of
+    /// gradients last; of handwriting, which keeps its order, each run of strokes of one color.
     ByColor,
 }
 
@@ -86,11 +86,12 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 ///
 /// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
-/// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
-/// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
-/// or else of its fill, and along a gradient up to 64 colors. What is not followed, such as filters, is
-/// named in the warnings; text is refused. Handwriting keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the
-/// pace of [`LetterOptions::pace`].
+/// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With
+/// less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the
+/// color of its stroke, or else of its fill, and along a gradient up to 64 colors. What is not
+/// followed, such as filters, is named in the warnings; text is refused. Handwriting keeps its
+/// order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
+/// [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
@@ -220,8 +221,8 @@ fn write(traces: Vec<Written>, options: &LetterOptions, ink: Ink, file: &str) ->
     Ok(strokes)
 }
 
-/// Gives lit moves the speed of the writer's pen, as a share of its mean speed, from how long it took
-/// for each; nothing is known where that is empty.
+/// Gives lit moves the speed of the writer's pen, as a share of its mean speed, from how long it
+/// took for each; nothing is known where that is empty.
 fn set_pace(strokes: &mut Strokes, lasts_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();

@@ -1,13 +1,14 @@
 //! Photographs: their long edges.
 //!
-//! Edges are where the brightness, blurred, changes most: zeros of its Laplacian (Marr and Hildreth, Proc.
-//! R. Soc. B 207, 1980), followed by marching squares, so that they are lines with no thinning. They are
-//! kept where the gradient is strong, and along as far as it is not weak (Canny, IEEE Trans. PAMI 8, 1986).
+//! Edges are where the brightness, blurred, changes most: zeros of its Laplacian (Marr and
+//! Hildreth, Proc. R. Soc. B 207, 1980), followed by marching squares, so that they are lines with
+//! no thinning. They are kept where the gradient is strong, and along as far as it is not weak
+//! (Canny, IEEE Trans. PAMI 8, 1986).
 
 use image::{DynamicImage, RgbImage};
 
 use super::levels::{contours, softened};
-use crate::geometry::polyline_length_m;
+use noctograph_core::geometry::polyline_length_m;
 
 /// Pixels of the longer side on which edges are sought.
 const SIDE: u32 = 480;
@@ -15,12 +16,12 @@ const SIDE: u32 = 480;
 /// Times that the brightness is averaged with its neighbors: a Gaussian of √(8/2) = 2 pixels.
 const PASSES: usize = 8;
 
-/// Shares of the pixels whose gradient is weak, not strong and below the strongest. Chosen by eye on five
-/// photographs of scikit-image (astronaut, camera, coffee, rocket, cat).
+/// Shares of the pixels whose gradient is weak, not strong and below the strongest. Chosen by eye
+/// on five photographs of scikit-image (astronaut, camera, coffee, rocket, cat).
 const SHARES: [f64; 3] = [0.80, 0.93, 0.995];
 
-/// Least strong gradient by the strongest one, and least gradient of the same edge by that: in a picture of
-/// few edges, soft shades are none.
+/// Least strong gradient by the strongest one, and least gradient of the same edge by that: in a
+/// picture of few edges, soft shades are none.
 const STRONG: f64 = 0.3;
 const WEAK: f64 = 0.4;
 

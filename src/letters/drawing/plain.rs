@@ -1,10 +1,10 @@
 //! An SVG file reduced to what is drawn, so that reading it costs bounded work.
 //!
-//! Written are the resolved attributes ([`style`]), without filters. Gradients refer to no others, and a
-//! pattern becomes a gradient of one black stop that covers nothing. Text, pictures and what else holds
-//! foreign content become a sign: a path by which it is known whether it would be seen. What is left
-//! grows by `use`, clips, masks and markers alone, which are counted here; a marker within a marker is
-//! not drawn.
+//! Written are the resolved attributes ([`style`]), without filters. Gradients refer to no others,
+//! and a pattern becomes a gradient of one black stop that covers nothing. Text, pictures and what
+//! else holds foreign content become a sign: a path by which it is known whether it would be seen.
+//! What is left grows by `use`, clips, masks and markers alone, which are counted here; a marker
+//! within a marker is not drawn.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use kurbo::{BezPath, Shape as _};
 use usvg::roxmltree::{Document, Node, NodeId};
 
-use super::style::{Attributes, Named};
+use super::style::{Attributes, Named, XLINK};
 
 /// Most elements with those of `use`, clips, masks and markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
@@ -38,8 +38,6 @@ pub(super) const SIGN_X: f32 = 7_777_777.0;
 const MAX_SIGNS: usize = 10_000;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
-pub(super) const XLINK: &str = "http://www.w3.org/1999/xlink";
-pub(super) const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
 /// A document as it is drawn.
 pub(super) struct Plain {
@@ -217,7 +215,8 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Elements that are drawn, or hold what is; others in the namespace of SVG are not drawn by anybody.
+/// Elements that are drawn, or hold what is; others in the namespace of SVG are not drawn by
+/// anybody.
 const DRAWN: &[&str] = &[
     "a", "circle", "clipPath", "defs", "ellipse", "g", "line", "marker", "mask", "path", "polygon",
     "polyline", "rect", "stop", "svg", "switch", "symbol", "use",
@@ -390,7 +389,8 @@ impl<'a, 'input> Writer<'a, 'input> {
         Ok(())
     }
 
-    /// Writes a gradient with what it has from those that it refers to; a pattern as one of a black stop.
+    /// Writes a gradient with what it has from those that it refers to; a pattern as one of a black
+    /// stop.
     fn gradient(&mut self, node: Node<'a, 'input>, id: &str) {
         let own =
             |node: &Node<'_, '_>| self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
@@ -515,7 +515,7 @@ fn escape(value: &str, text: &mut String) {
 mod tests {
     use super::super::super::{LetterOptions, Strokes};
     use super::super::{Ink, draw};
-    use crate::error::Result;
+    use noctograph_core::error::Result;
 
     fn drawn(inner: &str) -> Result<Strokes> {
         let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();

@@ -1,10 +1,10 @@
-//! What a page shows: of strokes and rims, the parts that clips and masks leave, that no later shape
-//! covers, and that stand out from what is beneath them.
+//! What a page shows: of strokes and rims, the parts that clips and masks leave, that no later
+//! shape covers, and that stand out from what is beneath them.
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
 //! where it crosses the edges of areas, and each piece is looked at in its middle, a little to its
-//! left and right. Lines have no width: one that crosses another covers nothing of it, unless it has
-//! the color of the paper.
+//! left and right. Lines have no width: one that crosses another covers nothing of it, unless it
+//! has the color of the paper.
 
 use kurbo::{Affine, BezPath, Shape as _};
 
@@ -12,8 +12,8 @@ use super::super::curves::polylines;
 use super::super::outline::Filled;
 use super::MAX_POINTS;
 use super::gradient::{Gradient, Paint};
-use crate::files::Budget;
-use crate::geometry::{arc_lengths, bounds, distance};
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{arc_lengths, bounds, distance};
 
 /// Opacity from which a fill hides what is under it.
 const OPAQUE: f64 = 0.9;
@@ -21,8 +21,8 @@ const OPAQUE: f64 = 0.9;
 /// Difference of two colors in a channel, of 255, up to which they are one.
 const ALIKE: f64 = 3.0;
 
-/// Largest distance of an area's edge from its curves, and how far beside a line its sides are looked
-/// at, by the page's larger side.
+/// Largest distance of an area's edge from its curves, and how far beside a line its sides are
+/// looked at, by the page's larger side.
 const FLATNESS: f64 = 2e-4;
 const BESIDE: f64 = 4e-4;
 
@@ -190,7 +190,8 @@ impl<'a> Page<'a> {
         page
     }
 
-    /// What is left of an element, and whether a part of its stroke has the color of what is beneath.
+    /// What is left of an element, and whether a part of its stroke has the color of what is
+    /// beneath.
     pub(super) fn shown(&self, index: usize, item: &Painted) -> (Shown, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
@@ -533,7 +534,8 @@ fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
 
-/// Pieces of a line without those too short to be looked at: they are taken for what is around them.
+/// Pieces of a line without those too short to be looked at: they are taken for what is around
+/// them.
 fn without_slivers(
     pieces: Vec<(Vec<[f64; 2]>, Option<Paint>)>,
     shortest: f64,

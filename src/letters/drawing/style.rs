@@ -11,7 +11,10 @@ use simplecss::{AttributeOperator, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
 
 use super::transform;
-use crate::files::Budget;
+use noctograph_core::files::Budget;
+
+pub(super) const XLINK: &str = "http://www.w3.org/1999/xlink";
+pub(super) const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
 /// Properties that are followed, here or by usvg.
 #[rustfmt::skip]
@@ -133,8 +136,8 @@ pub(super) fn resolved(
         for attribute in node.attributes() {
             let prefix = match attribute.namespace() {
                 None => "",
-                Some(super::plain::XLINK) => "xlink:",
-                Some(super::plain::XML) => "xml:",
+                Some(XLINK) => "xlink:",
+                Some(XML) => "xml:",
                 Some(_) => continue,
             };
             if prefix.is_empty() && matches!(attribute.name(), "style" | "class") {
@@ -461,8 +464,8 @@ fn is_of_text(name: &str) -> bool {
     name.starts_with("font") || name.starts_with("text-") || name.starts_with('-')
 }
 
-/// Whether a name that is neither followed nor without effect is a property of CSS that is meant where
-/// it stands as an attribute, too.
+/// Whether a name that is neither followed nor without effect is a property of CSS that is meant
+/// where it stands as an attribute, too.
 fn is_css(name: &str) -> bool {
     const CSS: &[&str] = &[
         "animation",

@@ -1,8 +1,8 @@
 //! SVG: what a browser shows of a file, as lines.
 //!
-//! Styles are resolved in [`style`], `use`, basic shapes, nested viewports and paints by usvg; clips,
-//! masks, the page's edge and what covers what in [`shown`]; dashes by kurbo. What is not followed is
-//! named in the warnings; text is refused.
+//! Styles are resolved in [`style`], `use`, basic shapes, nested viewports and paints by usvg;
+//! clips, masks, the page's edge and what covers what in [`shown`]; dashes by kurbo. What is not
+//! followed is named in the warnings; text is refused.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -18,9 +18,9 @@ use super::plain::{Plain, SIGN_X, plain};
 use super::shown::{Cut, Page, Painted, Shown};
 use super::style::{Named, resolved};
 use super::{ColoredLine, LIMIT, MAX_POINTS, css, too_many, xml};
-use crate::error::{Error, Result};
-use crate::files::Budget;
-use crate::geometry;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
+use noctograph_core::geometry;
 
 /// Most elements and attributes of a file, before `use`.
 const MAX_NODES: u32 = 200_000;
@@ -28,7 +28,8 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that stands for a point of light, by the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Least dash, by the period of its pattern: a dash of no length is a point where its caps are not butt.
+/// Least dash, by the period of its pattern: a dash of no length is a point where its caps are not
+/// butt.
 const DASH: f64 = 1e-5;
 
 /// Hint where a text is found.
@@ -194,7 +195,8 @@ impl Drawing {
     }
 }
 
-/// The text of a file in the encoding that its first bytes or its declaration name, or else in UTF-8.
+/// The text of a file in the encoding that its first bytes or its declaration name, or else in
+/// UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
@@ -452,8 +454,8 @@ fn with_points(path: &BezPath, cap: kurbo::Cap, size: f64) -> BezPath {
     kept
 }
 
-/// The subpaths of a path: where each begins, and its other elements. After one that is closed the next
-/// begins at the same place.
+/// The subpaths of a path: where each begins, and its other elements. After one that is closed the
+/// next begins at the same place.
 fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
     let mut found: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {

@@ -1,7 +1,7 @@
 //! What a browser shows of an SVG file is drawn, and what is not followed is named.
 
 use super::*;
-use crate::geometry::polyline_length_m;
+use noctograph_core::geometry::polyline_length_m;
 
 /// The lines of a document in its own units, y down, from the left; and the warnings.
 fn read(document: &[u8]) -> Result<(Vec<Vec<[f64; 2]>>, Vec<String>)> {

@@ -101,7 +101,8 @@ fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
     assert_eq!(lit.len(), 3, "a tap is a dot");
     let moves = &strokes.glyphs[0].moves;
     let pace = |from_m: [f64; 2]| moves.iter().find(|m| m.lit && m.from_m == from_m).unwrap().pace;
-    // 3 m in 2.5 s and a tap of no length in time: the first leg takes 0.5 s, the others 1 s a meter.
+    // 3 m in 2.5 s and a tap of no length in time: the first leg takes 0.5 s, the others 1 s a
+    // meter.
     let mean_m_s =
         moves.iter().filter(|m| m.lit).map(|m| distance(m.from_m, m.to_m)).sum::<f64>() / 2.5;
     assert_eq!(pace([0.0, 1.5]), 1.0, "at most the stroke speed");
@@ -227,8 +228,8 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
 }
 
-/// A drawing by its lines in shares of a picture, how wide its pen is in pixels, and what a camera makes
-/// of it.
+/// A drawing by its lines in shares of a picture, how wide its pen is in pixels, and what a camera
+/// makes of it.
 struct Drawn {
     lines: &'static [&'static [[f32; 2]]],
     pen_px: f32,

@@ -5,8 +5,8 @@
 
 use std::collections::HashSet;
 
-use crate::error::{Error, Result};
-use crate::files::Budget;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Budget;
 
 /// Steps of comparing two names, and of putting an entity in.
 const STEPS: [usize; 2] = [4, 200];
@@ -17,8 +17,8 @@ const MAX_BYTES: usize = 16 << 20;
 /// Most entities that the parser puts in for one reference.
 const MOST_WITHIN: usize = 256;
 
-/// Takes the entities of a document off a budget; `refuse` makes an error of what was found instead of
-/// entities that stay small.
+/// Takes the entities of a document off a budget; `refuse` makes an error of what was found instead
+/// of entities that stay small.
 ///
 /// # Errors
 ///

@@ -1,15 +1,15 @@
 //! Uneven air, from the torque with which the motors answer it over seconds.
 //!
-//! A body in flight has no lasting rotation, so that over a second the motors' torque is the opposite of
-//! the air's, of the displaced center of mass and of a moment that goes with the velocity. Means of the
-//! first are what is left when the last two are fitted.
+//! A body in flight has no lasting rotation, so that over a second the motors' torque is the
+//! opposite of the air's, of the displaced center of mass and of a moment that goes with the
+//! velocity. Means of the first are what is left when the last two are fitted.
 
 use nalgebra::Vector2;
 
 use super::ends_at_hole;
-use crate::crazyflie::MOTOR_SIGNS;
-use crate::flight::{Flight, FlightSample};
-use crate::vehicle::GustOptions;
+use noctograph_core::crazyflie::MOTOR_SIGNS;
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_flying::vehicle::GustOptions;
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 1.0;
@@ -27,8 +27,8 @@ pub struct UnevenAir {
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Finds it from the samples in the air and the torque of a motor's unit of command; `None` for a flight
-/// too short.
+/// Finds it from the samples in the air and the torque of a motor's unit of command; `None` for a
+/// flight too short.
 pub(super) fn uneven_air(
     flight: &Flight,
     samples: &[FlightSample],

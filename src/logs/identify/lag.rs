@@ -8,8 +8,8 @@
 
 use super::ends_at_hole;
 use super::yaw::{STRETCHES, T_95};
-use crate::crazyflie::MOTOR_SIGNS;
-use crate::flight::{Flight, FlightSample};
+use noctograph_core::crazyflie::MOTOR_SIGNS;
+use noctograph_core::flight::{Flight, FlightSample};
 
 /// Length of a span: two or more samples of a log of 50 Hz, short against the lag.
 const SPAN_S: f64 = 0.04;
@@ -18,8 +18,8 @@ const LONGEST_S: f64 = 0.3;
 const STEP_S: f64 = 0.005;
 /// Fewest pairs of spans of a fit: ten to a stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Largest half width of the confidence interval of a usable result: half of the spread of published
-/// lags, 0.02 to 0.14 s.
+/// Largest half width of the confidence interval of a usable result: half of the spread of
+/// published lags, 0.02 to 0.14 s.
 const LARGEST_DOUBT_S: f64 = 0.03;
 /// Least share of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
@@ -85,7 +85,8 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: all.into_iter().fold(0.0, f64::max) })
 }
 
-/// Where a curve over the lags is highest, by a parabola through the highest point and its neighbors.
+/// Where a curve over the lags is highest, by a parabola through the highest point and its
+/// neighbors.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     let beside = |of: usize| curve.get(of).copied();
@@ -125,7 +126,8 @@ fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
     ends
 }
 
-/// The sums with motors that follow in a time; the `n` pairs of spans are dealt to the stretches in order.
+/// The sums with motors that follow in a time; the `n` pairs of spans are dealt to the stretches in
+/// order.
 fn sums(runs: &[&[FlightSample]], lag_s: f64, n: usize) -> Sums {
     let (mut sums, mut index) = ([[[0.0; 3]; 2]; STRETCHES], 0);
     for run in runs {
@@ -155,7 +157,8 @@ fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
             (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * sample.motors[motor]).sum()
         })
     };
-    // Between two logged commands the motors had others: on a straight line, not the first one held.
+    // Between two logged commands the motors had others: on a straight line, not the first one
+    // held.
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));

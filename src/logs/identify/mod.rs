@@ -22,10 +22,10 @@ pub use self::air::UnevenAir;
 pub use self::lag::RotorLag;
 use self::yaw::ReactionTorque;
 pub use self::yaw::T_95;
-use crate::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
-use crate::error::{Error, Result, within};
-use crate::flight::{Flight, FlightSample, Quantity, airborne};
-use crate::vehicle::VehicleOptions;
+use noctograph_core::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
+use noctograph_flying::vehicle::VehicleOptions;
 
 /// Names of the nine states of the model's errors.
 pub const MODEL_STATES: [&str; 9] =
@@ -36,9 +36,9 @@ const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Logged vertical accelerations with that of gravity, in order of preference, and their units in m/s²:
-/// the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), by itself and as the
-/// controllers log it.
+/// Logged vertical accelerations with that of gravity, in order of preference, and their units in
+/// m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), by itself and as
+/// the controllers log it.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
@@ -218,8 +218,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     })
 }
 
-/// Whether the motors of these samples never roll or pitch the drone otherwise than in the first, as if
-/// one row was repeated: no flight keeps still, whatever its yaw does.
+/// Whether the motors of these samples never roll or pitch the drone otherwise than in the first,
+/// as if one row was repeated: no flight keeps still, whatever its yaw does.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;
@@ -340,9 +340,9 @@ fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
-    use crate::sim::{Drone, SimOptions, fly};
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_flying::sim::{Drone, SimOptions, fly};
+    use noctograph_letters::{LetterOptions, write};
 
     pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
         Assumed::of(&options.vehicle)

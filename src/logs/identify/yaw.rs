@@ -6,8 +6,8 @@
 //! that last from span to span do not deceive.
 
 use super::{Assumed, ends_at_hole, mean};
-use crate::crazyflie::MOTOR_SIGNS;
-use crate::flight::{Flight, FlightSample};
+use noctograph_core::crazyflie::MOTOR_SIGNS;
+use noctograph_core::flight::{Flight, FlightSample};
 
 /// Length of a span: short against a regulator's answer in yaw (0.1 to 0.3 s), long against the
 /// 10 to 20 ms between two samples of a radio log.
@@ -33,10 +33,10 @@ pub struct ReactionTorque {
 }
 
 impl ReactionTorque {
-    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns does
-    /// not, nor does a log that is too slow for its motor commands: with errors in the commands alone
-    /// the figure is the true one times the square of the correlation (errors in variables: Fuller,
-    /// Measurement Error Models, 1987, section 1.1).
+    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns
+    /// does not, nor does a log that is too slow for its motor commands: with errors in the
+    /// commands alone the figure is the true one times the square of the correlation (errors in
+    /// variables: Fuller, Measurement Error Models, 1987, section 1.1).
     #[must_use]
     pub fn is_identifiable(&self) -> bool {
         let explained = self.correlation * self.correlation;
@@ -132,9 +132,9 @@ mod tests {
     use super::*;
     use crate::identify::identify;
     use crate::identify::tests::assumed_of;
-    use crate::random::split_mix;
-    use crate::sim::SimOptions;
-    use crate::vehicle::Plant;
+    use noctograph_core::random::split_mix;
+    use noctograph_flying::sim::SimOptions;
+    use noctograph_flying::vehicle::Plant;
 
     /// Half a minute of hovering while the yaw is pushed to and fro, logged at 100 Hz with a
     /// gyroscope's noise.

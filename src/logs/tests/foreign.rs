@@ -1,11 +1,12 @@
-//! Tables of other programs: one flight in every way of writing it, what is refused, and what is named.
+//! Tables of other programs: one flight in every way of writing it, what is refused, and what is
+//! named.
 
 use std::fmt::Write;
 
 use proptest::prelude::*;
 
 use super::*;
-use crate::flight::airborne;
+use noctograph_core::flight::airborne;
 
 /// A synthetic flight: up from 1 to 3 s, to the right, into the scene, and down again, to 11 s.
 fn place(t: f64) -> [f64; 3] {

@@ -9,8 +9,8 @@ use proptest::prelude::*;
 use super::import_bytes as parse;
 use super::recording::Recording;
 use super::*;
-use crate::files::Budget;
-use crate::flight::{FlightSample, Quantity};
+use noctograph_core::files::Budget;
+use noctograph_core::flight::{FlightSample, Quantity};
 
 mod foreign;
 mod team_data;

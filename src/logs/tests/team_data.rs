@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use super::imported;
-use crate::flight::FlightSample;
-use crate::flight::tracking::{Part, track};
-use crate::statistics::median;
+use noctograph_core::flight::FlightSample;
+use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::statistics::median;
 
 fn noor() -> Vec<u8> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");

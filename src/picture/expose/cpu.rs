@@ -1,8 +1,8 @@
 //! The splat on the CPU: the twin of `splat.wgsl`, in the same integers.
 //!
 //! Each thread takes a band of rows; sums of integers are the same in any order. The inner loop
-//! works on [`LANES`] pixels at once, in the widest registers of this processor (selected by pulp at
-//! run time), down the columns of a box, with the curves along x in registers.
+//! works on [`LANES`] pixels at once, in the widest registers of this processor (selected by pulp
+//! at run time), down the columns of a box, with the curves along x in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 

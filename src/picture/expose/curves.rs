@@ -5,8 +5,8 @@
 //! light, share and scale are in the curve across. Curves are divided by their sums, so that a spot
 //! keeps its light at any position between the pixels and after rounding.
 //!
-//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same bits
-//! on every machine.
+//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same
+//! bits on every machine.
 
 use std::ops::Range;
 
@@ -38,8 +38,8 @@ const NOTHING: f32 = -125.0;
 pub(super) struct Curves {
     /// Along a row of the box, padded with zeros to whole lanes and one more; spot after spot.
     along: Vec<u32>,
-    /// Down a column, the bits above [`LOW_BITS`] and those below, padded with zeros to whole lanes;
-    /// spot after spot.
+    /// Down a column, the bits above [`LOW_BITS`] and those below, padded with zeros to whole
+    /// lanes; spot after spot.
     high: Vec<u32>,
     low: Vec<u32>,
     /// Distance between spots, along and across.

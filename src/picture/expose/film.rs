@@ -1,6 +1,6 @@
 //! Film: the product, as integer counts.
 
-use crate::digest::Digest;
+use noctograph_core::digest::Digest;
 
 /// Luminous exposure of the sensor per pixel and color channel, as integer counts.
 #[derive(Clone, Debug, PartialEq, Eq)]

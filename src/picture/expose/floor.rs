@@ -1,7 +1,7 @@
 //! Glow of the room: light of the lamps that floor and walls reflect into the camera.
 //!
-//! A matte surface of albedo ρ that receives E lx s has a luminance over time of `ρ E / π` cd s/m² in
-//! every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the sum of
+//! A matte surface of albedo ρ that receives E lx s has a luminance over time of `ρ E / π` cd s/m²
+//! in every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the sum of
 //! `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square).
 //!
 //! 1. The lamps become point sources: see `sources`. The floor is a grid of more of them for the
@@ -20,8 +20,8 @@ use rayon::prelude::*;
 use super::record::DITHER;
 use super::sources::{Branch, Rgb, Tree, exposure_lx_s, reflected, trees};
 use super::{ExposeOptions, Film, Room, narrow};
-use crate::camera::Camera;
 use crate::light::LightTrace;
+use noctograph_core::camera::Camera;
 
 /// Side of the squares before any is quartered.
 const SIDE_PX: u32 = 32;
@@ -184,8 +184,8 @@ impl<'a> Floor<'a> {
         exposure_lx_s(lights, point_m, surface, -ray).map(|channel| channel * share)
     }
 
-    /// Keeps a square that is even, divides any other; drops what is dark. Neighbors share the corners
-    /// that were seen.
+    /// Keeps a square that is even, divides any other; drops what is dark. Neighbors share the
+    /// corners that were seen.
     fn divide(&self, square: Square, squares: &mut Vec<Square>, seen: &mut HashMap<[u32; 2], Rgb>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
         let half = side_px / 2;
@@ -230,7 +230,8 @@ pub(super) mod tests {
 
     /// A camera 2 m above the floor that looks down at it.
     pub(in crate::expose) fn looking_down() -> Camera {
-        let camera_from_world = crate::geometry::camera_from_world(Vector3::new(0.0, 1.0, -1.0));
+        let camera_from_world =
+            noctograph_core::geometry::camera_from_world(Vector3::new(0.0, 1.0, -1.0));
         Camera { position_m: Vector3::z() * 2.0, camera_from_world, ..camera(320, 200) }
     }
 
@@ -272,7 +273,8 @@ pub(super) mod tests {
         assert_eq!(Glow::new(&up, &camera, &MATTE), None, "a lamp that shines up");
         let black = ExposeOptions { floor_albedo: 0.0, ..MATTE };
         assert_eq!(Glow::new(&trace, &camera, &black), None, "a black floor");
-        let camera_from_world = crate::geometry::camera_from_world(Vector3::new(0.0, 1.0, 2.0));
+        let camera_from_world =
+            noctograph_core::geometry::camera_from_world(Vector3::new(0.0, 1.0, 2.0));
         for (case, camera) in [
             ("looks up", Camera { camera_from_world, ..camera.clone() }),
             ("on the floor", Camera { position_m: Vector3::z() * 0.05, ..camera.clone() }),

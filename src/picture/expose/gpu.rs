@@ -11,7 +11,7 @@ use super::Latent;
 use super::parts::{Chunk, Part, TILE_PX, chunks, lit_tiles};
 use super::record::SPOTS;
 use super::sheet;
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// The shader.
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");

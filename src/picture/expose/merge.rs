@@ -1,12 +1,12 @@
 //! Segments: neighboring intervals that run straight and evenly, merged into one.
 //!
 //! Greedy and linear in time: an interval joins the run while the chord from the run's first sample
-//! to its last, traversed at constant speed, passes every sample between within the tolerance, while
-//! the brightness does the same on its own axis (a fade is one segment), and while the width of the
-//! spot stays even. The segment carries the exact sum of the light.
+//! to its last, traversed at constant speed, passes every sample between within the tolerance,
+//! while the brightness does the same on its own axis (a fade is one segment), and while the width
+//! of the spot stays even. The segment carries the exact sum of the light.
 
 use super::project::{Interval, Px};
-use crate::geometry::Chords;
+use noctograph_core::geometry::Chords;
 
 /// A straight stretch of trail, traversed at constant speed, whose brightness changes evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,12 +9,12 @@ use serde::Serialize;
 
 use super::merge::{self, Segment};
 use super::project::{self, Px};
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::flight::DroneIndex;
 use crate::light::{Lamp, LightTrace};
-use crate::srgb::luminance;
-use crate::statistics::weighted_quantile;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::DroneIndex;
+use noctograph_core::srgb::luminance;
+use noctograph_core::statistics::weighted_quantile;
 
 /// Tolerance of the segments: the meter needs less detail than the picture.
 const MERGE_PX: f64 = 0.05;
@@ -132,8 +132,9 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
 /// Share of the luminance in the strongest channel from which light is colored; white has 1.
 const COLORED: f64 = 1.25;
 
-/// Exposure of the trail of a label in the strongest channel of its brightest color and of its brightest
-/// white, median over the length, in stops relative to saturation; `None` where it has no such light.
+/// Exposure of the trail of a label in the strongest channel of its brightest color and of its
+/// brightest white, median over the length, in stops relative to saturation; `None` where it has no
+/// such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
     let brightest = |colored: bool| {

@@ -3,12 +3,12 @@
 //! Product in: [`LightTrace`] and [`Camera`]. Product out: [`Film`], in lx s.
 //!
 //! 1. The path of each lamp between two samples is projected, in f64: position, light and width of
-//!    its spot (lens blur ⊕ diffraction ⊕ disc of the lamp ⊕ pixel, as one Gaussian). Intervals that
-//!    run straight and evenly are merged into segments.
+//!    its spot (lens blur ⊕ diffraction ⊕ disc of the lamp ⊕ pixel, as one Gaussian). Intervals
+//!    that run straight and evenly are merged into segments.
 //! 2. Each segment becomes records: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a Gaussian spot
 //!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
-//!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add them
-//!    up in integers, on the CPU or on a graphics device, with the same bits.
+//!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add
+//!    them up in integers, on the CPU or on a graphics device, with the same bits.
 //! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
 //!    film. The glow of the floor is added last.
 //!
@@ -16,11 +16,12 @@
 //! follows is integers. The width changes in `record`.
 //!
 //! Accuracy: the light of a spot to 1e-6; pixels to 2e-5 of the brightest unmerged, and to 1e-3
-//! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the counts.
+//! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the
+//! counts.
 //!
 //! A lamp of I cd that moves at v m/s, d m away, leaves `I τ π f / (4 N² d v)` lx s m across its
-//! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source of
-//! the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
+//! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source
+//! of the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
 //! Not modeled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
 //! light, glare and noise belong to `photo`.
@@ -49,12 +50,12 @@ mod twins;
 use std::num::NonZero;
 use std::thread::JoinHandle;
 
-use crate::camera::{Camera, check_size};
-use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
-use crate::settings::{Described, settings};
 use floor::Glow;
 use gpu::Gpu;
+use noctograph_core::camera::{Camera, check_size};
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::settings::{Described, settings};
 use record::Record;
 use sheet::ALL;
 
@@ -124,8 +125,8 @@ settings! {
         /// That of a Crazyflie is the position of its board, 2 cm above the floor (an assumption:
         /// feet below the motor mounts).
         floor_z_m: f64 = -0.02, in -1e3..=1e3, for "expose.floor_albedo";
-        /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3 for
-        /// linoleum, 0.6 for worn boards (assumptions); matte if left out.
+        /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3
+        /// for linoleum, 0.6 for worn boards (assumptions); matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
         /// Width, depth and height of a room with its middle at x = y = 0, whose walls take light;
         /// none if left out.

@@ -1,7 +1,7 @@
 //! Stands in for the graphics device in a build without the feature `gpu`: there is never one.
 
 use super::Latent;
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// A graphics device that cannot be.
 #[derive(Debug)]

@@ -59,8 +59,8 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Draws the curves of a color, and sends them with the parts of its records on some tiles, chunk by
-/// chunk.
+/// Draws the curves of a color, and sends them with the parts of its records on some tiles, chunk
+/// by chunk.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,

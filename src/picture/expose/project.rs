@@ -7,9 +7,9 @@
 
 use glam::DVec2;
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
 use crate::light::{Emitter, Lamp, LightSample};
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result};
 
 /// A point in the picture.
 pub(super) type Px = DVec2;

@@ -2,8 +2,8 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
 //! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
-//! backends add up. A ramp of the brightness is in the shares of the spots, so a fade costs nothing.
-//! Here f64 becomes f32.
+//! backends add up. A ramp of the brightness is in the shares of the spots, so a fade costs
+//! nothing. Here f64 becomes f32.
 
 use std::ops::Range;
 
@@ -55,7 +55,8 @@ pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 /// A short segment as the sum of its spots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
-    /// Centers of the spots, from the center of the first pixel of the box; the first `spots` count.
+    /// Centers of the spots, from the center of the first pixel of the box; the first `spots`
+    /// count.
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
     /// Shares of the light, with sum 1.

@@ -1,8 +1,8 @@
 //! Room: the floor and the walls as planes, what a ray of the camera meets, and how they reflect.
 //!
 //! Walls are matte. The floor is matte or has a sheen on top: facets whose slopes are spread as GGX
-//! (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect as glass
-//! and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
+//! (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect as
+//! glass and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
 //!
 //! Not modeled: furniture, doors, and what a surface hides from another.
 
@@ -73,8 +73,8 @@ impl Room {
     /// from the floor; 1 without walls.
     ///
     /// The light is as even as walls and ceiling throw it to and fro. A floor that is darker than
-    /// they are takes its share from what stands on it: that of a plane h wide which begins at right
-    /// angles d away, `(1 - d / √(d² + h²)) / 2`.
+    /// they are takes its share from what stands on it: that of a plane h wide which begins at
+    /// right angles d away, `(1 - d / √(d² + h²)) / 2`.
     pub fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];

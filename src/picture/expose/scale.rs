@@ -1,9 +1,9 @@
 //! Scale of a film: the finest at which no pixel can overflow.
 //!
-//! The sum of the peaks of the records that touch a tile of 16 × 16 pixels bounds each of its pixels.
-//! One count is the smallest power of two, in lx s, at which the brightest tile stays below 2^31
-//! counts. A quarter of a `u32` is reserved for the glow of the floor, and a quarter for the rounding
-//! of up to 2^30 records.
+//! The sum of the peaks of the records that touch a tile of 16 × 16 pixels bounds each of its
+//! pixels. One count is the smallest power of two, in lx s, at which the brightest tile stays below
+//! 2^31 counts. A quarter of a `u32` is reserved for the glow of the floor, and a quarter for the
+//! rounding of up to 2^30 records.
 
 use super::Tint;
 use super::sheet::ALL;

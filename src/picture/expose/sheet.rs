@@ -1,7 +1,7 @@
 //! Sheet: the light of one color on some rows of the picture, before it is counted into the film.
 //!
-//! All records of a color are added up in one plane, whose lit tiles are then counted into the three
-//! planes of the film: the color is multiplied once per pixel, not once per segment.
+//! All records of a color are added up in one plane, whose lit tiles are then counted into the
+//! three planes of the film: the color is multiplied once per pixel, not once per segment.
 
 use std::ops::Range;
 

@@ -1,15 +1,16 @@
 //! Point sources of the light on floor and walls, in trees.
 //!
-//! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form a
-//! tree (Barnes and Hut 1986), in which a branch that is small for its distance counts as one source.
+//! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form
+//! a tree (Barnes and Hut 1986), in which a branch that is small for its distance counts as one
+//! source.
 
 use std::sync::LazyLock;
 
 use nalgebra::Vector3;
 
 use super::room::Surface;
-use crate::camera::Camera;
 use crate::light::{Emitter, LightSample, LightTrace};
+use noctograph_core::camera::Camera;
 
 /// Least height of a lamp above the floor: half the thickness of an LED package. The zero of a
 /// flight may be off by centimeters, and no lamp shines below the floor.
@@ -199,8 +200,8 @@ pub(super) fn reflected(
     Tree { emitter: &PATCH, branches }
 }
 
-/// Exposure of a point of a surface, in light that counts as much as it reflects `toward` a side, of
-/// length 1, relative to what it reflects evenly.
+/// Exposure of a point of a surface, in light that counts as much as it reflects `toward` a side,
+/// of length 1, relative to what it reflects evenly.
 pub(super) fn exposure_lx_s(
     trees: &[Tree<'_>],
     point_m: Vector3<f64>,

@@ -1,6 +1,6 @@
 //! Random numbers of the lamps: named streams of one seed, each number by its index.
 
-use crate::random::{GOLDEN, poisson, split_mix};
+use noctograph_core::random::{GOLDEN, poisson, split_mix};
 
 /// A stream. Its numbers depend on the seed, the drone, the name and their index alone, so that an
 /// additional lamp or drone does not change the light of the others.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::srgb::{RGB_FROM_XYZ, linear_from_encoded, luminance, rgb_from_xyz, xyz};
+use noctograph_core::srgb::{RGB_FROM_XYZ, linear_from_encoded, luminance, rgb_from_xyz, xyz};
 
 /// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
 /// at its faces.

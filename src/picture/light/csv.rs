@@ -1,11 +1,11 @@
 //! Light traces as tables, for trails from other programs.
 //!
-//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every direction);
-//! more columns are allowed. A table has no beams.
+//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
+//! direction); more columns are allowed. A table has no beams.
 //!
-//! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case, after
-//! `#`, in every form of [`crate::files::plain_text`]; stamps in ms, µs or ns by their steps; levels of
-//! 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
+//! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
+//! after `#`, in every form of [`noctograph_core::files::plain_text`]; stamps in ms, µs or ns by
+//! their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
 
 use std::io::Read;
 use std::ops::Range;
@@ -14,10 +14,10 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{Emitter, Lamp, LightSample, LightTrace};
-use crate::error::{Error, Result};
-use crate::files::plain_text;
-use crate::flight::stamps::{FoundUnit, unit_of};
-use crate::flight::table::{Table, on_grid, write_table};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::plain_text;
+use noctograph_core::flight::stamps::{FoundUnit, unit_of};
+use noctograph_core::flight::table::{Table, on_grid, write_table};
 
 /// Columns of the file.
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
@@ -61,8 +61,8 @@ pub fn is_light_trace(text: &[u8]) -> bool {
     COLUMNS.iter().all(|column| found.contains(&Some(column)))
 }
 
-/// Reads the text of a light trace or of another program's light log; `file` is its name in messages.
-/// Returns what was guessed and what was left out as well.
+/// Reads the text of a light trace or of another program's light log; `file` is its name in
+/// messages. Returns what was guessed and what was left out as well.
 ///
 /// # Errors
 ///
@@ -182,8 +182,8 @@ impl LightTrace {
         Ok(Self { lamps })
     }
 
-    /// Writes the trace as a table: its lamps one after another in order of time. A lamp with a beam
-    /// is written with its intensity on the axis.
+    /// Writes the trace as a table: its lamps one after another in order of time. A lamp with a
+    /// beam is written with its intensity on the axis.
     ///
     /// # Errors
     ///
@@ -240,8 +240,8 @@ fn lit_runs(instants: &[Instant]) -> Vec<&[Instant]> {
     runs
 }
 
-/// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for each
-/// channel of a color that changes continuously.
+/// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
+/// each channel of a color that changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
     let mut stretches = Vec::new();
     let (mut start, mut brightest) = (0, &run[0]);

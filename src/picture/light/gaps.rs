@@ -1,17 +1,17 @@
 //! Gaps of a real flight's log: bridged where the motion allows it, dark elsewhere.
 //!
 //! Between the ends of a gap of T seconds the position follows the cubic through both ends with
-//! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that path
-//! by at most about `a T² / 8`; `a` is what the flight itself reaches in 95 % of its time.
+//! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that
+//! path by at most about `a T² / 8`; `a` is what the flight itself reaches in 95 % of its time.
 
 use nalgebra::Vector3;
 
-use crate::flight::{Flight, FlightSample, airborne};
-use crate::geometry::Attitude;
-use crate::statistics::weighted_quantile;
+use noctograph_core::flight::{Flight, FlightSample, airborne};
+use noctograph_core::geometry::Attitude;
+use noctograph_core::statistics::weighted_quantile;
 
-/// Largest uncertainty of a bridge: about the width of an overexposed trail. More draws strokes that
-/// were not flown, less leaves dashes.
+/// Largest uncertainty of a bridge: about the width of an overexposed trail. More draws strokes
+/// that were not flown, less leaves dashes.
 const BRIDGE_M: f64 = 0.02;
 
 /// Acceleration that a flight is at least taken to have, m/s²: that of the reference flight.
@@ -23,7 +23,8 @@ const VELOCITY_S: f64 = 0.1;
 /// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
 
-/// Farthest place of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between motors.
+/// Farthest place of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
+/// motors.
 const LAMP_M: f64 = 0.05;
 
 /// A gap of a log.

@@ -1,15 +1,15 @@
 //! Light: the lamps on the drone, from command to light.
 //!
-//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. There are no
-//! pixels and no camera here.
+//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. There are
+//! no pixels and no camera here.
 //!
 //! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, power, a
 //!    sequence of the firmware, or the effect of the LED ring. Commands take the delay of the radio
 //!    and wait for the timer of the firmware, 50 ms.
 //! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
-//! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep them
-//!    within 10 µm of their path. Lamps shine across the short gaps of a real log and are dark in
-//!    long ones, where nothing says where they were.
+//! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep
+//!    them within 10 µm of their path. Lamps shine across the short gaps of a real log and are dark
+//!    in long ones, where nothing says where they were.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
@@ -21,9 +21,9 @@ use std::cell::LazyCell;
 
 use nalgebra::Vector3;
 
-use crate::error::{Error, Result};
-use crate::flight::{DroneIndex, Flight, Quantity};
-use crate::srgb::{LUMINANCE, xyz};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{DroneIndex, Flight, Quantity};
+use noctograph_core::srgb::{LUMINANCE, xyz};
 use programs::Programs;
 use radio::Change;
 
@@ -158,8 +158,8 @@ impl Emitter {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, for a flight without positions or without any of the
-/// light columns that the lamps follow.
+/// [`Error::Input`] for an option out of range, for a flight without positions or without any of
+/// the light columns that the lamps follow.
 pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
     if flight.unlogged.contains(&Quantity::Position) {
@@ -210,11 +210,12 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     ))
 }
 
-/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary color.
+/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary
+/// color.
 const MAX_COLORS: usize = 8;
 
-/// The sources of light of a row with their levels: one for each color that it ever shows, or one for
-/// each primary color.
+/// The sources of light of a row with their levels: one for each color that it ever shows, or one
+/// for each primary color.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
     let mut colors: Vec<Vec<f64>> = Vec::new();

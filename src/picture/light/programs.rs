@@ -8,8 +8,8 @@ use super::radio::{Change, Timer, arrivals, arrivals_of};
 use super::ring::{Frame, byte, frames};
 use super::tables::{color_led, led_ring};
 use super::{COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, packed};
-use crate::crazyflie::COLOR_LED_TICK_S;
-use crate::flight::Flight;
+use noctograph_core::crazyflie::COLOR_LED_TICK_S;
+use noctograph_core::flight::Flight;
 
 /// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
@@ -163,12 +163,13 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Luminous intensity of the white that the color LED deck mixes of red, green and blue, and that an
-/// LED of the ring mixes.
+/// Luminous intensity of the white that the color LED deck mixes of red, green and blue, and that
+/// an LED of the ring mixes.
 ///
-/// Of the deck, twice as much overexposes a word of seven letters at f/22, and half as much has 4 steps
-/// of green; an LED of the ring can do 1 cd. Colors of the screen that differ in brightness alone are
-/// one: their strongest channel is as bright as that of white, so that one exposure suits all.
+/// Of the deck, twice as much overexposes a word of seven letters at f/22, and half as much has 4
+/// steps of green; an LED of the ring can do 1 cd. Colors of the screen that differ in brightness
+/// alone are one: their strongest channel is as bright as that of white, so that one exposure suits
+/// all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
 /// Range and steps of that intensity in which the bytes are sought that fit best.
@@ -193,8 +194,8 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
     shown(&dies, srgb, WHITE_CD[1], |die, byte| dies[die].intensity_cd * f64::from(byte) / 255.0)
 }
 
-/// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at a
-/// byte.
+/// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at
+/// a byte.
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
     let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
     let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));

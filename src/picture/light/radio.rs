@@ -2,7 +2,7 @@
 
 use super::LightOptions;
 use super::chance::Chance;
-use crate::flight::{Flight, FlightSample};
+use noctograph_core::flight::{Flight, FlightSample};
 
 /// A level from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,8 +11,8 @@ pub(super) struct Change {
     pub(super) level: f64,
 }
 
-/// Arrivals of the commands of a channel that differ from the one before, the first from `at_first`;
-/// none where the flight has no such channel.
+/// Arrivals of the commands of a channel that differ from the one before, the first from
+/// `at_first`; none where the flight has no such channel.
 ///
 /// Each takes the delay of the radio and a share of its jitter; none overtakes the one before.
 pub(super) fn arrivals(
@@ -74,8 +74,8 @@ impl Timer {
         self.phase_s + number * self.period_s
     }
 
-    /// Changes of a lamp that follows `arrivals` on this timer. Of several commands within a tick the
-    /// last one counts.
+    /// Changes of a lamp that follows `arrivals` on this timer. Of several commands within a tick
+    /// the last one counts.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {

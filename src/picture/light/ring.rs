@@ -1,15 +1,15 @@
 //! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
 //!
-//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255; the
-//! light of a WS2812B is proportional. As in the firmware, single precision and truncation.
+//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255;
+//! the light of a WS2812B is proportional. As in the firmware, single precision and truncation.
 
 use super::chance::Chance;
 use super::radio::{Change, Timer, arrivals};
 use super::{
     LightOptions, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade, ring_memory_rgb,
 };
-use crate::crazyflie::RING_TICK_S;
-use crate::flight::Flight;
+use noctograph_core::crazyflie::RING_TICK_S;
+use noctograph_core::flight::Flight;
 
 /// Red, green, blue of every LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
@@ -21,8 +21,8 @@ pub(super) const CHANNELS: [&str; 4] = ["ring", RING_COLORS[0], RING_COLORS[1], 
 
 /// Changes of the frame of the ring during a flight.
 ///
-/// A ring without the channel `ring` is always on; one that is on at the start of the flight has been
-/// on for long.
+/// A ring without the channel `ring` is always on; one that is on at the start of the flight has
+/// been on for long.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,

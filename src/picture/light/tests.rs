@@ -1,8 +1,8 @@
 //! Tests of whole flights with their lamps.
 
 use super::*;
-use crate::flight::{DroneIndex, FlightSample};
-use crate::geometry::Attitude;
+use noctograph_core::flight::{DroneIndex, FlightSample};
+use noctograph_core::geometry::Attitude;
 
 /// 0.2 m/s along x for 4 s at 100 Hz, with the named channels commanded on from 0.5 s to 2.5 s.
 fn flight(channels: &[&str]) -> Flight {

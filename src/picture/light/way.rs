@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::radio::Change;
 use super::{Fixture, LightOptions, LightSample};
-use crate::flight::FlightSample;
-use crate::geometry::Chords;
+use noctograph_core::flight::FlightSample;
+use noctograph_core::geometry::Chords;
 
 /// Pose of the body at a sample of the flight.
 #[derive(Clone, Copy, Debug)]
@@ -19,8 +19,8 @@ pub(super) struct Pose {
 /// millimeter. Less makes more samples and no better picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row of several colors in turn, such as an LED of a spinner, whose dashes are short
-/// and many.
+/// The same for a row of several colors in turn, such as an LED of a spinner, whose dashes are
+/// short and many.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.

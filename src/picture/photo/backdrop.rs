@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::options::PhotoOptions;
 use super::{Photo, narrow};
-use crate::camera::Camera;
-use crate::error::Result;
 use crate::expose::{ExposeOptions, Room};
-use crate::srgb;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
+use noctograph_core::srgb;
 
 /// The light of room and background, by row, relative to white.
 #[derive(Debug)]
@@ -94,7 +94,8 @@ impl Backdrop {
 }
 
 impl Backdrop {
-    /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without walls.
+    /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without
+    /// walls.
     fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
         let Some((camera, room)) = &self.surfaces else { return Vec::new() };
         let seen =

@@ -7,7 +7,7 @@ use exr::meta::attribute::{Chromaticities, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
 
 use super::{Readout, metadata, narrow};
-use crate::camera::Camera;
+use noctograph_core::camera::Camera;
 
 /// Primaries and white of linear sRGB (ITU-R BT.709, D65).
 const CHROMATICITIES: Chromaticities = Chromaticities {
@@ -20,8 +20,8 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
 impl Readout {
     /// Writes the readout as an uncompressed EXR file, 32 bits a channel, with the attributes
     /// chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one),
-    /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official library
-    /// and its Python module read text. No time stamp.
+    /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official
+    /// library and its Python module read text. No time stamp.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl Readout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
+    use noctograph_core::camera::CameraOptions;
 
     #[test]
     fn a_readout_reads_back_from_exr_with_its_attributes() {

@@ -7,7 +7,7 @@
 //! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
 
 use super::Photo;
-use crate::srgb;
+use noctograph_core::srgb;
 
 /// Pixels per degree of visual angle: a 4K screen, 0.7 m wide, from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;

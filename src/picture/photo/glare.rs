@@ -1,8 +1,8 @@
 //! Veiling glare and halo: the lens scatters a share of all light, in integers.
 //!
-//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey) becomes a sum of octaves: bell-shaped blurs of
-//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
-//! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
+//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey) becomes a sum of octaves: bell-shaped blurs of σ = 4,
+//! 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is made
+//! of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
 //! scattered within 4 px stays in its pixel. Every count is conserved.
 //!
 //! Not modeled: ghosts, and light that crosses the border of the picture (it is mirrored).
@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use super::TASK_ROWS;
 use super::options::PhotoOptions;
 use super::spread::{Plane, QUADRUPLE};
-use crate::camera::Camera;
 use crate::expose::Film;
+use noctograph_core::camera::Camera;
 
 /// Edge of the finest cells, and σ of the finest octave.
 pub(super) const CELL_PX: usize = 4;

@@ -1,13 +1,13 @@
 //! Metadata of a picture: EXIF 2.32 and XMP.
 //!
-//! There is no time, for the same bytes every time, and no maker, since there is no real camera. The
-//! digital source type of the IPTC marks a picture that was computed from a model.
+//! There is no time, for the same bytes every time, and no maker, since there is no real camera.
+//! The digital source type of the IPTC marks a picture that was computed from a model.
 
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
 
-use crate::camera::Camera;
-use crate::digest::sha256;
+use noctograph_core::camera::Camera;
+use noctograph_core::digest::sha256;
 
 /// Metadata of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,7 +115,7 @@ fn short(value: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
+    use noctograph_core::camera::CameraOptions;
 
     #[test]
     fn exif_reads_back() {

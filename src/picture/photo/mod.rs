@@ -17,9 +17,9 @@
 use image::ImageEncoder;
 use rayon::prelude::*;
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
 use crate::expose::{ExposeOptions, Film};
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result};
 
 pub use noctograph_core::photo::Photo;
 
@@ -68,13 +68,13 @@ pub struct Readout {
     pub white_lx_s: f64,
 }
 
-/// Develops a film that was exposed in a room. The same film, camera, options and seed make the same
-/// bytes.
+/// Develops a film that was exposed in a room. The same film, camera, options and seed make the
+/// same bytes.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors of
-/// [`Photo::read`] for the background.
+/// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors
+/// of [`Photo::read`] for the background.
 pub fn develop(
     film: &Film,
     camera: &Camera,

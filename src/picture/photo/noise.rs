@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 use super::narrow;
-use crate::random::split_mix;
+use noctograph_core::random::split_mix;
 
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
@@ -147,8 +147,9 @@ fn quantile(p: f64) -> f64 {
     }
 }
 
-/// Fast Poisson numbers of means below [`POISSON_BELOW`], by tables of the means `(k / 32)²`. A mean
-/// between two of them takes either at random, so that the mean is exact, and the variance to 0.1 %.
+/// Fast Poisson numbers of means below [`POISSON_BELOW`], by tables of the means `(k / 32)²`. A
+/// mean between two of them takes either at random, so that the mean is exact, and the variance to
+/// 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
     /// Tables of rising means; the last ones are those of [`POISSON_BELOW`].
@@ -185,7 +186,8 @@ impl Poisson {
         Self { levels }
     }
 
-    /// The number for a mean and uniform bits, without branches, which random bits would mispredict.
+    /// The number for a mean and uniform bits, without branches, which random bits would
+    /// mispredict.
     #[inline(always)]
     pub(super) fn number(&self, mean: f32, bits: u32) -> f32 {
         let square = mean * PER_SQUARE;

@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Photo;
 use super::png::{LIMIT, Notes, checked_size, from_png, turned};
-use crate::error::{Error, Result};
+use noctograph_core::error::{Error, Result};
 
 /// Reads a photo from a PNG or JPEG file.
 ///

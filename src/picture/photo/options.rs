@@ -1,9 +1,9 @@
 //! How a film is developed: effects of lens and sensor, and the tone curve.
 
 use super::tone::Tone;
-use crate::camera::Camera;
-use crate::error::Result;
-use crate::settings::{Described, settings};
+use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
+use noctograph_core::settings::{Described, settings};
 
 settings! {
     /// Lens and sensor effects, and the tone curve. Every effect has a value that turns it off.
@@ -18,9 +18,9 @@ settings! {
         glare_radius_m: f64 = 40e-6, in 1e-7..=0.1, for "photo.glare_frac";
         /// Exponent s of the scatter.
         ///
-        /// Measured beside the clipped trail of the reference team's photograph, 0.24 to 1 mm from its
-        /// edge on a full-frame sensor: 1.3 to 1.5 with 3.4 to 5.9 % scattered fits within 4 % of the
-        /// level, 1.1 with no share within 14 %, 2 within 22 %.
+        /// Measured beside the clipped trail of the reference team's photograph, 0.24 to 1 mm from
+        /// its edge on a full-frame sensor: 1.3 to 1.5 with 3.4 to 5.9 % scattered fits within 4 %
+        /// of the level, 1.1 with no share within 14 %, 2 within 22 %.
         glare_exponent: f64 = 1.4, in 1.01..=4.0, for "photo.glare_frac";
         /// Blades of the iris: an even number makes as many spikes at bright points, an odd number
         /// twice as many. 0 for no starburst.
@@ -118,7 +118,7 @@ impl PhotoOptions {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) with the key that is out of range.
+    /// [`Error::Input`](noctograph_core::error::Error::Input) with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "photo", None)
     }

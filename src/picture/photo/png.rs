@@ -7,9 +7,9 @@ use image::DynamicImage;
 use image::metadata::Orientation;
 
 use super::{Metadata, Photo, Readout, Tone};
-use crate::camera::{Camera, MAX_PIXELS, check_size};
-use crate::error::{Error, Result};
-use crate::files::Limit;
+use noctograph_core::camera::{Camera, MAX_PIXELS, check_size};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
 
 /// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
@@ -238,7 +238,7 @@ fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
+    use noctograph_core::camera::CameraOptions;
 
     fn photo() -> Photo {
         let rgb8 = (0..5 * 4 * 3).map(|i| u8::try_from(i * 4 % 251).unwrap()).collect();

@@ -13,9 +13,9 @@ mod light_map;
 use nalgebra::{Matrix4, Vector4};
 
 use super::Photo;
-use crate::error::{Error, Result};
-use crate::statistics::weighted_quantile;
 use light_map::{Levels, LightMap};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::statistics::weighted_quantile;
 
 /// Range of the scale, relative to equal longer sides, and its step.
 const SCALES: [f64; 2] = [0.4, 2.5];
@@ -31,8 +31,8 @@ const FOLLOWED: usize = 6;
 /// Least correlation of a match.
 const LEAST_CORRELATION: f64 = 0.2;
 
-/// Transform of a point `q` of the render, in pixels from its top left corner, to `scale R(rotation)
-/// q + shift` in the photograph.
+/// Transform of a point `q` of the render, in pixels from its top left corner, to
+/// `scale R(rotation) q + shift` in the photograph.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the photograph per pixel of the render.
@@ -335,7 +335,7 @@ mod tests {
             let room = floor * f64::from(y) / f64::from(height_px);
             let light = libm::exp(-0.5 * off * off) + room;
             #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-            let level = (255.0 * crate::srgb::encoded_from_linear(light.min(1.0))) as u8;
+            let level = (255.0 * noctograph_core::srgb::encoded_from_linear(light.min(1.0))) as u8;
             [level; 3]
         };
         let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));

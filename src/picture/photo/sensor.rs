@@ -8,8 +8,8 @@
 //!    to its neighbor's and to white. Then it balances white and clips again: gains before the
 //!    matrix would tint every gray.
 //!
-//! A color filter leaks most into the neighboring channel: red and blue into green, green into both,
-//! and a tenth of that from red to blue. Hence the cyan center of an overexposed blue lamp.
+//! A color filter leaks most into the neighboring channel: red and blue into green, green into
+//! both, and a tenth of that from red to blue. Hence the cyan center of an overexposed blue lamp.
 //!
 //! White is [`Camera::saturation_lx_s`].
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
@@ -18,8 +18,8 @@
 use super::narrow;
 use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
 use super::options::{Noise, PhotoOptions, SensorNoise};
-use crate::camera::Camera;
-use crate::random::poisson;
+use noctograph_core::camera::Camera;
+use noctograph_core::random::poisson;
 
 /// A sensor with its settings for one picture.
 #[derive(Debug)]
@@ -75,8 +75,8 @@ impl Sensor {
     }
 
     /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
-    /// little below 0 where noise or the matrix leads there). It runs in the widest registers of this
-    /// processor, with the same bits in all, since no product is fused with a sum.
+    /// little below 0 where noise or the matrix leads there). It runs in the widest registers of
+    /// this processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         pulp::Arch::new().dispatch(Reading { sensor: self, y, rows, scratch });
     }

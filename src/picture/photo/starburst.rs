@@ -1,18 +1,18 @@
 //! Starburst: spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. The share `2 λ N / (π² r)` of
-//! the light of a point lands farther than r from it, as for a round iris; straight blades
+//! A straight blade diffracts light into a spike at right angles to it. The share `2 λ N / (π² r)`
+//! of the light of a point lands farther than r from it, as for a round iris; straight blades
 //! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. Along a
 //! trail spikes smear to nothing, so only lamps at rest have them. Their light is taken from the
 //! point.
 //!
-//! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure of
-//! spikes by color.
+//! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
+//! of spikes by color.
 
 use super::glare::{CELL_PX, WHOLE};
 use super::spread::Plane;
-use crate::camera::Camera;
 use crate::expose::Film;
+use noctograph_core::camera::Camera;
 
 /// Wavelength of red, green and blue LEDs.
 const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];

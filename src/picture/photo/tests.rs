@@ -2,9 +2,9 @@
 
 use super::noise::{POISSON, Source, Stream};
 use super::*;
-use crate::camera::CameraOptions;
-use crate::error::Result;
-use crate::srgb;
+use noctograph_core::camera::CameraOptions;
+use noctograph_core::error::Result;
+use noctograph_core::srgb;
 
 /// Developed and read out in a room without walls.
 fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
@@ -427,7 +427,7 @@ fn floor_and_walls_differ_in_the_light_of_the_room() {
 #[test]
 fn a_gray_room_in_lamp_light_is_gray_with_crosstalk_too() {
     for kelvin in [2000.0, 3200.0, 5000.0, 9000.0] {
-        let gains = crate::camera::WhiteBalance::Kelvin(kelvin).gains();
+        let gains = noctograph_core::camera::WhiteBalance::Kelvin(kelvin).gains();
         let options = PhotoOptions {
             ambient_cd_m2: 0.05,
             ambient_rgb: gains.map(|gain| 1.0 / gain),
@@ -518,7 +518,7 @@ fn the_same_seed_makes_the_same_bytes_on_every_machine() {
     let options = PhotoOptions { ambient_cd_m2: 0.1, ..PhotoOptions::default() };
     let hash = |seed| {
         let photo = develop(&drawing(size_px), &camera(size_px, |_| {}), &options, seed).unwrap();
-        crate::digest::sha256(&photo.rgb8)
+        noctograph_core::digest::sha256(&photo.rgb8)
     };
     assert_eq!(hash(1), "2bd73375e1e1b92535f1f14325225cb4ebf36fb3445a5977d93b2d3a5344f443");
     assert_ne!(hash(1), hash(2));

@@ -1,7 +1,7 @@
 //! Tone curves: from the light on the sensor to the levels of the picture.
 
-use crate::settings::settings;
-use crate::srgb;
+use noctograph_core::settings::settings;
+use noctograph_core::srgb;
 
 settings! {
     /// Tone curve, from the light on the sensor to the levels of the picture. Light 1 saturates the

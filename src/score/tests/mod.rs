@@ -1,8 +1,8 @@
 //! The reader against photos drawn here: clean ones, faulty ones, and other things than the word.
 
 use super::*;
-use crate::letters::{LetterOptions, write};
-use crate::strokes::{Glyph, Move};
+use noctograph_core::strokes::{Glyph, Move};
+use noctograph_letters::{LetterOptions, write};
 use studio::{Dice, Shot, camera, word};
 
 mod length;

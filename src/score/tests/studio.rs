@@ -7,11 +7,11 @@ use tiny_skia::Transform;
 use super::super::ink::Page;
 use super::super::raster::Raster;
 use super::super::{ScoreOptions, Verdict, score};
-use crate::camera::Camera;
-use crate::geometry::camera_from_world;
-use crate::letters::{LetterOptions, write};
-use crate::photo::Photo;
-use crate::strokes::{Move, Strokes};
+use noctograph_core::camera::Camera;
+use noctograph_core::geometry::camera_from_world;
+use noctograph_core::photo::Photo;
+use noctograph_core::strokes::{Move, Strokes};
+use noctograph_letters::{LetterOptions, write};
 
 /// A photo in the making.
 #[derive(Clone)]

@@ -2,8 +2,8 @@
 
 use super::studio::{Shot, word};
 use super::*;
-use crate::letters::{LetterOptions, write};
-use crate::strokes::Move;
+use noctograph_core::strokes::Move;
+use noctograph_letters::{LetterOptions, write};
 
 fn explained(shot: &Shot, strokes: &Strokes) -> Verdict {
     let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();
@@ -114,8 +114,8 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
     }
 }
 
-/// The leg of the R, which ends early, is lost in a gap of the log that was flown there, and the lamp's
-/// fault without one, or with one elsewhere.
+/// The leg of the R, which ends early, is lost in a gap of the log that was flown there, and the
+/// lamp's fault without one, or with one elsewhere.
 #[test]
 fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
     let noor = word("NOOR");

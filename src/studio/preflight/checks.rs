@@ -1,11 +1,11 @@
 //! What an export needs to know of the checks: the facts by which a script judges the drone.
 
-use crate::digest::sha256;
-use crate::error::Result;
-use crate::export::safety::{Battery, Checks, Platform};
-use crate::flight::Flight;
 use crate::scene::{Preset, Scene};
 use crate::shoot::Shoot;
+use noctograph_core::digest::sha256;
+use noctograph_core::error::Result;
+use noctograph_core::flight::Flight;
+use noctograph_export::safety::{Battery, Checks, Platform};
 
 use super::Profile;
 

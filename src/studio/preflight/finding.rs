@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use crate::export::Memory;
-use crate::export::safety::Battery;
-use crate::flight::Warning;
-use crate::plan::{Approach, StrokeEnd};
 use crate::scene::SceneAdvice;
 use crate::shoot::Problem;
+use noctograph_core::flight::Warning;
+use noctograph_export::Memory;
+use noctograph_export::safety::Battery;
+use noctograph_flying::plan::{Approach, StrokeEnd};
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -113,7 +113,8 @@ pub enum Finding {
     /// The closest approach of two drones that are not above each other; `None`: they always are.
     Separation(Option<Approach>),
     /// The drone that is planned into the wake of another: its number, from 1, where it is nearest
-    /// below it, and how much farther it flies from where it would be alone, m. `None`: there is none.
+    /// below it, and how much farther it flies from where it would be alone, m. `None`: there is
+    /// none.
     Wake(Option<(usize, Approach)>, Peak),
     /// The flight does not reach its end: how it is lost.
     Flight(String),
@@ -126,8 +127,8 @@ pub enum Finding {
     Tilt(Peak),
     /// Time with a motor at its limit, s.
     Motors(Peak),
-    /// What the flight takes of the battery, where its voltages are known; why it does not last; and
-    /// the voltage under load that the firmware calls low, V.
+    /// What the flight takes of the battery, where its voltages are known; why it does not last;
+    /// and the voltage under load that the firmware calls low, V.
     Battery {
         /// Voltages at rest and under load.
         taken: Option<Battery>,

@@ -1,13 +1,13 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::{Finding, Peak, Profile};
-use crate::export::safety::Battery;
-use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
-use crate::plan::StrokeEnd;
 use crate::shoot::CHECK_LIGHT;
-use crate::statistics::weighted_quantile;
-use crate::vehicle::BatteryOptions;
+use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
+use noctograph_core::statistics::weighted_quantile;
+use noctograph_export::safety::Battery;
+use noctograph_flying::plan::StrokeEnd;
+use noctograph_flying::vehicle::BatteryOptions;
 
 /// A simulated flight of a plan.
 #[derive(Clone, Copy, Debug)]
@@ -16,8 +16,8 @@ pub(super) struct Flown<'a> {
     pub(super) flight: &'a Flight,
     /// Light errors at its strokes' ends.
     pub(super) ends: &'a [StrokeEnd],
-    /// Pieces of its light in order of time: `(time in s, length in m, seconds of full light)`; none
-    /// where no lamp follows it.
+    /// Pieces of its light in order of time: `(time in s, length in m, seconds of full light)`;
+    /// none where no lamp follows it.
     pub(super) painted: &'a [(f64, f64, f64)],
     /// Range of the exposure along its brightest trail in the picture, stops; `None` where it
     /// leaves none.
@@ -46,10 +46,12 @@ const MAX_DWELL_S: f64 = 0.1;
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Cap height that stands for a drawing's, m.
 const DRAWN_CAP_HEIGHT_M: f64 = 0.5;
-/// Largest range of the exposure along a trail, stops: a Gaussian spot's trail from one to four stops
-/// over saturation is white over a width of `2σ √(2 ln 2)` to twice that, and looks of two pens.
+/// Largest range of the exposure along a trail, stops: a Gaussian spot's trail from one to four
+/// stops over saturation is white over a width of `2σ √(2 ln 2)` to twice that, and looks of two
+/// pens.
 const MAX_UNEVEN_STOPS: f64 = 3.0;
-/// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or more.
+/// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or
+/// more.
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Time at a motor's limit from which the flight is stopped.
 pub(crate) const MAX_SATURATED_S: f64 = 0.5;
@@ -189,8 +191,8 @@ mod tests {
 
     use super::super::Severity;
     use super::*;
-    use crate::plan::PlanOptions;
     use crate::scene::{Preset, Scene};
+    use noctograph_flying::plan::PlanOptions;
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {

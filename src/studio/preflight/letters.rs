@@ -3,9 +3,9 @@
 use nalgebra::Vector2;
 
 use super::Finding;
-use crate::geometry::distance;
-use crate::letters::{Glyph, Move, Strokes};
-use crate::plan::Style;
+use noctograph_core::geometry::distance;
+use noctograph_flying::plan::Style;
+use noctograph_letters::{Glyph, Move, Strokes};
 
 /// Two lit moves nearer to each other than this, and as parallel, draw one line.
 const SAME_LINE_M: f64 = 0.002;
@@ -85,8 +85,8 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
 mod tests {
     use super::super::Severity;
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::PlanOptions;
+    use noctograph_flying::plan::PlanOptions;
+    use noctograph_letters::{LetterOptions, write};
 
     fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(&'static str, String)> {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };

@@ -1,30 +1,30 @@
 //! Preflight: what speaks against a flight, before it is flown.
 //!
-//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is known.
-//! Product out: [`Finding`]s on letters, plans, simulated flights, lamps, base stations and picture,
-//! each with its numbers, a sentence and advice as keys of the scene ([`Row`]). Problems of the
-//! picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its camera.
-//! Not checked: obstacles in the room.
+//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
+//! known. Product out: [`Finding`]s on letters, plans, simulated flights, lamps, base stations and
+//! picture, each with its numbers, a sentence and advice as keys of the scene ([`Row`]). Problems
+//! of the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
+//! camera. Not checked: obstacles in the room.
 
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 
-use crate::camera::Camera;
-use crate::crazyflie::RING_TIMING_ENTRIES;
-use crate::error::{Error, Result};
-use crate::export::lights::timing_entries;
-use crate::export::{Form, Length, memory};
-use crate::expose::meter::{LampReading, meter};
-use crate::flight::{DroneIndex, Flight};
-use crate::geometry::bounds;
-use crate::letters::Strokes;
-use crate::light::{Lamp, LightTrace};
-use crate::plan::{Approach, Plan};
 use crate::scene::Scene;
-use crate::sensors::coverage;
 use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
-use crate::vehicle::Downwash;
+use noctograph_core::camera::Camera;
+use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::geometry::bounds;
+use noctograph_export::lights::timing_entries;
+use noctograph_export::{Form, Length, memory};
+use noctograph_flying::plan::{Approach, Plan};
+use noctograph_flying::sensors::coverage;
+use noctograph_flying::vehicle::Downwash;
+use noctograph_letters::Strokes;
+use noctograph_picture::expose::meter::{LampReading, meter};
+use noctograph_picture::light::{Lamp, LightTrace};
 
 mod checks;
 mod finding;
@@ -56,7 +56,8 @@ const PIECE_S: f64 = 0.05;
 /// Distance between two places at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Error of a position that letters bear, in cap heights, and their cap height where there is no word.
+/// Error of a position that letters bear, in cap heights, and their cap height where there is no
+/// word.
 const MAX_ERROR_H: f64 = 0.05;
 const CAP_HEIGHT_M: f64 = 0.5;
 
@@ -276,8 +277,8 @@ fn check_memory(shoot: &Shoot, drone: usize) -> Finding {
     }
 }
 
-/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they are
-/// timed on the exported trajectory.
+/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
+/// are timed on the exported trajectory.
 fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
     let form = Form::Compressed;
     let flown = || match shoot.designs.is_empty() {

@@ -9,15 +9,15 @@
 use serde::Serialize;
 
 use super::{Finding, OutOfRoom, Profile, Severity, cap_height_m};
-use crate::camera::{
+use crate::scene::Scene;
+use crate::shoot::{Metered, Planned, Shoot, recommended};
+use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
-use crate::error::Result;
-use crate::export::safety::FRAME_M;
-use crate::light::LightTrace;
-use crate::scene::Scene;
-use crate::sensors::Positioning;
-use crate::shoot::{Metered, Planned, Shoot, recommended};
+use noctograph_core::error::Result;
+use noctograph_export::safety::FRAME_M;
+use noctograph_flying::sensors::Positioning;
+use noctograph_picture::light::LightTrace;
 
 /// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
 /// release. Less would show more of the word from a small room.

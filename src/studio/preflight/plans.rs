@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::finding::largest;
 use super::{Finding, Peak, Profile};
-use crate::plan::{Approach, Plan, Setpoint, closest};
+use noctograph_flying::plan::{Approach, Plan, Setpoint, closest};
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
@@ -91,8 +91,10 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Finding> {
 mod tests {
     use super::super::Severity;
     use super::*;
-    use crate::letters::{LetterOptions, Strokes, write};
-    use crate::plan::{EvenStyle, LightLevel, MIN_HORIZONTAL_M, PlanOptions, fleet, plan};
+    use noctograph_flying::plan::{
+        EvenStyle, LightLevel, MIN_HORIZONTAL_M, PlanOptions, fleet, plan,
+    };
+    use noctograph_letters::{LetterOptions, Strokes, write};
 
     fn strokes(word: &str) -> Strokes {
         write(word, &LetterOptions::default()).unwrap()

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::sensors::{Generation, Station};
+use noctograph_flying::sensors::{Generation, Station};
 
 /// The limits of a place and a drone.
 #[derive(Clone, Debug, PartialEq, Serialize)]

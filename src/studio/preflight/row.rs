@@ -6,13 +6,15 @@ use super::finding::OutOfRoom;
 use super::flown::MAX_SATURATED_S;
 use super::letters::SHORT_M;
 use super::{Finding, Peak, Severity};
-use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use crate::export::Memory;
-use crate::export::poly4d::MAX_PIECES;
-use crate::export::safety::{Battery, FRAME_M, LOW_BATTERY_S};
-use crate::flight::{DroneIndex, Warning};
-use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style};
 use crate::scene::{Change, SceneAdvice};
+use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::flight::{DroneIndex, Warning};
+use noctograph_export::Memory;
+use noctograph_export::poly4d::MAX_PIECES;
+use noctograph_export::safety::{Battery, FRAME_M, LOW_BATTERY_S};
+use noctograph_flying::plan::{
+    LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style,
+};
 
 /// A finding of one drone, or of all.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,8 +38,8 @@ impl Checked {
         number + &self.row.found
     }
 
-    /// A mark of how bad it is, the check, and what was found; what is wanted and what to change, with
-    /// each change as `typed` writes it, are empty where nothing has to.
+    /// A mark of how bad it is, the check, and what was found; what is wanted and what to change,
+    /// with each change as `typed` writes it, are empty where nothing has to.
     pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
         let row = &self.row;
         let (mark, wanted) = match row.severity {

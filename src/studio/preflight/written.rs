@@ -1,9 +1,9 @@
 //! Whether a plan writes a word.
 
-use crate::error::{Error, Result};
-use crate::geometry::segment_distance;
-use crate::letters::Strokes;
-use crate::plan::Plan;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::segment_distance;
+use noctograph_flying::plan::Plan;
+use noctograph_letters::Strokes;
 
 /// Largest distance of a plan's light from the strokes of its letter, in cap heights.
 const TOLERANCE_H: f64 = 0.1;

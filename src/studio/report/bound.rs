@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
 use super::coverage::viridis;
-use crate::geometry;
-use crate::plan::Plan;
-use crate::sensors::UwbOptions;
-use crate::sim::Bound;
+use noctograph_core::geometry;
+use noctograph_flying::plan::Plan;
+use noctograph_flying::sensors::UwbOptions;
+use noctograph_flying::sim::Bound;
 
 /// Width of each of the two views, their margin, and the width of the legend.
 const VIEW_PX: f64 = 420.0;
@@ -51,8 +51,8 @@ impl View {
     }
 }
 
-/// Draws the strokes of all drones colored by the bound, and beside them the anchors from above with
-/// the best place of one more.
+/// Draws the strokes of all drones colored by the bound, and beside them the anchors from above
+/// with the best place of one more.
 #[must_use]
 pub fn bound_map(
     plans: &[&Plan],

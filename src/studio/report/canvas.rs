@@ -10,8 +10,8 @@ use tiny_skia::{
     FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, PixmapMut, Stroke, StrokeDash, Transform,
 };
 
-use crate::letters::{Cell, Font, Trace};
-use crate::photo::{self, Photo};
+use noctograph_letters::{Cell, Font, Trace};
+use noctograph_picture::photo::{self, Photo};
 
 /// Red, green, blue.
 pub(super) type Rgb = [u8; 3];

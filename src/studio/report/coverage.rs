@@ -1,7 +1,7 @@
 //! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use crate::sensors::{Coverage, Place};
+use noctograph_flying::sensors::{Coverage, Place};
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
@@ -171,8 +171,8 @@ pub(super) fn viridis(fraction: f64) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensors::SensorOptions;
-    use crate::sensors::coverage;
+    use noctograph_flying::sensors::SensorOptions;
+    use noctograph_flying::sensors::coverage;
 
     #[test]
     fn the_cells_fill_the_frame_and_take_their_colors() {

@@ -299,8 +299,8 @@ fn text(canvas: &mut Canvas<'_>, text: &str, at: [f64; 2], anchor: Anchor, em_px
     canvas.text(text, at, anchor, CAP_SHARE * em_px, INK);
 }
 
-/// Round numbers within a range, as many as there is room for along its axis: multiples of 1, 2 or 5
-/// times a power of ten.
+/// Round numbers within a range, as many as there is room for along its axis: multiples of 1, 2 or
+/// 5 times a power of ten.
 fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
     let decade = libm::floor(libm::log10((range.end - range.start) / most));

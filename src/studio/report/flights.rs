@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::canvas::Pen;
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, VERMILION};
-use crate::flight::tracking::CORRIDOR_M;
-use crate::flight::{BATTERY_V, Flight, FlightSample};
+use noctograph_core::flight::tracking::CORRIDOR_M;
+use noctograph_core::flight::{BATTERY_V, Flight, FlightSample};
 
 /// A flight to draw.
 #[derive(Clone, Debug)]
@@ -92,8 +92,8 @@ const LOAD_SAMPLES: usize = 12;
 /// A motor's command at full power.
 const FULL: f64 = 65_535.0;
 
-/// The load of drones over time: the command of the strongest motor and, of drones with a battery, its
-/// voltage. SVG.
+/// The load of drones over time: the command of the strongest motor and, of drones with a battery,
+/// its voltage. SVG.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
     let name = |(index, _): (usize, &Flight)| (format!("drone {}", index + 1), pen(index));
     let power = load_curves(flights, |flight, window| {

@@ -2,8 +2,8 @@
 
 use super::canvas::Pen;
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
-use crate::sim::{AltitudeSensor, HeightReading};
 use crate::study::{Hold, HoldSample};
+use noctograph_flying::sim::{AltitudeSensor, HeightReading};
 
 /// Height of a panel.
 const PANEL_PX: f64 = 150.0;
@@ -18,9 +18,9 @@ const BAND: Pen = Pen::new(GRAY, 1.0);
 /// Innovations beyond this are drawn at the edge of their panel.
 const EDGE_SIGMAS: f64 = 5.0;
 
-/// Five panels over the time: altitude, vertical velocity, thrust map, biases, innovations in standard
-/// deviations. Bands are two standard deviations; strokes at the edge of the last panel are ranges
-/// that the filter threw away.
+/// Five panels over the time: altitude, vertical velocity, thrust map, biases, innovations in
+/// standard deviations. Bands are two standard deviations; strokes at the edge of the last panel
+/// are ranges that the filter threw away.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let curve = |pen, value: &dyn Fn(&HoldSample) -> f64| Curve {
         pen,
@@ -78,7 +78,8 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     .svg()
 }
 
-/// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was not.
+/// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was
+/// not.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let mut pieces = vec![Vec::new()];
     for sample in &flight.samples {

@@ -1,7 +1,7 @@
 //! Labels on a photo: a name beside what it names, with a line to it.
 
 use super::canvas::{Anchor, Canvas, Pen, right_end};
-use crate::photo::Photo;
+use noctograph_picture::photo::Photo;
 
 const PEN: Pen = Pen { color: [255, 232, 150], width_px: 1.3, dashed: false };
 /// Height of capitals.

@@ -2,8 +2,8 @@
 //! share in the choice, as SVG or as a photo.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use crate::photo::Photo;
-use crate::score::{LetterVerdict, Marks, Verdict};
+use noctograph_picture::photo::Photo;
+use noctograph_score::{LetterVerdict, Marks, Verdict};
 
 /// Colors that no lamp of a Crazyflie has: these are white, blue and red.
 const INTENDED: Rgb = [0, 200, 120];
@@ -59,7 +59,8 @@ fn overlay<'a>(photo: &'a Photo, marks: &Marks, verdict: &Verdict) -> Canvas<'a>
     canvas
 }
 
-/// Writes above a cell: the letter and its share, over its first rival and its; as narrow as the cell.
+/// Writes above a cell: the letter and its share, over its first rival and its; as narrow as the
+/// cell.
 fn label(canvas: &mut Canvas<'_>, corners: &[[f64; 2]], letter: &LetterVerdict) {
     let (&[[left, top], [right, _], ..], Some(p)) = (corners, letter.p) else { return };
     let cap_px = LABEL_SHARE * (right - left);
@@ -76,8 +77,8 @@ fn label(canvas: &mut Canvas<'_>, corners: &[[f64; 2]], letter: &LetterVerdict) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::score::{Homography, Known, Reader, ScoreOptions, View};
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_score::{Homography, Known, Reader, ScoreOptions, View};
 
     #[test]
     fn what_is_missing_is_drawn_where_it_should_be() {

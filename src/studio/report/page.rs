@@ -1,7 +1,8 @@
 //! A page: one HTML file that needs nothing else, to be opened, printed or handed in.
 //!
-//! It reads without scripts, prints on A4, and follows the viewer's choice of light or dark. Scripts
-//! only add what moves: pictures in a row become a film, a path in space turns under the pointer.
+//! It reads without scripts, prints on A4, and follows the viewer's choice of light or dark.
+//! Scripts only add what moves: pictures in a row become a film, a path in space turns under the
+//! pointer.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 

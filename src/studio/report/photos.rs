@@ -1,8 +1,8 @@
 //! Two photos in one frame: one laid over the other.
 
-use crate::photo::Photo;
-use crate::photo::register::Similarity;
-use crate::srgb;
+use noctograph_core::srgb;
+use noctograph_picture::photo::Photo;
+use noctograph_picture::photo::register::Similarity;
 
 /// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
 /// it replaces. Smaller photos stay as they are.

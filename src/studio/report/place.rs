@@ -2,10 +2,10 @@
 //! scale.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use crate::geometry::bounds;
 use crate::preflight::ShotPlan;
-use crate::sensors::Positioning;
 use crate::shoot::Shot;
+use noctograph_core::geometry::bounds;
+use noctograph_flying::sensors::Positioning;
 
 /// Longer side of the drawn space, and the margin around it, pixels.
 const SIDE_PX: f64 = 560.0;

@@ -3,7 +3,7 @@
 use super::canvas::{Pen, Rgb};
 use super::figure::{Curve, Mark};
 use super::flights::View;
-use crate::plan::Plan;
+use noctograph_flying::plan::Plan;
 
 /// Lit speeds as shares of the fastest, and their colors from slow to fast.
 const SPEEDS: [(f64, Rgb); 4] = [
@@ -158,8 +158,8 @@ fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn the_drawing_says_when_each_stroke_begins_and_how_fast_it_is() {

@@ -2,9 +2,9 @@
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
-use crate::error::Result;
-use crate::photo::Photo;
 use crate::study::{Measures, Ranking, Record, Study};
+use noctograph_core::error::Result;
+use noctograph_picture::photo::Photo;
 
 /// Roboto Thin (Apache 2.0, see fonts/README.md); its capitals keep to a pixel at this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");

@@ -5,15 +5,15 @@ use super::overlay::marks_svg;
 use super::page::Page;
 use super::place::shot_plan;
 use super::plans::plan_view;
-use crate::camera::INFINITY_M;
-use crate::error::Result;
-use crate::flight::{Flight, FlightSample, Quantity};
-use crate::light::Lamp;
-use crate::photo;
 use crate::preflight::{Checked, ShotPlan};
 use crate::scene::Change;
-use crate::score::{LetterVerdict, Verdict};
 use crate::shoot::{Shot, in_stops, writing};
+use noctograph_core::camera::INFINITY_M;
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_picture::light::Lamp;
+use noctograph_picture::photo;
+use noctograph_score::{LetterVerdict, Verdict};
 
 /// Moments of the exposure, and the width of their pictures.
 const N_MOMENTS: u32 = 12;

@@ -3,8 +3,8 @@
 use super::canvas::Pen;
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
 use super::flights::View;
-use crate::flight::{Flight, FlightSample};
 use crate::study::{BAND_FRAC, Band, Spread};
+use noctograph_core::flight::{Flight, FlightSample};
 
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const FLIGHT: Pen = Pen::new(BLUE, 0.6);
@@ -45,7 +45,8 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
-/// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis. SVG.
+/// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis.
+/// SVG.
 ///
 /// # Panics
 ///

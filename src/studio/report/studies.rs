@@ -14,8 +14,8 @@ pub(super) const COLORS: [Rgb; 7] =
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
 
-/// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were given
-/// up or broke a limit, the Pareto front as a line, and the start. SVG.
+/// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were
+/// given up or broke a limit, the Pareto front as a line, and the start. SVG.
 #[must_use]
 pub fn pareto(
     within: &[(f64, f64)],
@@ -64,8 +64,8 @@ pub fn pareto(
     .svg()
 }
 
-/// Curves by name: share of legible photos over multiples of the usual disturbance. Two rows of names
-/// fit. SVG.
+/// Curves by name: share of legible photos over multiples of the usual disturbance. Two rows of
+/// names fit. SVG.
 #[must_use]
 pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     // More curves than colors are told apart by their width.

@@ -4,13 +4,13 @@
 use toml::{Table, Value};
 
 use super::Scene;
-use crate::camera::Metering;
-use crate::light::{Drive, Fixture, RingEffect};
-use crate::plan::{PlanOptions, Style};
-use crate::sensors::Positioning;
-use crate::settings::{Described, Need, Setting, Shape, joined, of_kind};
-use crate::sim::EstimatorKind;
-use crate::vehicle::{Gusts, VehicleOptions};
+use noctograph_core::camera::Metering;
+use noctograph_core::settings::{Described, Need, Setting, Shape, joined, of_kind};
+use noctograph_flying::plan::{PlanOptions, Style};
+use noctograph_flying::sensors::Positioning;
+use noctograph_flying::sim::EstimatorKind;
+use noctograph_flying::vehicle::{Gusts, VehicleOptions};
+use noctograph_picture::light::{Drive, Fixture, RingEffect};
 
 /// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
 /// needs of another one stands in its declaration ([`Need`]); here is what depends on more.

@@ -8,20 +8,22 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use crate::camera::{CameraOptions, Metering};
-use crate::digest::sha256;
-use crate::error::{Error, Result};
-use crate::expose::ExposeOptions;
-use crate::files::Limit;
-use crate::letters::{self, Ink, LetterOptions, Strokes};
-use crate::light::{Deck, LightOptions};
-use crate::photo::{self, PhotoOptions};
-use crate::plan::PlanOptions;
-use crate::score::ScoreOptions;
-use crate::sensors::SensorOptions;
-use crate::settings::{Described, settings};
-use crate::sim::{ControllerOptions, ObserverOptions, RadioOptions, RateOptions, SimOptions};
-use crate::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
+use noctograph_core::camera::{CameraOptions, Metering};
+use noctograph_core::digest::sha256;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+use noctograph_core::settings::{Described, settings};
+use noctograph_flying::plan::PlanOptions;
+use noctograph_flying::sensors::SensorOptions;
+use noctograph_flying::sim::{
+    ControllerOptions, ObserverOptions, RadioOptions, RateOptions, SimOptions,
+};
+use noctograph_flying::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
+use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
+use noctograph_picture::expose::ExposeOptions;
+use noctograph_picture::light::{Deck, LightOptions};
+use noctograph_picture::photo::{self, PhotoOptions};
+use noctograph_score::ScoreOptions;
 
 mod advice;
 mod idle;
@@ -36,8 +38,8 @@ pub use named::NamedScene;
 pub use preset::Preset;
 
 settings! {
-    /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that names no
-    /// preset begins with `cf21`.
+    /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
+    /// names no preset begins with `cf21`.
     pub struct Scene {
         /// Preset that gives the keys left out.
         preset: Preset = Preset::Ae4832022;
@@ -298,7 +300,7 @@ fn deck_of(scene: &Table) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::EvenStyle;
+    use noctograph_flying::plan::EvenStyle;
 
     #[test]
     fn a_scene_reads_back_bit_by_bit() {
@@ -317,7 +319,7 @@ mod tests {
         let toml = "preset = \"cf21\"\n[vehicle]\nmass_kg = 0.0351\n[air]\ngusts = \"dryden\"\n";
         let mut want = Scene::preset(Preset::Cf21);
         want.vehicle.mass_kg = 0.0351;
-        want.air.gusts = crate::vehicle::Gusts::Dryden;
+        want.air.gusts = noctograph_flying::vehicle::Gusts::Dryden;
         assert_eq!(Scene::parse(toml, "my.toml").unwrap(), want);
         assert_ne!(want.controller, Scene::preset(Preset::Ae4832022).controller, "its own gains");
     }
@@ -344,8 +346,8 @@ mod tests {
     fn another_kind_of_a_group_keeps_the_keys_beside_it() {
         let toml = "[observer]\nkind = \"ekf\"\nekf.gate_sigmas = 7.0\n[controller.pid]\n";
         let mut want = Scene::parse(toml, "my.toml").unwrap();
-        want.observer.kind = crate::sim::EstimatorKind::Truth;
-        want.controller.kind = crate::sim::ControllerKind::Geometric;
+        want.observer.kind = noctograph_flying::sim::EstimatorKind::Truth;
+        want.controller.kind = noctograph_flying::sim::ControllerKind::Geometric;
         for observer in ["observer.kind", "observer"] {
             let set = [(observer, "truth"), ("controller.kind", "geometric")];
             assert_eq!(Scene::parse_with(toml, "my.toml", &set).unwrap(), want, "{observer}");

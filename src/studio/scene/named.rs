@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Preset, Scene};
-use crate::error::{Error, Result};
-use crate::files::files_in;
-use crate::plan::Plan;
-use crate::settings::suggestion;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::files_in;
+use noctograph_core::settings::suggestion;
+use noctograph_flying::plan::Plan;
 
 /// Scenes that ship with the program, as TOML.
 const SHIPPED: [(&str, &str); 6] = [
@@ -149,7 +149,7 @@ mod tests {
         }
         assert_eq!(NamedScene::plan_file("NOOR", 1, 2), "plan2-NOOR.csv");
     }
-    use crate::sim::ControllerKind;
+    use noctograph_flying::sim::ControllerKind;
 
     #[test]
     fn shipped_scenes_presets_files_and_folders_are_found() {
@@ -170,8 +170,9 @@ mod tests {
     #[test]
     fn a_folder_of_learned_plans_reads_back() {
         let strokes =
-            crate::letters::write("I", &Scene::preset(Preset::default()).letters).unwrap();
-        let plan = crate::plan::plan(&strokes, &Scene::preset(Preset::default()).plan).unwrap();
+            noctograph_letters::write("I", &Scene::preset(Preset::default()).letters).unwrap();
+        let plan = noctograph_flying::plan::plan(&strokes, &Scene::preset(Preset::default()).plan)
+            .unwrap();
         let mut csv = Vec::new();
         plan.write_csv(&mut csv).unwrap();
         let folder = tempfile::tempdir().unwrap();

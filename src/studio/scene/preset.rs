@@ -6,13 +6,13 @@
 use std::sync::OnceLock;
 
 use super::Scene;
+use noctograph_core::settings::settings;
 #[cfg(test)]
-use crate::sensors::Positioning;
-use crate::settings::settings;
+use noctograph_flying::sensors::Positioning;
 #[cfg(test)]
-use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
+use noctograph_flying::sim::{ControllerKind, EstimatorKind, SimOptions};
 #[cfg(test)]
-use crate::vehicle::AirOptions;
+use noctograph_flying::vehicle::AirOptions;
 
 settings! {
     /// A named set of values that a scene starts from. `ae483-2022` is a whole system; the others
@@ -70,13 +70,13 @@ pub fn with_regulator(preset: Preset) -> SimOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::Flight;
-    use crate::flight::tracking::{Part, track};
-    use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
-    use crate::sensors::SensorOptions;
-    use crate::sim::{Drone, MotorLag, fly};
-    use crate::vehicle::Gusts;
+    use noctograph_core::flight::Flight;
+    use noctograph_core::flight::tracking::{Part, track};
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_flying::sensors::SensorOptions;
+    use noctograph_flying::sim::{Drone, MotorLag, fly};
+    use noctograph_flying::vehicle::Gusts;
+    use noctograph_letters::{LetterOptions, write};
 
     #[test]
     fn names_are_those_of_the_file_and_lead_back() {

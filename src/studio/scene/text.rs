@@ -7,8 +7,10 @@ use toml::de::DeTable;
 use toml::{Table, Value};
 
 use super::{Preset, Scene};
-use crate::error::{Error, Result};
-use crate::settings::{Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{
+    Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
+};
 
 /// Columns of the printed file.
 const WIDTH: usize = 80;
@@ -215,7 +217,7 @@ fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table)
 }
 
 fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
-    match crate::settings::names(shape).any(|known| known == name) {
+    match noctograph_core::settings::names(shape).any(|known| known == name) {
         true => Ok(()),
         false => Err(unknown_name(place, name, shape)),
     }

@@ -2,14 +2,14 @@
 
 use super::planned::{aim, in_colors};
 use super::{Planned, Shoot, rehearse};
-use crate::error::Result;
-use crate::export::{Form, Length, flown};
-use crate::light::LightOptions;
-use crate::plan::{LightClock, Plan};
+use noctograph_core::error::Result;
+use noctograph_export::{Form, Length, flown};
+use noctograph_flying::plan::{LightClock, Plan};
+use noctograph_picture::light::LightOptions;
 
 impl Shoot {
-    /// The shoot whose plans are the flights of exported trajectories, decoded as on board, from the
-    /// command to take off on. Lights on the light's own clock are timed on these flights: a
+    /// The shoot whose plans are the flights of exported trajectories, decoded as on board, from
+    /// the command to take off on. Lights on the light's own clock are timed on these flights: a
     /// controller that holds positions trails a trajectory, and leads its own setpoints.
     ///
     /// # Errors
@@ -76,8 +76,8 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
 mod tests {
     use super::super::planned::ends;
     use super::*;
-    use crate::plan::StrokeEnd;
     use crate::scene::{Preset, Scene};
+    use noctograph_flying::plan::StrokeEnd;
 
     /// Largest error of the light at the ends of strokes, m, of simulated flights of the exports.
     #[test]

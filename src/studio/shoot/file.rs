@@ -3,14 +3,14 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::expose::Film;
-use crate::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
-use crate::photo::{self, Metadata, Photo, read_out};
 use crate::scene::Scene;
-use crate::score::LogGap;
-use crate::settings::settings;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::settings;
+use noctograph_picture::expose::Film;
+use noctograph_picture::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
+use noctograph_picture::photo::{self, Metadata, Photo, read_out};
+use noctograph_score::LogGap;
 
 settings! {
     /// Format of a picture file.

@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::{Judging, Shoot, Shot};
 use crate::scene::{Scene, reason};
-use crate::settings::{Described, Setting, Shape, joined, names, of_kind};
+use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
 
 /// Keys that change no product of this chain, and what they change.
 const ELSEWHERE: &[(&str, &str)] = &[

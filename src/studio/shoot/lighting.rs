@@ -3,12 +3,12 @@
 use super::metering::{Metered, metered, recommended};
 use super::problems::{self, Problem};
 use super::{Recording, Shoot, Watch};
-use crate::camera::{Camera, Framing};
-use crate::error::{Error, Result};
-use crate::flight::{DroneIndex, Flight};
-use crate::geometry::bounds;
-use crate::light::{LightSample, LightTrace, light};
 use crate::scene::Scene;
+use noctograph_core::camera::{Camera, Framing};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::geometry::bounds;
+use noctograph_picture::light::{LightSample, LightTrace, light};
 
 /// Smallest distance of a lit lamp from the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
@@ -31,8 +31,8 @@ pub struct Lighting {
 }
 
 impl Lighting {
-    /// Aperture and sensitivity that the light meter recommends for the scene: those that it set, if
-    /// the scene asks for it. `None` for darkness.
+    /// Aperture and sensitivity that the light meter recommends for the scene: those that it set,
+    /// if the scene asks for it. `None` for darkness.
     #[must_use]
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
         let meter = || recommended(&self.trace, &self.camera, &scene.camera, &scene.photo);
@@ -115,8 +115,8 @@ impl Shoot {
         (!letters.is_empty()).then_some(Problem::LostStrokes { font, letters })
     }
 
-    /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
-    /// else of the letters in the flights' design, else of the light; zeros for a fixed camera without
+    /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes, else
+    /// of the letters in the flights' design, else of the light; zeros for a fixed camera without
     /// strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {

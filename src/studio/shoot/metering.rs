@@ -6,10 +6,10 @@
 
 use serde::Serialize;
 
-use crate::camera::{Camera, CameraOptions, Metering, TrailMetering};
-use crate::expose::meter::{color_stops, meter};
-use crate::light::LightTrace;
-use crate::photo::PhotoOptions;
+use noctograph_core::camera::{Camera, CameraOptions, Metering, TrailMetering};
+use noctograph_picture::expose::meter::{color_stops, meter};
+use noctograph_picture::light::LightTrace;
+use noctograph_picture::photo::PhotoOptions;
 
 /// Aperture numbers as they are engraved, a third of a stop apart. Below f/2.8 few lenses are
 /// sharp, above f/22 diffraction blurs.
@@ -88,8 +88,8 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene that
-/// does not meter; `None` for darkness.
+/// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene
+/// that does not meter; `None` for darkness.
 #[must_use]
 pub fn recommended(
     trace: &LightTrace,
@@ -183,7 +183,7 @@ fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{BodyModel, LensModel};
+    use noctograph_core::camera::{BodyModel, LensModel};
 
     /// A headlight from the side.
     const SIDE_CD: f64 = 0.09;

@@ -7,8 +7,8 @@
 //! 2. [`Shoot::take`] flies every plan with noise of its own, exposes the light of all drones on
 //!    one film, develops it and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields: the seed of
-//! the scene, the drones that truly fly, the plans that are sent, the size of the picture.
+//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields: the seed
+//! of the scene, the drones that truly fly, the plans that are sent, the size of the picture.
 //!
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
@@ -23,18 +23,20 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
-use crate::expose::{BackendChoice, Developer};
-use crate::flight::Flight;
-use crate::letters::Strokes;
-use crate::light::csv::{is_light_trace, read as read_light};
-use crate::light::{ColorLedLevels, LightOptions, LightTrace, color_led_wrgb, ring_rgb};
-use crate::logs::{self, ImportOptions};
-use crate::plan::{Approach, Plan, wake};
 use crate::scene::{NamedScene, Scene};
-use crate::score::{Reader, is_judged};
-use crate::sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
-use crate::vehicle::Downwash;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_flying::plan::{Approach, Plan, wake};
+use noctograph_flying::sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
+use noctograph_flying::vehicle::Downwash;
+use noctograph_letters::Strokes;
+use noctograph_logs::{self as logs, ImportOptions};
+use noctograph_picture::expose::{BackendChoice, Developer};
+use noctograph_picture::light::csv::{is_light_trace, read as read_light};
+use noctograph_picture::light::{
+    ColorLedLevels, LightOptions, LightTrace, color_led_wrgb, ring_rgb,
+};
+use noctograph_score::{Reader, is_judged};
 
 mod exported;
 mod file;
@@ -263,7 +265,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`crate::sim::fly`], of the first drone that fails.
+    /// As [`noctograph_flying::sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
         if self.in_step() {
@@ -329,7 +331,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`crate::sim::fly`].
+    /// As [`noctograph_flying::sim::fly`].
     ///
     /// # Panics
     ///
@@ -357,8 +359,8 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// Those of the stages, and [`Error::Stopped`]. [`crate::error::Error::Input`] for a camera behind the word, where it
-    /// reads mirrored, and for one among the lamps.
+    /// Those of the stages, and [`Error::Stopped`]. [`noctograph_core::error::Error::Input`] for a
+    /// camera behind the word, where it reads mirrored, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,

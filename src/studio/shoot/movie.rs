@@ -5,22 +5,22 @@
 //! time so far. In a movie the lamps are drawn as points, as they look to the eye.
 
 use super::Shot;
-use crate::camera::{Camera, ImagePoint};
-use crate::error::Result;
-use crate::expose::{Film, project};
-use crate::light::{Lamp, LightSample, LightTrace};
-use crate::photo::{Noise, Photo, PhotoOptions, develop};
+use noctograph_core::camera::{Camera, ImagePoint};
+use noctograph_core::error::Result;
+use noctograph_picture::expose::{Film, project};
+use noctograph_picture::light::{Lamp, LightSample, LightTrace};
+use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop};
 
 /// Width of the point of a lamp (σ) by the width of the picture.
 const POINT_SHARE: f64 = 0.0025;
 
 impl Shot {
-    /// Develops what the film holds at `n` moments, the last of them at the end of the exposure, at a
-    /// width in pixels. `each` receives the time of flight and the photo, in order.
+    /// Develops what the film holds at `n` moments, the last of them at the end of the exposure, at
+    /// a width in pixels. `each` receives the time of flight and the photo, in order.
     ///
     /// # Errors
     ///
-    /// As [`crate::expose::expose`] and [`develop`], and those of `each`.
+    /// As [`noctograph_picture::expose::expose`] and [`develop`], and those of `each`.
     pub fn moments(
         &self,
         width_px: u32,
@@ -34,8 +34,8 @@ impl Shot {
         })
     }
 
-    /// A movie of `n` pictures of the exposure at a width in pixels, with the lamps as points. `each`
-    /// receives the pictures in order.
+    /// A movie of `n` pictures of the exposure at a width in pixels, with the lamps as points.
+    /// `each` receives the pictures in order.
     ///
     /// # Errors
     ///

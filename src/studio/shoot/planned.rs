@@ -1,24 +1,24 @@
 //! The plans of a scene: its word as its drone, controller and lamps will fly it.
 //!
-//! [`crate::plan`] knows neither simulator nor lamps. Here it is given the
+//! [`noctograph_flying::plan`] knows neither simulator nor lamps. Here it is given the
 //! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::step_responses;
-use crate::control::StepResponse;
-use crate::error::{Error, Result};
-use crate::flight::{Flight, Warning};
-use crate::letters::Strokes;
-use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS};
-use crate::plan::feedforward::{feedforward, learn};
-use crate::plan::{
+use crate::scene::Scene;
+use noctograph_core::control::StepResponse;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, Warning};
+use noctograph_flying::plan::feedforward::{feedforward, learn};
+use noctograph_flying::plan::{
     Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd, fleet, stroke_ends,
     time_lights,
 };
-use crate::scene::Scene;
-use crate::sim::{Drone, SimOptions, fly};
+use noctograph_flying::sim::{Drone, SimOptions, fly};
+use noctograph_letters::Strokes;
+use noctograph_picture::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS};
 
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +49,8 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
             Some(responses) => {
                 let led = if follows_design { plan } else { feedforward(&plan, responses) };
                 let mut flight = rehearse(scene, &led)?;
-                // The plan is off by the mean error of real flights, which the rehearsal does not have.
+                // The plan is off by the mean error of real flights, which the rehearsal does not
+                // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
                 flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
                 learn(&led, &flight, responses)
@@ -114,9 +115,9 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     })
 }
 
-/// Flies a plan undisturbed: [`SimOptions::rehearsal_by_filter`], or
-/// [`SimOptions::rehearsal`] for other drones, and where the stations do not see the whole flight, so
-/// that chance decides what the filter makes of it.
+/// Flies a plan undisturbed: [`SimOptions::rehearsal_by_filter`], or [`SimOptions::rehearsal`] for
+/// other drones, and where the stations do not see the whole flight, so that chance decides what
+/// the filter makes of it.
 ///
 /// # Errors
 ///
@@ -174,16 +175,16 @@ fn lamp_timing(options: &LightOptions) -> LampTiming {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::lights::{Command, commands};
-    use crate::flight::tracking::{Part, track};
-    use crate::letters::{LetterOptions, write};
-    use crate::light::{Deck, RingColor, RingEffect};
-    use crate::plan::PlanOptions;
     use crate::scene::Preset;
-    use crate::sensors::SensorOptions;
     use crate::shoot::Shoot;
-    use crate::sim::{ControllerKind, EstimatorKind};
-    use crate::vehicle::Gusts;
+    use noctograph_core::flight::tracking::{Part, track};
+    use noctograph_export::lights::{Command, commands};
+    use noctograph_flying::plan::PlanOptions;
+    use noctograph_flying::sensors::SensorOptions;
+    use noctograph_flying::sim::{ControllerKind, EstimatorKind};
+    use noctograph_flying::vehicle::Gusts;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_picture::light::{Deck, RingColor, RingEffect};
 
     fn noor() -> Strokes {
         write("NOOR", &LetterOptions::default()).unwrap()
@@ -298,7 +299,8 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air: what is left is the drone's settling, and what the sensors' errors change meanwhile.
+    /// In still air: what is left is the drone's settling, and what the sensors' errors change
+    /// meanwhile.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {
@@ -335,7 +337,7 @@ mod tests {
         let scene = Scene::preset(Preset::Ae4832022);
         let planned = plan(&scene, &noor()).unwrap();
         assert_eq!(planned.len(), 1);
-        assert_eq!(planned[0].plan, crate::plan::plan(&noor(), &scene.plan).unwrap());
+        assert_eq!(planned[0].plan, noctograph_flying::plan::plan(&noor(), &scene.plan).unwrap());
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! Problems of a picture: what keeps a word from being read whatever its letters are, and warnings.
 //!
 //! The former are looked for in this order: a shutter that misses the word, lamps that are dark or
-//! face away, a picture without or with nothing but light. Then come the flights' own warnings, gaps
-//! of logs, strokes that a font lacks, and what lies outside the picture.
+//! face away, a picture without or with nothing but light. Then come the flights' own warnings,
+//! gaps of logs, strokes that a font lacks, and what lies outside the picture.
 
 use nalgebra::Vector3;
 
-use crate::camera::Camera;
-use crate::flight::{DroneIndex, Flight, Warning};
-use crate::light::gaps::{Gap, gaps};
-use crate::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
-use crate::photo::Photo;
 use crate::scene::{Change, SceneAdvice};
+use noctograph_core::camera::Camera;
+use noctograph_core::flight::{DroneIndex, Flight, Warning};
+use noctograph_picture::light::gaps::{Gap, gaps};
+use noctograph_picture::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
+use noctograph_picture::photo::Photo;
 
 /// A problem of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -322,7 +322,7 @@ pub(super) fn outside(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::{Emitter, LightSample};
+    use noctograph_picture::light::{Emitter, LightSample};
 
     #[test]
     fn a_lamp_writes_whatever_its_name() {

@@ -6,10 +6,10 @@
 
 use nalgebra::Vector3;
 
-use crate::control::StepResponse;
-use crate::error::{Error, Result};
-use crate::plan::{Plan, Setpoint};
-use crate::sim::{Drone, SimOptions, fly};
+use noctograph_core::control::StepResponse;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::{Plan, Setpoint};
+use noctograph_flying::sim::{Drone, SimOptions, fly};
 
 /// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
 /// for a flight's grid of a micrometer.
@@ -68,7 +68,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::ControllerKind;
+    use noctograph_flying::sim::ControllerKind;
 
     #[test]
     fn the_reference_loop_answers_as_its_linear_model_does() {

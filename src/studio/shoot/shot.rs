@@ -3,18 +3,18 @@
 use super::file::{Shown, encode};
 use super::problems::{self, Problem};
 use super::{Judging, Lighting, Metered, Planned, Shoot};
-use crate::camera::Camera;
-use crate::error::Result;
-use crate::expose::{Backend, Developer, Exposure, project};
-use crate::flight::Flight;
-use crate::flight::tracking::{Part, track};
-use crate::letters::Strokes;
-use crate::light::LightTrace;
-use crate::light::gaps::{Gap, dark};
-use crate::photo::{Photo, develop};
-use crate::plan::PlanOptions;
 use crate::scene::Scene;
-use crate::score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
+use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::tracking::{Part, track};
+use noctograph_flying::plan::PlanOptions;
+use noctograph_letters::Strokes;
+use noctograph_picture::expose::{Backend, Developer, Exposure, project};
+use noctograph_picture::light::LightTrace;
+use noctograph_picture::light::gaps::{Gap, dark};
+use noctograph_picture::photo::{Photo, develop};
+use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
@@ -39,8 +39,8 @@ pub struct Shot {
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that the
-    /// reader does not know.
+    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that
+    /// the reader does not know.
     pub verdict: Option<Verdict>,
     /// Where the reader saw what, where faults were looked for ([`Judging::Explained`]).
     pub marks: Option<Marks>,
@@ -169,13 +169,13 @@ impl Shoot {
     }
 }
 
-/// Facts from flights that explain their photo: speed along the strokes, the means over the drones of
-/// the distance from the path and of the lag, and the gaps of their logs.
+/// Facts from flights that explain their photo: speed along the strokes, the means over the drones
+/// of the distance from the path and of the lag, and the gaps of their logs.
 #[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
     let tracked: Vec<_> = tracked.collect();
-    let mean = |value: fn(&crate::flight::tracking::Tracking) -> f64| {
+    let mean = |value: fn(&noctograph_core::flight::tracking::Tracking) -> f64| {
         let n = tracked.len() as f64;
         (!tracked.is_empty()).then(|| tracked.iter().map(value).sum::<f64>() / n)
     };

@@ -1,8 +1,8 @@
 //! Conditions: how much a real drone differs from its scene, flight by flight.
 //!
-//! A controller is made for the scene; the flying drone departs from it, anew for
-//! each seed and drone. What is drawn is constant over a flight; gusts and the noise of the sensors are
-//! what differs within one. The same seed draws the same departure under every controller (common random
+//! A controller is made for the scene; the flying drone departs from it, anew for each seed and
+//! drone. What is drawn is constant over a flight; gusts and the noise of the sensors are what
+//! differs within one. The same seed draws the same departure under every controller (common random
 //! numbers), and each factor has a stream of its own, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;
@@ -12,13 +12,13 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-use crate::digest::fnv_1a;
-use crate::error::{Error, Result};
-use crate::files::Limit;
 use crate::scene::Scene;
-use crate::settings::{Described, settings, suggestion};
 use crate::shoot::Actual;
-use crate::vehicle::{GustOptions, Gusts};
+use noctograph_core::digest::fnv_1a;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+use noctograph_core::settings::{Described, settings, suggestion};
+use noctograph_flying::vehicle::{GustOptions, Gusts};
 
 /// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on where the scene
 /// has none.
@@ -31,22 +31,22 @@ pub(super) const OUTAGE_EVERY_S: f64 = 10.0;
 pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
-    /// How much flights differ from their scene. 0 leaves a factor as the scene has it. The default,
-    /// `room`, is an ordinary room and evening with a drone whose mass and trim the scene knows;
-    /// [`Self::any_drone`] is any drone of its make.
+    /// How much flights differ from their scene. 0 leaves a factor as the scene has it. The
+    /// default, `room`, is an ordinary room and evening with a drone whose mass and trim the scene
+    /// knows; [`Self::any_drone`] is any drone of its make.
     ///
-    /// Measured on the reference flight, to which mass and trim were fitted, and on which the widths
-    /// below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of the time on
-    /// each axis (`tests/it/team_data.rs`), with noise and gusts alone 64 to 87 %. Of other real
-    /// flights it holds less than 90 % sideways (`docs/model.md`).
+    /// Measured on the reference flight, to which mass and trim were fitted, and on which the
+    /// widths below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of
+    /// the time on each axis (`tests/it/team_data.rs`), with noise and gusts alone 64 to 87 %. Of
+    /// other real flights it holds less than 90 % sideways (`docs/model.md`).
     pub struct Conditions {
         /// Mass, σ as a share of the scene's: half a gram of 35 for tape and another battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
         /// Center of mass in body x and y, σ, m: a battery of 7 g that slides half a millimeter in
         /// its holder. Unequal motors act alike: of 3 %, σ, by 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
-        /// Moments of inertia, σ as a share of the scene's: published values for one drone differ by
-        /// a fifth.
+        /// Moments of inertia, σ as a share of the scene's: published values for one drone differ
+        /// by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
         /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
@@ -55,15 +55,17 @@ settings! {
         /// distortion where `sensors.positioning` is `position`, misplaced stations where it is
         /// Lighthouse. Half of the 13 mm rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
-        /// Turn of the Lighthouse's frame about each axis, rad, and error of its scale, σ. The drone
-        /// is put by hand on the origin and one meter off, on the x-axis and on the floor, when the
-        /// geometry is estimated (cflib, `multi_bs_geometry_estimation.py`); each place is known to
-        /// the distortion of 7.5 mm of that data set, which makes 0.0075 √2 of a meter. The data set
-        /// itself was turned onto its reference first, so that its error has no part of this.
+        /// Turn of the Lighthouse's frame about each axis, rad, and error of its scale, σ. The
+        /// drone is put by hand on the origin and one meter off, on the x-axis and on the floor,
+        /// when the geometry is estimated (cflib, `multi_bs_geometry_estimation.py`); each place is
+        /// known to the distortion of 7.5 mm of that data set, which makes 0.0075 √2 of a meter.
+        /// The data set itself was turned onto its reference first, so that its error has no part
+        /// of this.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
         /// Moment of the air per airspeed on top of the scene's, uniform from 0 to this, N m/(m/s):
         /// the drone rears up against its motion. As much as the log of the reference flight shows
-        /// ([`crate::vehicle::VehicleOptions::airspeed_moment_n_s`]); none is measured on other drones.
+        /// ([`noctograph_flying::vehicle::VehicleOptions::airspeed_moment_n_s`]); none is measured
+        /// on other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
         /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room; the scene's own where they are
         /// stronger. Uneven air turns the drone in proportion, as measured at 0.08.
@@ -74,22 +76,24 @@ settings! {
         /// Charge that the battery lacks, uniform from 0 to this share, where the scene has a
         /// battery.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
-        /// Mean duration of an outage of the radio, one in 10 s (`[radio]`), s. 0: none. An evening's:
-        /// six in a minute then have a longest of 0.73 s, as the log of the reference flight has.
+        /// Mean duration of an outage of the radio, one in 10 s (`[radio]`), s. 0: none. An
+        /// evening's: six in a minute then have a longest of 0.73 s, as the log of the reference
+        /// flight has.
         radio_outage_s: f64 = 0.0, in 0.0..=100.0;
-        /// Drift of the heading by the gyroscope, σ, rad/s, which nothing corrects without a magnetometer
-        /// or a deck that sees directions. An evening's: 0.015 °/s/K (data sheet of the BMI088) times 10 K
-        /// from calibration to flight.
+        /// Drift of the heading by the gyroscope, σ, rad/s, which nothing corrects without a
+        /// magnetometer or a deck that sees directions. An evening's: 0.015 °/s/K (data sheet of
+        /// the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Thrust that one motor lacks, uniform from 0 to this share. An evening's: a millimeter off
-        /// one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a blade's lift grows with r². Small faults
-        /// begin at 5 % of a blade's length (Baldini et al. 2026, doi 10.1007/s10846-026-02369-x).
+        /// Thrust that one motor lacks, uniform from 0 to this share. An evening's: a millimeter
+        /// off one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a blade's lift grows
+        /// with r². Small faults begin at 5 % of a blade's length (Baldini et al. 2026, doi
+        /// 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Age of the battery, uniform from 0 to this; at 1 it has 80 % of its capacity, where cells are
-        /// retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996), and fails the
-        /// firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request
-        /// 1192) under motors at 61 % (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000), which is the
-        /// load of hovering that the scene's resistance answers with 0.57 V.
+        /// Age of the battery, uniform from 0 to this; at 1 it has 80 % of its capacity, where
+        /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996), and
+        /// fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`, firmware
+        /// pull request 1192) under motors at 61 % (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`,
+        /// 40000), which is the load of hovering that the scene's resistance answers with 0.57 V.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }
@@ -162,8 +166,8 @@ impl Conditions {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
 
-    /// An evening among people with worn drones: an ordinary room, and the faults of radio, heading,
-    /// propellers and batteries.
+    /// An evening among people with worn drones: an ordinary room, and the faults of radio,
+    /// heading, propellers and batteries.
     #[must_use]
     pub fn evening() -> Self {
         Self {

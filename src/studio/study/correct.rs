@@ -10,15 +10,15 @@ use nalgebra::Vector3;
 
 use super::Prepared;
 use super::statistics::{mean, standard_error};
-use crate::error::{Error, Result};
-use crate::flight::comparison::{ComparisonOptions, compare};
-use crate::flight::{Flight, FlightSample};
-use crate::geometry::distance;
-use crate::letters::Move;
-use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
-use crate::settings::settings;
 use crate::shoot::{aim, rehearse, step_responses};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::comparison::{ComparisonOptions, compare};
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::geometry::distance;
+use noctograph_core::settings::settings;
+use noctograph_flying::plan::{Plan, feedforward, relight};
+use noctograph_letters::Move;
 
 /// Grid on which errors are averaged.
 const STEP_S: f64 = 0.02;
@@ -90,8 +90,8 @@ pub fn correct(
 /// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
 const MAX_APART_M: f64 = 0.2;
 
-/// Largest mean distance of a word's strokes from the setpoints of a plan that writes it, relative to
-/// the height of its letters.
+/// Largest mean distance of a word's strokes from the setpoints of a plan that writes it, relative
+/// to the height of its letters.
 const MAX_OFF_FRAC: f64 = 0.1;
 
 /// Refuses a plan that does not write the word.

@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::{Conditions, Prepared, Record, Store};
-use crate::digest::fnv_1a;
-use crate::error::{Error, Result};
 use crate::scene::NamedScene;
 use crate::shoot::Stop;
+use noctograph_core::digest::fnv_1a;
+use noctograph_core::error::{Error, Result};
 
 /// Most flights of a study: a week of one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
@@ -86,8 +86,8 @@ impl Study {
         })
     }
 
-    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31, so
-    /// that a scene file takes it.
+    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31,
+    /// so that a scene file takes it.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
         fnv_1a(bytes.chain(word.bytes())) >> 33

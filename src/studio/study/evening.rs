@@ -1,10 +1,10 @@
 //! Evening: what the logs of an evening's flights say of drones and air, and the conditions
 //! ([`super::Conditions`]) that these make.
 //!
-//! In: a folder of logs, and the scene's drone, of which a log does not tell the mass. Out: a row for
-//! each log, with its figures and what speaks against it, and the widths of conditions as they were
-//! found. Each log is identified by itself ([`identify`]); of its figures the thrust per command is that
-//! over the weight, so that a heavy drone and a weak one are the same.
+//! In: a folder of logs, and the scene's drone, of which a log does not tell the mass. Out: a row
+//! for each log, with its figures and what speaks against it, and the widths of conditions as they
+//! were found. Each log is identified by itself ([`identify`]); of its figures the thrust per
+//! command is that over the weight, so that a heavy drone and a weak one are the same.
 //!
 //! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
 //! position; inertia; delay of the lamps; charge and age of the battery.
@@ -16,17 +16,17 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::conditions::ROOM_GUST_M_S;
-use crate::error::Result;
-use crate::flight::{Flight, Quantity, airborne, saturated_s};
-use crate::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
-use crate::logs::{GatheredLog, ImportOptions, import, logs_in};
 use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
-use crate::settings::Described;
-use crate::vehicle::GustOptions;
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, Quantity, airborne, saturated_s};
+use noctograph_core::settings::Described;
+use noctograph_flying::vehicle::GustOptions;
+use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
+use noctograph_logs::{GatheredLog, ImportOptions, import, logs_in};
 
-/// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that is
-/// 20 ms shorter.
+/// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that
+/// is 20 ms shorter.
 const LEAST_RATE_HZ: f64 = 500.0;
 /// Shortest flight that is used: the trim's error falls with its root.
 const LEAST_AIR_S: f64 = 10.0;
@@ -183,8 +183,8 @@ impl Evening {
         })
     }
 
-    /// The widths of conditions that the sound flights show, about their own mean; what they do not show
-    /// is a room's. In the order of a conditions file.
+    /// The widths of conditions that the sound flights show, about their own mean; what they do not
+    /// show is a room's. In the order of a conditions file.
     #[must_use]
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
@@ -209,8 +209,8 @@ impl Evening {
         add("center_of_mass_m", enough.then(trim), from);
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
-        // The spread of a uniform number is its largest over the root of twelve. The mean is no use: it
-        // has the errors that all logs of an evening share.
+        // The spread of a uniform number is its largest over the root of twelve. The mean is no
+        // use: it has the errors that all logs of an evening share.
         let lag_s = || 12_f64.sqrt() * spread(lags_s.iter().copied());
         let from = format!("spread of the rotors' lag, {} flights", lags_s.len());
         add("motor_lag_s", (lags_s.len() >= LEAST_FLIGHTS).then(lag_s), from);

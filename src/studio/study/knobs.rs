@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use crate::error::{Error, Result};
 use crate::scene::Scene;
-use crate::sim::ControllerKind;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::sim::ControllerKind;
 
 /// One setting that a search turns, or several by one factor.
 #[derive(Clone, Debug, PartialEq)]

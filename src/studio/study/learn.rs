@@ -1,8 +1,9 @@
-//! Learning: reference and light schedule are corrected by the errors of earlier flights of the same
-//! word (iterative learning control).
+//! Learning: reference and light schedule are corrected by the errors of earlier flights of the
+//! same word (iterative learning control).
 //!
 //! Each round flies the plan with the same seeds and corrects it ([`correct`]). Learning stops when
-//! rounds no longer help beyond chance, pair by pair of flights. The best plan is kept, not the last.
+//! rounds no longer help beyond chance, pair by pair of flights. The best plan is kept, not the
+//! last.
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control
 //! Systems 26 (2006); for quadrotors Schoellig, Mueller, D'Andrea, "Optimization-based iterative
@@ -15,11 +16,11 @@ use rayon::prelude::*;
 use super::correct::{LearnOptions, correct};
 use super::statistics::{Estimate, mean, mean_of_strata, share};
 use super::{Outcome, Prepared, Store};
-use crate::digest::fnv_1a;
-use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::plan::Plan;
-use crate::settings::Described;
+use noctograph_core::digest::fnv_1a;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::settings::Described;
+use noctograph_flying::plan::Plan;
 
 /// Rounds that may fail in a row before learning stops.
 const PATIENCE: u32 = 3;
@@ -54,7 +55,8 @@ pub struct Learned {
 }
 
 impl Learned {
-    /// Whether a round was significantly better than the design. Otherwise the plans are the design's.
+    /// Whether a round was significantly better than the design. Otherwise the plans are the
+    /// design's.
     #[must_use]
     pub fn helped(&self) -> bool {
         self.rounds.iter().skip(1).any(|round| round.kept)
@@ -140,8 +142,8 @@ fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Vec<Flight
     Ok((flights, record.outcome))
 }
 
-/// Whether flights are significantly better than earlier ones of the same seeds: they read better, or
-/// they read no worse and are closer to the path.
+/// Whether flights are significantly better than earlier ones of the same seeds: they read better,
+/// or they read no worse and are closer to the path.
 fn helped(before: &[Outcome], now: &[Outcome]) -> bool {
     let gain = |value: fn(&Outcome) -> f64| -> Vec<f64> {
         before.iter().zip(now).map(|(before, now)| value(now) - value(before)).collect()
@@ -174,10 +176,10 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanOptions;
     use crate::scene::{NamedScene, Preset, Scene};
-    use crate::sim::ControllerKind;
     use crate::study::Conditions;
+    use noctograph_flying::plan::PlanOptions;
+    use noctograph_flying::sim::ControllerKind;
 
     fn ready(kind: ControllerKind) -> Prepared {
         let mut scene = Scene::preset(Preset::Ae4832022);

@@ -8,8 +8,8 @@
 //! 2. The seed alone decides gusts, noise and how the drone departs from its scene, so controllers
 //!    are compared flight by flight under common random numbers.
 //! 3. Every outcome goes into a [`Store`] at once; trials in there are never flown again. An
-//!    interrupted study continues with the numbers of an uninterrupted one, on any number of threads
-//!    and machines.
+//!    interrupted study continues with the numbers of an uninterrupted one, on any number of
+//!    threads and machines.
 //!
 //! Sources: common random numbers and paired comparison, Law, "Simulation Modeling and Analysis"
 //! (2015), chapter 11; bootstrap intervals, Efron, Tibshirani (1993).

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::statistics::mean;
-use crate::error::{Error, Result};
-use crate::flight::tracking::{Part, track};
-use crate::flight::{ENERGY_J, Flight, FlightSample, SATURATED_S};
-use crate::score::Verdict;
-use crate::sim::SimOptions;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::flight::{ENERGY_J, Flight, FlightSample, SATURATED_S};
+use noctograph_flying::sim::SimOptions;
+use noctograph_score::Verdict;
 
 /// Log-odds are limited to ± this: those of an illegible word are infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
@@ -91,8 +91,8 @@ figures! {
 }
 
 impl Outcome {
-    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters where
-    /// these are flat (ten for perfect letters, to be of the same size).
+    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters
+    /// where these are flat (ten for perfect letters, to be of the same size).
     #[must_use]
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
@@ -240,9 +240,9 @@ fn modeled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanOptions;
     use crate::scene::{Preset, Scene};
     use crate::shoot::Shoot;
+    use noctograph_flying::plan::PlanOptions;
 
     fn flights(scene: Scene) -> Vec<Flight> {
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap()

@@ -34,7 +34,7 @@ pub struct Measures {
     /// Flights in which the drone was lost.
     pub n_lost: usize,
     /// Mean probability that a viewer reads the word and no other at first sight
-    /// ([`Verdict::read_probability`](crate::score::Verdict::read_probability)).
+    /// ([`Verdict::read_probability`](noctograph_score::Verdict::read_probability)).
     pub legibility: Estimate,
     /// Share of flights whose photo is legible.
     pub legible: Estimate,

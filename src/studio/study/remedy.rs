@@ -1,20 +1,20 @@
 //! Remedies: settings that make the word of a scene easier to read.
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
-//! candidate is planned, flown, exposed on the scene's own film and read with the scene's seed; those
-//! that gain are flown with two seeds more, and one that loses under any is no remedy. What nobody
-//! sets, such as gusts or the delay of the radio, is left as it is.
+//! candidate is planned, flown, exposed on the scene's own film and read with the scene's seed;
+//! those that gain are flown with two seeds more, and one that loses under any is no remedy. What
+//! nobody sets, such as gusts or the delay of the radio, is left as it is.
 
 use rayon::prelude::*;
 
-use crate::camera::{CameraOptions, Framing, Metering};
-use crate::error::Result;
-use crate::expose::BackendChoice;
-use crate::light::{Deck, RingEffect};
-use crate::plan::{LightClock, PlanOptions, ReferenceKind, Style};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Judging, Shoot};
-use crate::sim::ControllerKind;
+use noctograph_core::camera::{CameraOptions, Framing, Metering};
+use noctograph_core::error::Result;
+use noctograph_flying::plan::{LightClock, PlanOptions, ReferenceKind, Style};
+use noctograph_flying::sim::ControllerKind;
+use noctograph_picture::expose::BackendChoice;
+use noctograph_picture::light::{Deck, RingEffect};
 
 /// A change of a scene that makes its word easier to read.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(shutter[0].changes[0], Change::new("camera.shutter_open_s", 0), "{shutter:?}");
         assert!(shutter[0].gain > 0.3, "{shutter:?}");
         let away = of(|scene| {
-            let pose = crate::camera::FixedPose {
+            let pose = noctograph_core::camera::FixedPose {
                 position_m: [1.5, -3.0, 0.75],
                 target_m: Some([4.0, 0.0, 0.75]),
                 ..Default::default()

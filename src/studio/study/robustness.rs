@@ -1,16 +1,16 @@
 //! Robustness: which of the things that differ from flight to flight breaks the word first.
 //!
 //! Each factor by itself, and all together, is made wider step by step, in multiples of the usual
-//! ([`Conditions::default`]), while all others stay as the scene has them. A word breaks where half of
-//! the photos are no longer legible.
+//! ([`Conditions::default`]), while all others stay as the scene has them. A word breaks where half
+//! of the photos are no longer legible.
 
 use serde::Serialize;
 
 use super::statistics::{Estimate, mean_of_probabilities, share};
 use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
-use crate::error::{Error, Result};
 use crate::scene::NamedScene;
 use crate::shoot::Stop;
+use noctograph_core::error::{Error, Result};
 
 /// Share of photos that must be legible.
 const HALF: f64 = 0.5;
@@ -64,7 +64,8 @@ impl RobustnessOptions {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for multiples that do not rise, or conditions out of range times the largest.
+    /// [`Error::Input`] for multiples that do not rise, or conditions out of range times the
+    /// largest.
     pub fn check(&self) -> Result<()> {
         let rises = self.times.windows(2).all(|pair| pair[0] < pair[1]);
         if self.times.len() < 2 || !rises || self.times.iter().any(|t| !(0.0..=1e3).contains(t)) {

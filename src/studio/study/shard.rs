@@ -1,16 +1,17 @@
 //! Shard: a part of a study's flights, flown by any process on any machine.
 //!
-//! Its file is named by the study and the part, is a function of both alone and appears whole or not
-//! at all: a shard may be flown twice, be killed and flown again, or be cut otherwise the next time.
+//! Its file is named by the study and the part, is a function of both alone and appears whole or
+//! not at all: a shard may be flown twice, be killed and flown again, or be cut otherwise the next
+//! time.
 
 use std::path::{Path, PathBuf};
 
 use super::design::evaluate_prepared;
 use super::{Prepared, Store, Study, Trial};
-use crate::digest::Digest;
-use crate::error::{Error, Result};
-use crate::files::files_in;
 use crate::shoot::Stop;
+use noctograph_core::digest::Digest;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::files_in;
 
 /// Part `index` of `count`, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +36,8 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    /// Flies every `count`th trial of a study into a file of a folder, unless it lies there already.
-    /// Returns the file, and the number of its flights.
+    /// Flies every `count`th trial of a study into a file of a folder, unless it lies there
+    /// already. Returns the file, and the number of its flights.
     ///
     /// # Errors
     ///

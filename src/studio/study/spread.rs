@@ -1,22 +1,22 @@
 //! Spread: how far flights of one plan lie apart, and whether their photos read.
 //!
-//! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights, and
-//! two [`Band`]s for each drone: of flights that each have a room and a drone of their own, and of
-//! flights of one drone in one room. What [`Conditions`] draw is constant over a flight: the drone's
-//! mass, trim, rotors and charge, and the geometry of the room's base stations. Gusts and the noise
-//! of sensors differ within a flight.
+//! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
+//! and two [`Band`]s for each drone: of flights that each have a room and a drone of their own, and
+//! of flights of one drone in one room. What [`Conditions`] draw is constant over a flight: the
+//! drone's mass, trim, rotors and charge, and the geometry of the room's base stations. Gusts and
+//! the noise of sensors differ within a flight.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Conditions;
 use super::trial::{reader, shrink};
-use crate::error::{Error, Result};
-use crate::expose::BackendChoice;
-use crate::flight::{Flight, FlightSample};
-use crate::photo::Photo;
-use crate::score::{Verdict, is_judged};
 use crate::shoot::{Judging, Shoot};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_picture::expose::BackendChoice;
+use noctograph_picture::photo::Photo;
+use noctograph_score::{Verdict, is_judged};
 
 /// Share of flights that a band holds at every moment.
 pub const BAND_FRAC: f64 = 0.9;
@@ -180,12 +180,13 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())
 }
 
-/// Flies a shoot `n` times under conditions, and again as often with one drone in one room. The seeds
-/// follow the scene's; `done` is told how many flights are done.
+/// Flies a shoot `n` times under conditions, and again as often with one drone in one room. The
+/// seeds follow the scene's; `done` is told how many flights are done.
 ///
 /// # Errors
 ///
-/// Those of the stages, except that of a lost drone; [`Error::Infeasible`] where every flight is lost.
+/// Those of the stages, except that of a lost drone; [`Error::Infeasible`] where every flight is
+/// lost.
 pub fn spread(
     shoot: &Shoot,
     conditions: &Conditions,

@@ -105,10 +105,10 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
 ///
 /// Few values of a skewed law often lack its rare low ones, and their own spread is then too small.
 /// So half a value is added to them: 1/2 to the mean, and to the variance the largest that values
-/// from 0 to 1 of that mean can have. Simulated for nine laws and 6 to 50 values, the interval holds
-/// the mean in 94 to 99.8 % of cases, that of `mean_of_strata` in 79 to 95 %; a bootstrap-t one holds
-/// it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as failures in one of
-/// ten flights, it cannot know: 87 % at 20 values.
+/// from 0 to 1 of that mean can have. Simulated for nine laws and 6 to 50 values, the interval
+/// holds the mean in 94 to 99.8 % of cases, that of `mean_of_strata` in 79 to 95 %; a bootstrap-t
+/// one holds it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as
+/// failures in one of ten flights, it cannot know: 87 % at 20 values.
 #[must_use]
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(&strata.concat());
@@ -250,8 +250,8 @@ fn student_t(freedom: f64) -> f64 {
     (freedom * y).sqrt()
 }
 
-/// A statistic of all values together, with its interval at `level` (0.95: two and a half percent lie
-/// beyond either end).
+/// A statistic of all values together, with its interval at `level` (0.95: two and a half percent
+/// lie beyond either end).
 #[must_use]
 pub(super) fn bootstrap(
     strata: &[Vec<f64>],
@@ -285,7 +285,7 @@ pub(super) fn bootstrap(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::split_mix;
+    use noctograph_core::random::split_mix;
 
     #[test]
     fn tails_and_middles_are_those_of_the_values() {

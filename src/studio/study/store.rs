@@ -1,9 +1,9 @@
 //! Store: a folder that never loses a flight.
 //!
 //! `study.json` says which program wrote it; `flights.jsonl` holds one JSON object a line, which
-//! `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by one write of
-//! one line, so a killed program leaves at worst half a line at the end, which the next one takes
-//! off. One program at a time has the folder (`lock`).
+//! `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by one
+//! write of one line, so a killed program leaves at worst half a line at the end, which the next
+//! one takes off. One program at a time has the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 use super::design::MAX_TRIALS;
-use crate::error::{Error, Result};
-use crate::files::{Limit, Output};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Limit, Output};
 
 /// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
 const FORMAT: u32 = 2;
@@ -144,7 +144,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// As [`Self::read`] and [`Self::put`]; [`Error::Input`] where a flight has another outcome there.
+    /// As [`Self::read`] and [`Self::put`]; [`Error::Input`] where a flight has another outcome
+    /// there.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
             if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
@@ -192,7 +193,8 @@ impl Store {
         Ok(records)
     }
 
-    /// Writes records as a whole file of such lines: under another name, kept by the disk, then named.
+    /// Writes records as a whole file of such lines: under another name, kept by the disk, then
+    /// named.
     ///
     /// # Errors
     ///

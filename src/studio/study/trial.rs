@@ -7,25 +7,25 @@ use nalgebra::Vector3;
 
 use super::outcome::{Flown, Outcome};
 use super::{Conditions, Record};
-use crate::camera::Camera;
-use crate::digest::Digest;
-use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::letters::Strokes;
-use crate::photo::{Noise, Photo};
-use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
-use crate::score::{CALIBRATION, Reader, ScoreOptions};
 use crate::shoot::{Judging, Planned, Recording, Shoot};
+use noctograph_core::camera::Camera;
+use noctograph_core::digest::Digest;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_flying::plan::Plan;
+use noctograph_letters::Strokes;
+use noctograph_picture::photo::{Noise, Photo};
+use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
 /// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
 /// the trail, more cost time. Against 1920 × 1080, the probability of NOOR is up to 0.03 off, and
 /// that of HI, whose capitals have 540 pixels there, 0.09 more: a fine picture of two letters shows
 /// the board's faint trails more sharply. Scenes are compared on equal films.
 const CAP_HEIGHT_PX: f64 = 48.0;
-/// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store does
-/// not mix both. Since 2, a likelier rival caps the probability of being read; since 3, a rehearsal
-/// corrects every plan; since 4, `ekf` is the firmware's own filter.
+/// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store
+/// does not mix both. Since 2, a likelier rival caps the probability of being read; since 3, a
+/// rehearsal corrects every plan; since 4, `ekf` is the firmware's own filter.
 const OUTCOME_VERSION: f64 = 4.0;
 
 /// A scene made ready to fly a word again and again.
@@ -36,13 +36,14 @@ pub struct Prepared {
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
-    /// Why there is no plan, and advice: the drone is lost in the rehearsal, or would fly for hours.
+    /// Why there is no plan, and advice: the drone is lost in the rehearsal, or would fly for
+    /// hours.
     unplanned: Option<[String; 2]>,
 }
 
 impl Prepared {
-    /// Makes a scene ready for a word. Where it cannot be planned, as with a gain that loses the drone,
-    /// every outcome says so: one bad candidate ends no study.
+    /// Makes a scene ready for a word. Where it cannot be planned, as with a gain that loses the
+    /// drone, every outcome says so: one bad candidate ends no study.
     ///
     /// # Errors
     ///
@@ -258,9 +259,9 @@ fn digest(scene: &Scene, conditions: &Conditions, learned: &[Planned]) -> String
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::tracking::{Part, track};
-    use crate::plan::PlanOptions;
     use crate::scene::Preset;
+    use noctograph_core::flight::tracking::{Part, track};
+    use noctograph_flying::plan::PlanOptions;
 
     fn prepared(word: &str, change: impl FnOnce(&mut Scene)) -> Prepared {
         let mut scene = Scene::preset(Preset::Ae4832022);

@@ -3,9 +3,9 @@
 //! A candidate flies the training words with the training seeds; its mean merit
 //! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken [`Limits`], is the
 //! objective. Half of its flights come first: a candidate that is then below the median of the
-//! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes to
-//! the promising. At last the best few and the scene as it was fly again with fresh seeds, and the
-//! winner of those is the result: the luckiest of many is not the best.
+//! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
+//! to the promising. At last the best few and the scene as it was fly again with fresh seeds, and
+//! the winner of those is the result: the luckiest of many is not the best.
 
 use std::collections::BTreeMap;
 
@@ -16,12 +16,12 @@ use super::knobs::{Knob, settings, turned};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
 use super::{Conditions, Prepared, Record, Store, Study, Trial};
-use crate::error::{Error, Result};
-use crate::flight::tracking::CORRIDOR_M;
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::Stop;
-use crate::sim::ControllerKind;
-use crate::sim::design::{MOTOR_LAG_S, design};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::tracking::CORRIDOR_M;
+use noctograph_flying::sim::ControllerKind;
+use noctograph_flying::sim::design::{MOTOR_LAG_S, design};
 
 /// Candidates that fly again at the end.
 const FINALISTS: usize = 6;
@@ -105,8 +105,8 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// RMSE: twice the team's Table 1. Corridor: theirs, for visitors. Tilt: 30 degrees, at which the
-    /// Lighthouse deck still sees its stations. Motor lag: a Crazyflie's, see [`MOTOR_LAG_S`].
+    /// RMSE: twice the team's Table 1. Corridor: theirs, for visitors. Tilt: 30 degrees, at which
+    /// the Lighthouse deck still sees its stations. Motor lag: a Crazyflie's, see [`MOTOR_LAG_S`].
     fn default() -> Self {
         Self {
             rmse_m: [0.166, 0.116, 0.136],
@@ -162,8 +162,8 @@ pub struct Tuned {
     pub before: Candidate,
     /// Every candidate in the order of asking; the first is the scene as it was.
     pub candidates: Vec<Candidate>,
-    /// Numbers of the candidates that no other beats in both flight time and legibility, the fastest
-    /// first; of those that keep to the limits.
+    /// Numbers of the candidates that no other beats in both flight time and legibility, the
+    /// fastest first; of those that keep to the limits.
     pub front: Vec<usize>,
     /// Flights in all.
     pub n_flights: usize,
@@ -240,7 +240,8 @@ impl Tuning<'_> {
         turned(self.base, &self.options.knobs, point)
     }
 
-    /// Flies a candidate; gives it up after half of its flights if it costs more than `bar` by then.
+    /// Flies a candidate; gives it up after half of its flights if it costs more than `bar` by
+    /// then.
     fn candidate(&mut self, number: usize, point: &[f64], bar: f64) -> Result<Candidate> {
         let study = self.study(point, self.options.seed, 1)?;
         let prepared = study.prepare()?;

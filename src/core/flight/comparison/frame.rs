@@ -44,8 +44,8 @@ impl FrameAlignment {
     }
 }
 
-/// The seconds to add to B's clock, and its placement, where it is in another frame than A: one of them
-/// has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
+/// The seconds to add to B's clock, and its placement, where it is in another frame than A: one of
+/// them has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
 ///
 /// `clock` finds those seconds for a flight in the place of B.
 pub(super) fn place(

@@ -3,13 +3,14 @@
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
 //! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
-//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's neighbors
-//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the
-//! compared part of either flight.
+//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's
+//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and
+//! outside the compared part of either flight.
 //!
-//! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn about
-//! the vertical and a shift leave centimeters, it is laid onto the other ([`FrameAlignment`]); where they
-//! leave more, and yet most of the distance is theirs, the comparison is refused.
+//! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn
+//! about the vertical and a shift leave centimeters, it is laid onto the other
+//! ([`FrameAlignment`]); where they leave more, and yet most of the distance is theirs, the
+//! comparison is refused.
 //!
 //! Not done: clocks of different rates, which are converted where a log is imported.
 
@@ -39,8 +40,8 @@ pub struct ComparisonOptions {
     /// Alignment of B's clock to A's.
     pub alignment: Alignment,
     /// Longest gap between two samples of B that is interpolated. A Crazyflie's log has a sample
-    /// every 10 to 30 ms; a longer limit hides oscillations of 1 to 4 Hz, a much shorter one discards
-    /// good samples.
+    /// every 10 to 30 ms; a longer limit hides oscillations of 1 to 4 Hz, a much shorter one
+    /// discards good samples.
     pub max_gap_s: f64,
 }
 

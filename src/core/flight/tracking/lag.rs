@@ -13,14 +13,14 @@ const RESOLUTION_S: f64 = 1e-6;
 /// Most samples of the first search, spread over the flight; the refinement takes all.
 const COARSE_SAMPLES: usize = 2000;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, a drone that flies beside
-/// a design which ends elsewhere than it began has a wrong lag (0.4 s for 0.2 s of an L that is 6 cm
-/// off; with this, 0.2005 s); with 0, a straight stroke at an even speed has none, since its lag is an
-/// offset along it.
+/// Weight of the mean error, squared, against the variance about it. With 1, a drone that flies
+/// beside a design which ends elsewhere than it began has a wrong lag (0.4 s for 0.2 s of an L that
+/// is 6 cm off; with this, 0.2005 s); with 0, a straight stroke at an even speed has none, since
+/// its lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
-/// The shift of the design within `range_s` that brings it closest to the flown positions, but for a
-/// constant offset: the shifted design at time t is the design at t − shift.
+/// The shift of the design within `range_s` that brings it closest to the flown positions, but for
+/// a constant offset: the shifted design at time t is the design at t − shift.
 ///
 /// Of several that are as good, as with a design that does not move, the smallest.
 pub(super) fn best_shift_s(
@@ -38,8 +38,8 @@ pub(super) fn best_shift_s(
     minimize(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
 }
 
-/// Mean square of errors about their mean, and a little of the mean's: what a shift in time explains
-/// and one in space does not.
+/// Mean square of errors about their mean, and a little of the mean's: what a shift in time
+/// explains and one in space does not.
 pub(crate) fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())

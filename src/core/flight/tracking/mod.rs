@@ -2,12 +2,12 @@
 //!
 //! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
 //!
-//! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of the
-//! design in time that brings it closest to the flight in the word's plane (x-z), but for a constant
-//! offset. The error after
-//! that shift, and the distance to the path, are visible in a photograph. That distance (contour
-//! error) is measured to the part of the path around the shifted time, and never to parts not yet
-//! sent, so that another stroke that crosses there does not reduce it.
+//! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
+//! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
+//! constant offset. The error after that shift, and the distance to the path, are visible in a
+//! photograph. That distance (contour error) is measured to the part of the path around the shifted
+//! time, and never to parts not yet sent, so that another stroke that crosses there does not reduce
+//! it.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
@@ -42,8 +42,8 @@ pub const MAX_LAG_S: f64 = 1.5;
 /// neighboring stroke: at 0.2 m/s it is 0.1 m of path either way, the gap between two letters.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
-/// Largest error of the height, root mean square, of letters that read, in their cap heights: at 3 cm,
-/// letters of 0.5 m read with probability 0.90, at 5 cm with 0.5 to 0.85.
+/// Largest error of the height, root mean square, of letters that read, in their cap heights: at 3
+/// cm, letters of 0.5 m read with probability 0.90, at 5 cm with 0.5 to 0.85.
 const HEIGHT_ERROR_FRAC: f64 = 0.05;
 
 /// The safety corridor for visitors: y within plus or minus this.
@@ -123,8 +123,8 @@ impl Tracking {
         self.rmse_m.xz().norm()
     }
 
-    /// Cap height of the lowest letters that the drone holds its height well enough to write: twenty
-    /// times the error of the height after the lag.
+    /// Cap height of the lowest letters that the drone holds its height well enough to write:
+    /// twenty times the error of the height after the lag.
     #[must_use]
     pub fn least_cap_height_m(&self) -> f64 {
         self.rmse_after_lag_m.z / HEIGHT_ERROR_FRAC

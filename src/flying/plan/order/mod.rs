@@ -1,9 +1,9 @@
 //! Order and direction of strokes with the least time in the dark.
 //!
-//! In a small word the duration of a transit is that of its plan; else it is estimated as the slower
-//! axis of a double integrator, from the velocity at one stroke's end to that at the next one's
-//! start, with take-off below the first stroke and landing below the last. The estimate is the same
-//! backward, so that a reversed run of strokes costs the same inside.
+//! In a small word the duration of a transit is that of its plan; else it is estimated as the
+//! slower axis of a double integrator, from the velocity at one stroke's end to that at the next
+//! one's start, with take-off below the first stroke and landing below the last. The estimate is
+//! the same backward, so that a reversed run of strokes costs the same inside.
 //!
 //! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held, Karp 1962; Bellman
 //! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
@@ -15,10 +15,10 @@ use super::motion::State;
 use super::pen::{PenStroke, Way, pen_strokes};
 use super::transit::Transit;
 use super::{EvenStyle, Order};
-use crate::crazyflie::RING_TICK_S;
-use crate::error::{Error, Result};
-use crate::flight::table::MAX_DURATION_S;
-use crate::strokes::{StrokeOrder, Strokes};
+use noctograph_core::crazyflie::RING_TICK_S;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::strokes::{StrokeOrder, Strokes};
 
 mod search;
 mod starts;

@@ -1,5 +1,5 @@
-//! Local search over orders: 2-opt (Croes 1958) and Or-opt (Or 1976) with turned strokes, among near
-//! neighbors, from the order that always takes the nearest stroke next.
+//! Local search over orders: 2-opt (Croes 1958) and Or-opt (Or 1976) with turned strokes, among
+//! near neighbors, from the order that always takes the nearest stroke next.
 
 use std::ops::Range;
 

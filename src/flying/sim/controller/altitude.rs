@@ -1,18 +1,18 @@
-//! Altitude hold: the collective thrust from an estimated thrust map, all else from the regulator about
-//! the moving design.
+//! Altitude hold: the collective thrust from an estimated thrust map, all else from the regulator
+//! about the moving design.
 //!
-//! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed: α⁰
-//! and α¹ follow the battery and the load.
+//! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed:
+//! α⁰ and α¹ follow the battery and the load.
 
 use nalgebra::{Vector3, dmatrix};
 
 use super::lqr::Lqr;
 use super::{Command, Controller, Reference};
-use crate::control::lqr;
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::Result;
 use crate::sim::options::{AltitudeHoldOptions, SimOptions};
 use crate::vehicle::{State, attitude, position, velocity};
+use noctograph_core::control::lqr;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::Result;
 
 /// Least lift per throttle, m/s²: a gain near zero or below would turn the loop around.
 const LEAST_GAIN_M_S2: f64 = 1.0;
@@ -67,7 +67,7 @@ impl AltitudeHold {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Infeasible`] where a regulator's weights have no gain.
+    /// [`noctograph_core::error::Error::Infeasible`] where a regulator's weights have no gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {

@@ -7,9 +7,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
-use crate::control::{dynamic, lqr, with_input_lag};
-use crate::error::{Error, Result};
 use crate::sim::options::{ControllerKind, LqrOptions, MotorLag, SimOptions};
+use noctograph_core::control::{dynamic, lqr, with_input_lag};
+use noctograph_core::error::{Error, Result};
 
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
@@ -70,8 +70,8 @@ pub(in crate::sim) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate motors,
-/// and where the lag is ignored or the gain is given.
+/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate
+/// motors, and where the lag is ignored or the gain is given.
 pub(in crate::sim) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
@@ -89,8 +89,8 @@ fn without_gain(error: Error) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::linearize;
     use crate::vehicle::{State, Vehicle};
+    use noctograph_core::control::linearize;
 
     fn gain(options: &SimOptions) -> Gain {
         let vehicle = Vehicle::new(&options.vehicle);

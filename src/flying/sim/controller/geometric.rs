@@ -8,9 +8,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Command, Controller, Reference};
-use crate::crazyflie::GRAVITY_M_S2;
 use crate::sim::options::SimOptions;
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
 
 /// Bound of the integral of the position error per axis, m s (`Kpos_I_limit` of the firmware).
 const MAX_POSITION_SUM: f64 = 2.0;
@@ -138,7 +138,7 @@ fn attitude_error(wanted: &Matrix3<f64>, found: &Matrix3<f64>) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Attitude;
+    use noctograph_core::geometry::Attitude;
 
     #[test]
     fn attitude_error_is_the_turn_in_body_axes() {

@@ -93,10 +93,10 @@ mod tests {
 
     use super::super::controller;
     use super::*;
-    use crate::crazyflie::GRAVITY_M_S2;
     use crate::sim::design::design;
     use crate::sim::options::PidOptions;
     use crate::vehicle::Vehicle;
+    use noctograph_core::crazyflie::GRAVITY_M_S2;
 
     #[test]
     fn the_geometric_law_is_linearized_to_its_own_gains() {
@@ -134,8 +134,8 @@ mod tests {
         assert_eq!(of(&options), 21, "immediate motors need filters");
     }
 
-    /// Whether a drone that hovers, tilted a little, comes to rest under the controller of the options
-    /// whose commands reach one input so many ticks later.
+    /// Whether a drone that hovers, tilted a little, comes to rest under the controller of the
+    /// options whose commands reach one input so many ticks later.
     fn comes_to_rest(options: &SimOptions, input: usize, late_ticks: usize) -> bool {
         let options = options.rehearsal();
         let (vehicle, mixer) = (Vehicle::new(&options.vehicle), Mixer::new(&options.vehicle));

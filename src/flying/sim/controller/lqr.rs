@@ -5,10 +5,10 @@ use nalgebra::{Matrix4, SMatrix, Vector3};
 
 use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
-use crate::control::linearize;
-use crate::error::Result;
 use crate::sim::options::{ControllerKind, SimOptions};
 use crate::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
+use noctograph_core::control::linearize;
+use noctograph_core::error::Result;
 
 /// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
 /// needs 0.16; more than the bound would take seconds to undo.
@@ -47,7 +47,7 @@ impl Lqr {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Infeasible`] where the weights have no gain.
+    /// [`noctograph_core::error::Error::Infeasible`] where the weights have no gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let vehicle = Vehicle::new(&options.vehicle);
         let hover = vehicle.hover();

@@ -25,8 +25,8 @@ use self::lqr::Lqr;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
-use crate::error::Result;
 use crate::vehicle::State;
+use noctograph_core::error::Result;
 
 /// A controller.
 pub(super) trait Controller: std::fmt::Debug + Send {
@@ -39,8 +39,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Learns that another kind of setpoint follows: the drone levels out, or returns from it.
     fn change_mode(&mut self, _: &State) {}
 
-    /// What the controller remembers from one command to the next and acts on, as values that may be
-    /// set; nothing for the regulators, whose gains are known.
+    /// What the controller remembers from one command to the next and acts on, as values that may
+    /// be set; nothing for the regulators, whose gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }
@@ -62,7 +62,7 @@ pub(super) struct Command {
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Infeasible`] where a regulator's weights have no gain.
+/// [`noctograph_core::error::Error::Infeasible`] where a regulator's weights have no gain.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

@@ -6,10 +6,10 @@
 //! are unchanged; pitch has our sign.
 //!
 //! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
-//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`; its own C,
-//! compiled, gave the numbers that a test here compares with. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
-//! body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because
-//! their gain is 0. Immediate motors need the rate's filter.
+//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`; its own
+//! C, compiled, gave the numbers that a test here compares with. Derivatives are unfiltered, as on
+//! a Crazyflie 2.x by default: those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false,
+//! those of position and velocity because their gain is 0. Immediate motors need the rate's filter.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -314,7 +314,7 @@ mod tests {
             let held_m = Vector3::new(sin(0.3, 1.3), sin(0.2, 0.9), 0.8 + sin(0.1, 0.7));
             let off_m = Vector3::new(sin(0.03, 3.1), sin(-0.02, 2.3), sin(0.02, 1.9)) * grows;
             let moving = Vector3::new(sin(0.2, 2.9), sin(0.15, 3.7), sin(0.1, 2.2)) * grows;
-            let attitude = crate::geometry::Attitude {
+            let attitude = noctograph_core::geometry::Attitude {
                 yaw_rad: sin(0.3, 1.1),
                 pitch_rad: sin(0.05, 5.3) * grows,
                 roll_rad: sin(0.06, 4.7) * grows,

@@ -2,10 +2,10 @@
 
 use nalgebra::Vector3;
 
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::geometry::{Attitude, turned};
 use crate::plan::Setpoint;
 use crate::vehicle::State;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::geometry::{Attitude, turned};
 
 /// A setpoint at one instant: as it was sent, and as the design has moved on since.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,14 +4,14 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::error::Result;
-use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample};
-use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 use crate::sensors::{Positioning, SensorOptions};
 use crate::sim::{ControllerKind, Drone, EstimatorKind, SimOptions, fly};
 use crate::vehicle::Gusts;
+use noctograph_core::error::Result;
+use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_letters::{LetterOptions, write};
 
 const KINDS: [ControllerKind; 5] = [
     ControllerKind::Lqr,

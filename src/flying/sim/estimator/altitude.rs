@@ -1,8 +1,9 @@
-//! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman filter.
+//! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman
+//! filter.
 //!
 //! The filter's prediction runs at every tick on the throttle that was sent, upright part of it; a
-//! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger nor
-//! barometer, whose biases it does not estimate.
+//! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger
+//! nor barometer, whose biases it does not estimate.
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;

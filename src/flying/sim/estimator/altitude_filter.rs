@@ -1,14 +1,14 @@
-//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of the
-//! floor.
+//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of
+//! the floor.
 //!
 //! Gusts push for seconds. They are a state of their own, so that the innovations stay white: a
 //! controller that answers a correlated innovation would make the throttle correlated with it, and
 //! the filter would read a thrust map from that which is not there.
 
-use crate::crazyflie::GRAVITY_M_S2;
 use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest};
 use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
 
 /// Index of the vertical acceleration by gusts, which no table reports.
 const GUST: usize = 6;

@@ -1,17 +1,17 @@
-//! Tests of the firmware's filter against its own C, compiled and run (tests/firmware/filter.c) on the
-//! motion and the noise below.
+//! Tests of the firmware's filter against its own C, compiled and run (tests/firmware/filter.c) on
+//! the motion and the noise below.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::firmware::Firmware;
-use crate::geometry::Attitude;
-use crate::random::Noise;
 use crate::sensors::{
     DECK_SENSORS_M, Generation, Positioning, Range, Readings, SensorOptions, Station, StationPose,
     Sweep,
 };
 use crate::sim::options::{FirmwareOptions, ObserverOptions};
 use crate::vehicle::{RigidBody, attitude};
+use noctograph_core::geometry::Attitude;
+use noctograph_core::random::Noise;
 
 const TICK_S: f64 = 0.002;
 

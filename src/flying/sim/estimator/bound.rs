@@ -1,21 +1,23 @@
-//! Bound of Cramér and Rao for the positions of drones that fly their plans on ultra-wideband ranges.
+//! Bound of Cramér and Rao for the positions of drones that fly their plans on ultra-wideband
+//! ranges.
 //!
 //! In: plans and a drone. Out: [`Bound`], the standard deviation of each drone's position over time
 //! that no unbiased estimator beats. Method: the covariance of the filter with its slopes taken at
 //! the truth (the posterior bound: Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46,
-//! 1998), driven by the noise of the inertial sensors and corrected by each range and height when it
-//! is due. Drones with the estimator `cooperative` share the air and hear each other without loss.
-//! Noise is white here: biases of links, which decide in many rooms, and outliers come on top.
+//! 1998), driven by the noise of the inertial sensors and corrected by each range and height when
+//! it is due. Drones with the estimator `cooperative` share the air and hear each other without
+//! loss. Noise is white here: biases of links, which decide in many rooms, and outliers come on
+//! top.
 
 use nalgebra::Vector3;
 
 use super::ekf::START;
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::{Error, Result};
 use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward};
 use crate::plan::Plan;
 use crate::sensors::{HeightSensor, Positioning, SensorOptions, time_of_flight_sigma_m};
 use crate::sim::options::{EstimatorKind, SimOptions};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::{Error, Result};
 
 /// Steps a second, unless ranges come faster.
 const RATE_HZ: f64 = 100.0;
@@ -233,8 +235,8 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (square / f64::from(n)).sqrt())
 }
 
-/// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most, and
-/// that bound. Tried are places in the box around anchors and word.
+/// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most,
+/// and that bound. Tried are places in the box around anchors and word.
 ///
 /// # Errors
 ///

@@ -1,20 +1,20 @@
 //! Extended Kalman filter of one drone over all drones of its fleet.
 //!
-//! Its own nine errors are those of [`Ekf`](super::ekf::Ekf), and so is its arithmetic as long as it
-//! is alone. Of every other drone it keeps position, velocity and the tilt of its dead reckoning, at
-//! the time of the last message: a message moves them on by the motion that it tells (which is why a
-//! lost one costs nothing but time), and its ranges and heights correct them. A range between two
-//! drones waits until the messages have caught up with it, and is held against the places at its
-//! own time: both are carried back from the present estimates along the motion received. Every
-//! measurement is thus used once in each drone's filter, and what the drones' errors have in common
-//! is in the filter's covariance.
+//! Its own nine errors are those of [`Ekf`](super::ekf::Ekf), and so is its arithmetic as long as
+//! it is alone. Of every other drone it keeps position, velocity and the tilt of its dead
+//! reckoning, at the time of the last message: a message moves them on by the motion that it tells
+//! (which is why a lost one costs nothing but time), and its ranges and heights correct them. A
+//! range between two drones waits until the messages have caught up with it, and is held against
+//! the places at its own time: both are carried back from the present estimates along the motion
+//! received. Every measurement is thus used once in each drone's filter, and what the drones'
+//! errors have in common is in the filter's covariance.
 //!
 //! A link that the gate refuses five times in a row is believed again, with the variance that it
 //! asks for: a filter that is wrong cannot lock the truth out.
 //!
 //! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
-//! Robotics and Automation 18(5), 2002 (one filter over all robots); A. Howard, M. J. Mataric, G. S.
-//! Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
+//! Robotics and Automation 18(5), 2002 (one filter over all robots); A. Howard, M. J. Mataric, G.
+//! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
 //!
 //! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
 //! motion between a range and the present is neglected: below 1 mm for a quarter of a second.
@@ -206,8 +206,8 @@ impl Cooperative {
     }
 
     /// Takes in the ranges of this drone to another one up to its last message; those that the
-    /// other's motion does not reach are kept. Where the drones share estimates, the one received stands
-    /// for the other.
+    /// other's motion does not reach are kept. Where the drones share estimates, the one received
+    /// stands for the other.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
@@ -302,8 +302,8 @@ impl Cooperative {
         }
     }
 
-    /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
-    /// the drone that has landed.
+    /// The accelerometer does not see the blow of the landing: without this the fleet would fall
+    /// with the drone that has landed.
     pub(in crate::sim) fn rest(&mut self) {
         if !self.peers.is_empty() {
             let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);

@@ -7,12 +7,12 @@
 //! Source: firmware 2026.08, `pulse_processor_v2.c` (pairs), `lighthouse_core.c` (at the second
 //! sweep), `lighthouse_throttle.c`.
 //!
-//! Not modeled: a sweep and its reflection taken for the two sweeps of one rotation, whose angles are
-//! off by a third of a turn.
+//! Not modeled: a sweep and its reflection taken for the two sweeps of one rotation, whose angles
+//! are off by a third of a turn.
 
-use crate::random::Noise;
 use crate::sensors::{Generation, SensorOptions, Sweep};
 use crate::sim::options::FirmwareOptions;
+use noctograph_core::random::Noise;
 
 /// Longest time between the two sweeps of a rotation: 6.7 ms and 8.3 ms, in ticks of up to 2 ms.
 const LONGEST_PAIR_S: f64 = 0.0115;

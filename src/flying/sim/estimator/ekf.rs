@@ -1,11 +1,12 @@
-//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights. It is what
-//! an improved estimator would bring; the drone's own is [`Firmware`](super::firmware::Firmware).
+//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights. It is
+//! what an improved estimator would bring; the drone's own is
+//! [`Firmware`](super::firmware::Firmware).
 //!
-//! The motion is driven by gyroscope and accelerometer, all three axes, at every tick ([`Inertial`]);
-//! its errors' covariance is carried when something is measured, and at 100 times a second otherwise.
-//! All measurements of a tick are held against the state predicted for it, one scalar after the other,
-//! with their slopes over position and turn: sweeps, each when it arrives, through the firmware's
-//! [`SweepFilter`], all else through a χ² gate.
+//! The motion is driven by gyroscope and accelerometer, all three axes, at every tick
+//! ([`Inertial`]); its errors' covariance is carried when something is measured, and at 100 times a
+//! second otherwise. All measurements of a tick are held against the state predicted for it, one
+//! scalar after the other, with their slopes over position and turn: sweeps, each when it arrives,
+//! through the firmware's [`SweepFilter`], all else through a χ² gate.
 //!
 //! Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!

@@ -8,10 +8,10 @@
 //!
 //! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
 //! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015; M. W. Mueller,
-//! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude", Journal
-//! of Guidance, Control, and Dynamics 40(9), 2017; bitcraze/crazyflie-firmware 2026.08:
-//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Its own C, compiled,
-//! gave the numbers that the tests here compare with (tests/firmware).
+//! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude",
+//! Journal of Guidance, Control, and Dynamics 40(9), 2017; bitcraze/crazyflie-firmware 2026.08:
+//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Its own C,
+//! compiled, gave the numbers that the tests here compare with (tests/firmware).
 //!
 //! Not modeled: single precision; the attitude's pull to level on the floor without a Lighthouse
 //! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
@@ -23,13 +23,13 @@ use super::deck::{Deck, Rotation};
 use super::ekf::{Model, START};
 use super::sweep_filter::SweepFilter;
 use super::tdoa_filter::TdoaFilter;
-use crate::crazyflie::GRAVITY_M_S2;
 use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles, toward};
-use crate::random::Noise;
 use crate::sensors::SensorOptions;
 use crate::sensors::{DECK_SENSORS_M, Range, Readings, time_of_flight_sigma_m};
 use crate::sim::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
 use crate::vehicle::State;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::random::Noise;
 
 /// Times are compared to within this.
 const TIME_TOLERANCE_S: f64 = 1e-9;
@@ -331,8 +331,8 @@ impl Firmware {
     }
 }
 
-/// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the turn,
-/// as Mueller, Hehn and D'Andrea derive it.
+/// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
+/// turn, as Mueller, Hehn and D'Andrea derive it.
 fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
     let cross = (turn_rad * 0.5).cross_matrix();
     Matrix3::identity() - cross + cross * cross * 0.5

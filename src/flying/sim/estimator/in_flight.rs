@@ -4,10 +4,6 @@
 use nalgebra::{Cholesky, SVector, Vector3};
 
 use super::ekf::Ekf;
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::flight::{Flight, FlightSample};
-use crate::geometry::Attitude;
-use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sensors::{
     BarometerOptions, Fleet, HeightSensor, LighthouseOptions, Positioning, SensorOptions, Sensors,
@@ -16,6 +12,10 @@ use crate::sensors::{
 use crate::sim::options::{EkfOptions, EstimatorKind};
 use crate::sim::{Drone, SimOptions, fly};
 use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::geometry::Attitude;
+use noctograph_letters::{LetterOptions, write};
 
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
@@ -186,8 +186,8 @@ fn outliers_are_rejected() {
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
-/// One of two stations is behind a person, and all show in a mirror; or in a pane, whose image the deck
-/// does not hear from there.
+/// One of two stations is behind a person, and all show in a mirror; or in a pane, whose image the
+/// deck does not hear from there.
 #[test]
 fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
     let worst_m = |glass: bool, seed| {
@@ -317,8 +317,8 @@ fn rms_step(places: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
-    // Without the test, the gate refuses every range to the table, and the height rests on the anchors
-    // alone.
+    // Without the test, the gate refuses every range to the table, and the height rests on the
+    // anchors alone.
     let mut options = SimOptions::cf21();
     options.sensors =
         SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };

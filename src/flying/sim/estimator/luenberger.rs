@@ -3,13 +3,13 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
-use crate::control::{dynamic, linearize, observer_gain};
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::{Error, Result};
-use crate::geometry::turned;
 use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
 use crate::vehicle::{Motion, State, motion_derivative};
+use noctograph_core::control::{dynamic, linearize, observer_gain};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::turned;
 
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
@@ -115,8 +115,8 @@ fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::observability_rank;
     use crate::vehicle::RigidBody;
+    use noctograph_core::control::observability_rank;
 
     fn at_rest(
         truth: &RigidBody,

@@ -28,11 +28,11 @@ use self::ekf::Ekf;
 use self::firmware::Firmware;
 use self::luenberger::Observer;
 use super::options::{EstimatorKind, SimOptions};
-use crate::error::Result;
 use crate::estimate::{Inertial, angles};
-use crate::random::Noise;
 use crate::sensors::{Fleet, Positioning, Readings};
 use crate::vehicle::{RigidBody, State};
+use noctograph_core::error::Result;
+use noctograph_core::random::Noise;
 
 /// An estimator of the drone's motion.
 #[derive(Debug)]
@@ -99,7 +99,7 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Infeasible`] where the observer's weights have no gain.
+/// [`noctograph_core::error::Error::Infeasible`] where the observer's weights have no gain.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

@@ -3,10 +3,10 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::*;
-use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
 use crate::sensors::Positioning;
 use crate::sim::{ControllerKind, EstimatorKind, RadioOptions, Setpoints, SimOptions};
 use crate::vehicle::{FloorStep, Gusts};
+use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
 
 /// Setpoints `(time, x, z)` with a light on all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {

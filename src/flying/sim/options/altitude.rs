@@ -1,6 +1,6 @@
 //! Settings of the altitude filter: the section `observer.altitude` of a scene.
 
-use crate::settings::settings;
+use noctograph_core::settings::settings;
 
 settings! {
     /// Covariances of the altitude filter. Random walks are per root of a second.
@@ -11,8 +11,8 @@ settings! {
         time_of_flight_sigma_m: f64 = 0.06, in 0.001..=10.0;
         /// Standard deviation of a barometric altitude.
         barometer_sigma_m: f64 = 0.25, in 0.001..=10.0;
-        /// Vertical acceleration by gusts, σ: a first-order Gauss-Markov process (Singer 1970), held
-        /// from one prediction to the next.
+        /// Vertical acceleration by gusts, σ: a first-order Gauss-Markov process (Singer 1970),
+        /// held from one prediction to the next.
         ///
         /// Taken for white noise instead, gusts make the innovations correlated with the throttle
         /// that answers them, and α⁰ and α¹ are then told apart by that correlation, wrongly.
@@ -28,15 +28,15 @@ settings! {
         ///
         /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹: with
         /// a walk of 0.1 the drone sinks by 6 cm meanwhile. A walk that no flight has (0.8) follows
-        /// the noise of the sensors: α¹ is known less well than it could be, and where α⁰ is free as
-        /// well (1.4 m/s²), both drift apart by more than their σ.
+        /// the noise of the sensors: α¹ is known less well than it could be, and where α⁰ is free
+        /// as well (1.4 m/s²), both drift apart by more than their σ.
         gain_walk_m_s2_sqrt_s: f64 = 0.3, in 0.0..=100.0;
         /// Random walk of the floor: flat between steps, which the step test finds.
         ranger_walk_m_sqrt_s: f64 = 0.003, in 0.0..=10.0;
         /// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
         barometer_walk_m_sqrt_s: f64 = 0.05, in 0.0..=10.0;
-        /// Innovation of the ranger beyond which a range is not taken in, in standard deviations; two
-        /// in a row are a step of the floor.
+        /// Innovation of the ranger beyond which a range is not taken in, in standard deviations;
+        /// two in a row are a step of the floor.
         step_gate_sigmas: f64 = 4.0, in 1.0..=1e6;
         /// Standard deviation that a step adds to the ranger's bias.
         step_sigma_m: f64 = 0.5, in 0.01..=10.0;

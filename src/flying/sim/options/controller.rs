@@ -1,7 +1,7 @@
 //! Settings of the controller.
 
-use crate::error::{Error, Result};
-use crate::settings::settings;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::settings;
 
 settings! {
     /// The controller. The weights of one that does not fly are kept, for the design of gains and
@@ -42,11 +42,11 @@ settings! {
     /// Default: the team's weights, from Bryson's rule and then by hand; integrals that remove a
     /// standing error in about two seconds.
     pub struct LqrOptions {
-        /// Gain K in `u = u_ref − K (x̂ − x_ref)`, such as SciPy or a notebook gives, in place of one
-        /// designed by the weights.
+        /// Gain K in `u = u_ref − K (x̂ − x_ref)`, such as SciPy or a notebook gives, in place of
+        /// one designed by the weights.
         ///
-        /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`, and
-        /// for lqr-integral the integrals of the position error x y z (m s).
+        /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`,
+        /// and for lqr-integral the integrals of the position error x y z (m s).
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). More holds tighter and moves the motors more.
@@ -75,7 +75,8 @@ settings! {
         "ignored" => Ignored,
     }
 
-    /// Altitude hold: the linear-quadratic regulator of a double integrator, weighed by Bryson's rule.
+    /// Altitude hold: the linear-quadratic regulator of a double integrator, weighed by Bryson's
+    /// rule.
     pub struct AltitudeHoldOptions {
         /// Error of the altitude that weighs as much as the other two.
         error_m: f64 = 0.2, in 0.001..=100.0;
@@ -85,8 +86,8 @@ settings! {
         acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }
 
-    /// The firmware's cascade of PID loops: each gain P, I, D in the firmware's units, under the name
-    /// of its constants (`PID_POS_X_KP` …).
+    /// The firmware's cascade of PID loops: each gain P, I, D in the firmware's units, under the
+    /// name of its constants (`PID_POS_X_KP` …).
     ///
     /// Default: crazyflie-firmware `platform_defaults_cf2.h`, commit 0555cb1.
     pub struct PidOptions {
@@ -160,7 +161,8 @@ impl ControllerOptions {
 }
 
 impl PidOptions {
-    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each about three axes.
+    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each about three
+    /// axes.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],

@@ -18,12 +18,12 @@ pub use self::observer::{
     LuenbergerOptions, ObserverOptions, Share, SweepAttitude,
 };
 pub use self::radio::{RadioOptions, Setpoints};
-use crate::error::{Error, Result};
 use crate::sensors::{Positioning, SensorOptions};
-use crate::settings::{Described, settings};
 use crate::vehicle::{
     AirOptions, BatteryOptions, FloorOptions, Gusts, PlantOptions, VehicleOptions,
 };
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{Described, settings};
 
 settings! {
     /// Settings of a simulated flight.
@@ -160,8 +160,9 @@ impl SimOptions {
         options
     }
 
-    /// The same with the firmware's filter on ideal sweeps of its stations: what it makes of the drone's
-    /// drag is the same in every flight. `None` where another estimator flies, or on other sensors.
+    /// The same with the firmware's filter on ideal sweeps of its stations: what it makes of the
+    /// drone's drag is the same in every flight. `None` where another estimator flies, or on other
+    /// sensors.
     #[must_use]
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;

@@ -1,9 +1,9 @@
 //! Settings of the estimator: the section `observer` of a scene.
 
 use super::altitude::AltitudeOptions;
-use crate::error::{Error, Result};
 use crate::sensors::{Positioning, SensorOptions};
-use crate::settings::settings;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::settings;
 
 settings! {
     /// The estimator. The weights of one that does not fly are kept, for the design of gains.
@@ -34,8 +34,8 @@ settings! {
         /// Extended Kalman filter that uses all three axes of the accelerometer, every sweep at its
         /// time and its whole slope: what an improved estimator would bring.
         "ekf-improved" => EkfImproved,
-        /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all else
-        /// by the improved extended Kalman filter.
+        /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all
+        /// else by the improved extended Kalman filter.
         "altitude" => Altitude,
         /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
         /// ranges and messages.
@@ -84,7 +84,8 @@ settings! {
     /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
     /// are densities of 0.02236 (0.04472) and 0.004472; sweeps 1 mrad (0.4 mrad of the first
     /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
-    /// Release 2026.08. Sweeps pass the firmware's own outlier filter (`outlierFilterLighthouse.c`).
+    /// Release 2026.08. Sweeps pass the firmware's own outlier filter
+    /// (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
@@ -123,14 +124,14 @@ settings! {
             for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
         /// Whether the floor below the ranger may have steps, such as the edge of a table.
         ///
-        /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor, and
-        /// not motion of the drone.
+        /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor,
+        /// and not motion of the drone.
         floor_steps: bool = false,
             for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf-improved";
     }
 
-    /// What the firmware's Kalman filter does otherwise than a textbook's: each can be changed, to see
-    /// what it costs.
+    /// What the firmware's Kalman filter does otherwise than a textbook's: each can be changed, to
+    /// see what it costs.
     ///
     /// Default: release 2026.08 (`kalman_core.c`, `estimator_kalman.c`, `mm_sweep_angles.c`,
     /// `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`, `outlierFilterTdoa.c`).

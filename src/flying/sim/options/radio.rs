@@ -1,16 +1,16 @@
 //! Settings of the radio link.
 
-use crate::settings::settings;
+use noctograph_core::settings::settings;
 
 settings! {
     /// The radio that carries setpoints and light commands. By default they arrive at once.
     ///
-    /// A Crazyradio serves its drones in turn, each with its newest setpoint: 0.7 ms for a packet and
-    /// its answer, and 2.5 ms to switch to another drone's address (`crazyradio2-firmware` issue 9).
-    /// What is not answered is sent again in the next turn.
+    /// A Crazyradio serves its drones in turn, each with its newest setpoint: 0.7 ms for a packet
+    /// and its answer, and 2.5 ms to switch to another drone's address (`crazyradio2-firmware`
+    /// issue 9). What is not answered is sent again in the next turn.
     ///
-    /// Loss: 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages: when other senders fill the band;
-    /// the log of the reference flight has gaps of up to 0.73 s in 59 s.
+    /// Loss: 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages: when other senders fill the
+    /// band; the log of the reference flight has gaps of up to 0.73 s in 59 s.
     pub struct RadioOptions {
         /// Drones that share one radio; 0: every command arrives at once.
         drones: u32 = 0, in 0.0..=64.0;

@@ -2,7 +2,7 @@
 
 use super::whole;
 use crate::photo::{Photo, narrow};
-use crate::srgb;
+use noctograph_core::srgb;
 
 /// Longer side of the coarsest and of the finest picture.
 const COARSE_PX: usize = 64;

@@ -1,14 +1,14 @@
 use std::fmt::Write;
 
 use super::*;
-use crate::flight::FlightSample;
-use crate::letters::{LetterOptions, write};
-use crate::plan::plan;
-use crate::random::{Noise, Normals};
 use crate::scene::Preset;
-use crate::sim::{Drone, fly};
 use crate::study::Conditions;
-use crate::vehicle::{Gusts, VehicleOptions};
+use noctograph_core::flight::FlightSample;
+use noctograph_core::random::{Noise, Normals};
+use noctograph_flying::plan::plan;
+use noctograph_flying::sim::{Drone, fly};
+use noctograph_flying::vehicle::{Gusts, VehicleOptions};
+use noctograph_letters::{LetterOptions, write};
 
 #[test]
 fn names_are_in_the_order_of_their_numbers() {
@@ -52,8 +52,8 @@ fn log(flight: &Flight, seed: u64) -> String {
     text
 }
 
-/// Flights of three drones, each with a mass, trim, lag and gusts of its own, as logs in a folder: what
-/// is found of each, and of all, against what was drawn.
+/// Flights of three drones, each with a mass, trim, lag and gusts of its own, as logs in a folder:
+/// what is found of each, and of all, against what was drawn.
 #[test]
 fn flights_of_drawn_drones_give_back_what_was_drawn() {
     let mut scene = Scene { word: "NO".into(), ..Scene::preset(Preset::Cf21) };
@@ -159,6 +159,6 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
     let mut frozen = hover();
     frozen.samples.iter_mut().for_each(|sample| sample.motors = [43_000.0; 4]);
     assert_eq!(flaws(Ok(frozen)), [Flaw::Frozen]);
-    let missing = crate::error::Error::Stopped;
+    let missing = noctograph_core::error::Error::Stopped;
     assert!(matches!(flaws(Err(missing))[..], [Flaw::Unreadable(_)]));
 }

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::flight::{Hold, HoldSample, STATE_NAMES};
 use super::scenario::HoldScenario;
 use super::{HoldModel, hold};
-use crate::error::{Result, within};
-use crate::settings::settings;
-use crate::sim::SimOptions;
 use crate::study::statistics::{Estimate, bootstrap, mean};
+use noctograph_core::error::{Result, within};
+use noctograph_core::settings::settings;
+use noctograph_flying::sim::SimOptions;
 
 /// Time that a flight lasts, s.
 pub const DURATION_S: f64 = 60.0;
@@ -105,8 +105,8 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The promises of a scenario; none for a step of the floor while the satellites are silent, when
-    /// only the barometer knows the altitude.
+    /// The promises of a scenario; none for a step of the floor while the satellites are silent,
+    /// when only the barometer knows the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
             HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),
@@ -124,7 +124,7 @@ impl Bounds {
 ///
 /// # Errors
 ///
-/// As [`hold`]; [`crate::error::Error::Input`] for no or more than 10 000 runs.
+/// As [`hold`]; [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,

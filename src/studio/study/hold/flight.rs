@@ -1,6 +1,6 @@
 //! A flight at constant altitude: truth, estimates and readings.
 
-use crate::sim::{AltitudeFilter, AltitudeState, HeightReading};
+use noctograph_flying::sim::{AltitudeFilter, AltitudeState, HeightReading};
 
 /// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
 pub(super) const SAMPLES_HZ: u32 = 10;

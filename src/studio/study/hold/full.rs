@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 
 use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use super::scenario::{HoldScenario, SPEED_M_S};
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::Result;
-use crate::plan::{Plan, Setpoint};
-use crate::sim::{Avionics, Drone, SimOptions, fly_watched};
-use crate::vehicle::Plant;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::Result;
+use noctograph_flying::plan::{Plan, Setpoint};
+use noctograph_flying::sim::{Avionics, Drone, SimOptions, fly_watched};
+use noctograph_flying::vehicle::Plant;
 
 /// Flies a scenario, as [`super::hold`] says.
 pub(super) fn hold(
@@ -39,8 +39,8 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 
-/// True states, in the order of [`AltitudeState`](crate::sim::AltitudeState). The floor is the one that the tilted ranger
-/// sees; a steady draft is part of α⁰.
+/// True states, in the order of [`AltitudeState`](noctograph_flying::sim::AltitudeState). The floor
+/// is the one that the tilted ranger sees; a steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let body = plant.body();
     let (at_m, down) = (body.position_m, -body.matrix().column(2));

@@ -2,13 +2,14 @@
 //!
 //! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
 //! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
-//! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](crate::sim::AltitudeFilter) estimates altitude, vertical
+//! changes with the battery: `z̈ = α⁰ + α¹ τ`.
+//! [`AltitudeFilter`](noctograph_flying::sim::AltitudeFilter) estimates altitude, vertical
 //! velocity, α⁰, α¹ and both biases; [`hold()`] holds an altitude on its estimates through
 //! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
 //!
-//! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart (rank
-//! 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports that
-//! one, and α¹ with its standard deviation.
+//! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart
+//! (rank 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
+//! that one, and α¹ with its standard deviation.
 
 mod figures;
 mod flight;
@@ -21,9 +22,9 @@ pub use self::figures::{
 };
 pub use self::flight::{Hold, HoldSample, STATE_NAMES};
 pub use self::scenario::HoldScenario;
-use crate::error::{Error, Result, within};
-use crate::settings::settings;
-use crate::sim::{EstimatorKind, SimOptions};
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::settings::settings;
+use noctograph_flying::sim::{EstimatorKind, SimOptions};
 
 /// Longest flight.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -71,7 +72,7 @@ pub fn hold(
 mod tests {
     use super::*;
     use crate::scene::{Preset, Scene};
-    use crate::sensors::Positioning;
+    use noctograph_flying::sensors::Positioning;
 
     /// Root mean square of the distance from the set altitude, from 5 s on.
     fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
@@ -140,7 +141,8 @@ mod tests {
             }),
             ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
                 let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
-                o.floor.steps = vec![crate::vehicle::FloorStep { x_m, y_m, height_m: 3.0 }];
+                o.floor.steps =
+                    vec![noctograph_flying::vehicle::FloorStep { x_m, y_m, height_m: 3.0 }];
             }),
             ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
         ];

@@ -5,11 +5,13 @@
 
 use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
-use crate::crazyflie::GRAVITY_M_S2;
-use crate::error::Result;
-use crate::random::Noise;
-use crate::sensors::{HeightSensor, Positioning};
-use crate::sim::{AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::Result;
+use noctograph_core::random::Noise;
+use noctograph_flying::sensors::{HeightSensor, Positioning};
+use noctograph_flying::sim::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains,
+};
 
 /// Steps of the truth per second.
 const TRUTH_HZ: u32 = 100;

@@ -1,9 +1,9 @@
 //! Events of a flight at constant altitude, in the scalar model and in the full simulator.
 
-use crate::random::Noise;
-use crate::settings::settings;
-use crate::sim::SimOptions;
-use crate::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
+use noctograph_core::random::Noise;
+use noctograph_core::settings::settings;
+use noctograph_flying::sim::SimOptions;
+use noctograph_flying::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
 /// Spread of the true lift per throttle about the vehicle's, as a share of it.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
@@ -118,10 +118,10 @@ impl HoldScenario {
 /// Name of the noise that draws the true drone, the same in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Gives a drone in hover a battery whose lift falls as the scenario says, through its own resistance
-/// and thrust: a straight open-circuit curve, and a charge that lasts as long.
+/// Gives a drone in hover a battery whose lift falls as the scenario says, through its own
+/// resistance and thrust: a straight open-circuit curve, and a charge that lasts as long.
 fn drain(options: &mut SimOptions) {
-    let weight_n = options.vehicle.mass_kg * crate::crazyflie::GRAVITY_M_S2;
+    let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let lift_n = |open_v: f64| {
