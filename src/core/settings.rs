@@ -495,7 +495,7 @@ mod tests {
         }
 
         /// Where strokes meet.
-        pub enum Joint {
+        pub(super) enum Joint {
             /// Rounded.
             "round" => Round,
             /// A full stop.

@@ -111,7 +111,7 @@ impl Sensors {
     ///
     /// As `Uwb::new`.
     #[cfg(test)]
-    pub fn new(
+    pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -122,7 +122,7 @@ impl Sensors {
     }
 
     /// The same with a seed of their noise and one of the room.
-    pub fn in_room(
+    pub(crate) fn in_room(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -183,7 +183,7 @@ impl Sensors {
 
     /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
     /// a drone alone needs none.
-    pub fn read<'a>(
+    pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
         specific_force_m_s2: Vector3<f64>,

@@ -28,14 +28,19 @@ pub(crate) struct Member {
 impl Fleet {
     /// A drone alone, at the origin.
     #[cfg(test)]
-    pub fn alone(index: u64) -> Self {
+    pub(crate) fn alone(index: u64) -> Self {
         Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
     }
 }
 
 impl Member {
     /// A drone that truly starts at `start_m`.
-    pub fn new(sensors: &SensorOptions, seed: u64, index: u64, start_m: Vector3<f64>) -> Self {
+    pub(crate) fn new(
+        sensors: &SensorOptions,
+        seed: u64,
+        index: u64,
+        start_m: Vector3<f64>,
+    ) -> Self {
         let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
         let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
         let start_m = match error_m > 0.0 {
@@ -99,7 +104,7 @@ pub(crate) struct Leg {
 
 impl Reckoning {
     /// The motion since an earlier moment.
-    pub fn since(&self, then: &Self) -> Leg {
+    pub(crate) fn since(&self, then: &Self) -> Leg {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
         Leg {
@@ -137,7 +142,7 @@ pub(crate) struct Air {
 
 impl Air {
     /// The air between drones with these indices.
-    pub fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
+    pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
         let luck = |from: &u64| {
             let to = |to: &u64| Noise::new(seed, *from, &format!("message loss to {to}"));
             indices.iter().map(to).collect()
@@ -158,7 +163,7 @@ impl Air {
     }
 
     /// Sends a message to all others; each hears it or not.
-    pub fn send(&mut self, message: &Message) {
+    pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
         for (to, luck) in self.luck[message.from].iter_mut().enumerate() {
             if luck.uniform() >= self.options.loss_frac && to != message.from {
@@ -168,7 +173,7 @@ impl Air {
     }
 
     /// The next message that has arrived by `time_s`, and its receiver.
-    pub fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
+    pub(crate) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
         let (arrives_s, ..) = self.under_way.front()?;
         (*arrives_s <= time_s).then(|| self.under_way.pop_front()).flatten().map(|m| (m.1, m.2))
     }

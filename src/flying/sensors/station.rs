@@ -46,7 +46,7 @@ pub(crate) struct Crossing {
 
 impl StationPose {
     /// The pose of a station.
-    pub fn new(station: &Station) -> Self {
+    pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
             generation: station.generation,
@@ -62,7 +62,7 @@ impl StationPose {
 
     /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
     /// its field of view, and above the deck. Walls are not modeled.
-    pub fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
+    pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
         let [wide, high] = match self.generation {
@@ -79,7 +79,7 @@ impl StationPose {
     /// The crossing of plane 0 or 1 with a point:
     /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
-    pub fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
+    pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let crossing = match (self.generation, plane) {
             (Generation::V1, plane) => upright(&u, 1 + plane),

@@ -25,7 +25,7 @@ pub(crate) struct Vehicle {
 }
 
 impl Vehicle {
-    pub fn new(options: &VehicleOptions) -> Self {
+    pub(crate) fn new(options: &VehicleOptions) -> Self {
         Self {
             mass_kg: options.mass_kg,
             inertia_kg_m2: options.inertia_kg_m2.into(),
@@ -35,7 +35,7 @@ impl Vehicle {
     }
 
     /// Thrust that carries the drone, with no torque.
-    pub fn hover(&self) -> Wrench {
+    pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
@@ -47,7 +47,7 @@ impl Vehicle {
     }
 
     /// `ṡ` in the air.
-    pub fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+    pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let motion = state.fixed_rows::<9>(0).into_owned();
         let rate = rate(state);
         let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
@@ -63,7 +63,7 @@ impl Vehicle {
 
     /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method.
     #[cfg(test)]
-    pub fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
+    pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
         let k1 = self.derivative(state, wrench);
         let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
         let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);

@@ -422,7 +422,7 @@ fn check(node: Node<'_, '_>, values: &Attributes, of_css: &[String], row: u32, n
                     || value == "fixed-position"
             }
             "transform-box" => {
-                own("transform") != "" && !matches!(value, "view-box" | "border-box")
+                !own("transform").is_empty() && !matches!(value, "view-box" | "border-box")
             }
             "systemLanguage" | "requiredExtensions" => true,
             "requiredFeatures" => false,

@@ -4,7 +4,10 @@ use super::*;
 use noctograph_core::geometry::polyline_length_m;
 
 /// The lines of a document in its own units, y down, from the left; and the warnings.
-fn read(document: &[u8]) -> Result<(Vec<Vec<[f64; 2]>>, Vec<String>)> {
+/// Lines of a drawing, and its warnings.
+type Drawn = (Vec<Vec<[f64; 2]>>, Vec<String>);
+
+fn read(document: &[u8]) -> Result<Drawn> {
     let drawing = svg::read(document, "a.svg")?;
     let lines = drawing.flatten(1e-3, "a.svg")?;
     let turned = |(line, _): ColoredLine| {

@@ -563,7 +563,7 @@ fn areas(shapes: &[&[[f32; 2]]]) -> image::RgbaImage {
 
 fn star(x: f32, y: f32, r: f32) -> Vec<[f32; 2]> {
     let corner = |k: u8| {
-        let r = if k % 2 == 0 { r } else { 0.4 * r };
+        let r = if k.is_multiple_of(2) { r } else { 0.4 * r };
         let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
         [x + r * sin, y - 1.5 * r * cos]
     };

@@ -39,7 +39,7 @@ pub(crate) struct Room {
 
 impl Room {
     /// The room around a camera, which looks through a wall that it stands behind.
-    pub fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
+    pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let wall = |normal, at_m| Surface::matte(normal, at_m, wall_albedo);
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
@@ -75,7 +75,7 @@ impl Room {
     /// The light is as even as walls and ceiling throw it to and fro. A floor that is darker than
     /// they are takes its share from what stands on it: that of a plane h wide which begins at
     /// right angles d away, `(1 - d / √(d² + h²)) / 2`.
-    pub fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
+    pub(crate) fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);

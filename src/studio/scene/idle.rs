@@ -178,7 +178,7 @@ pub(super) fn writes_in_color(scene: &Scene) -> bool {
 
 /// Why a key has no effect in a scene, its own reasons before those of the tables around it; `None`
 /// where it has one.
-pub fn reason(scene: &Scene, key: &str) -> Option<String> {
+pub(crate) fn reason(scene: &Scene, key: &str) -> Option<String> {
     let values = Value::try_from(scene).expect("a scene is a table");
     if key == ALWAYS_USED {
         return None;

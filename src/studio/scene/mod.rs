@@ -33,7 +33,7 @@ mod text;
 
 pub use advice::{Change, SceneAdvice};
 #[cfg(test)]
-pub use idle::reason;
+pub(crate) use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 

@@ -58,7 +58,7 @@ impl Preset {
 /// A preset's drone in still air, with the reference team's choice of regulator, observer and
 /// sensors.
 #[cfg(test)]
-pub fn with_regulator(preset: Preset) -> SimOptions {
+pub(super) fn with_regulator(preset: Preset) -> SimOptions {
     let mut sim = preset.scene().sim();
     sim.controller.kind = ControllerKind::default();
     sim.observer.kind = EstimatorKind::default();

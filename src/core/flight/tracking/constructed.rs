@@ -6,7 +6,7 @@ use crate::flight::{Flight, FlightSample};
 
 /// A flight whose position and design are functions of time, sampled every `step_s` from 0 to
 /// `end_s`, with all motors carrying and the estimate at the position.
-pub fn flight(
+pub(crate) fn flight(
     step_s: f64,
     end_s: f64,
     position_m: impl Fn(f64) -> Vector3<f64>,
@@ -31,12 +31,12 @@ pub fn flight(
 }
 
 /// The origin at all times.
-pub fn still(_time_s: f64) -> Vector3<f64> {
+pub(crate) fn still(_time_s: f64) -> Vector3<f64> {
     Vector3::zeros()
 }
 
 /// A square of 0.4 m, its sides flown at 0.2 m/s, round and round, 0.5 m above the floor.
-pub fn square(time_s: f64) -> Vector3<f64> {
+pub(crate) fn square(time_s: f64) -> Vector3<f64> {
     let side = time_s.max(0.0) / 2.0;
     let (whole, part) = (side.floor(), 0.4 * (side - side.floor()));
     let (x, z) = match whole % 4.0 {

@@ -45,7 +45,7 @@ impl DesignPath {
     }
 
     /// A reader that starts at the beginning.
-    pub fn walk(&self) -> Walk<'_> {
+    pub(crate) fn walk(&self) -> Walk<'_> {
         Walk { path: self, leg: 0 }
     }
 }
@@ -59,13 +59,13 @@ pub(crate) struct Walk<'a> {
 
 impl Walk<'_> {
     /// Position of the design at `time_s`.
-    pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
+    pub(crate) fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
         self.go_to(time_s);
         self.path.on_leg(self.leg, time_s)
     }
 
     /// Distance in the x-z plane from a point to the path of the design between two times.
-    pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
+    pub(crate) fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let mut from_m = self.at_m(from_s);
         let mut nearest_m = f64::INFINITY;
         for leg in self.leg.. {

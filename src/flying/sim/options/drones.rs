@@ -39,7 +39,7 @@ fn with_regulator(begin_toml: &str, scene_toml: &str) -> SimOptions {
 }
 
 impl SimOptions {
-    pub fn cf21() -> Self {
+    pub(crate) fn cf21() -> Self {
         with_regulator(CF21, "")
     }
 
@@ -47,7 +47,7 @@ impl SimOptions {
         with_regulator(CF21, CF_BRUSHLESS)
     }
 
-    pub fn bzzz() -> Self {
+    pub(crate) fn bzzz() -> Self {
         preset(CF21, BZZZ)
     }
 }
