@@ -13,7 +13,7 @@ const HEAD_LINES: usize = 200;
 /// A text in that form.
 #[derive(Debug)]
 pub struct PlainText<'a> {
-    /// In UTF-8, its lines ended by LF.
+    /// Its lines, with commas between the cells.
     pub text: Cow<'a, [u8]>,
     /// What was done to it that a reader should know.
     pub notes: Vec<String>,
