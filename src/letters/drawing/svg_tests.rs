@@ -4,7 +4,6 @@ use super::*;
 use noctograph_core::geometry::polyline_length_m;
 
 /// The lines of a document in its own units, y down, from the left; and the warnings.
-/// Lines of a drawing, and its warnings.
 type Drawn = (Vec<Vec<[f64; 2]>>, Vec<String>);
 
 fn read(document: &[u8]) -> Result<Drawn> {
