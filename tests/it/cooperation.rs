@@ -290,7 +290,7 @@ fn logs_that_cannot_be_located_are_refused_with_the_reason() {
     let stranger = ranges.replace("ranging.distance4", "ranging.drone3");
     refused(&stranger, &anchors, &["drones 1 and 3", "a log of every drone"]);
     let twice = anchors.replace("x: 2.5\n  y: -2.5\n  z: 0.2", "x: -2.5\n  y: -2.5\n  z: 2.4");
-    refused(&ranges, &twice, &["anchors, key 1", "the place of key 0"]);
+    refused(&ranges, &twice, &["anchors.yaml:6: anchor 1", "the place of key 0"]);
     let observed = |name: &str, wanted: &[&str]| {
         let arguments = [&arguments[..], &["--observer", name]].concat();
         fails(&arguments, &[(log, &ranges), (yaml, &anchors)], wanted);
