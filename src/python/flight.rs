@@ -147,7 +147,7 @@ impl PyFlight {
             .map_err(|error| raised(py, &error))
     }
 
-    /// list of str: What one should know of the flight, as what was guessed of a log and left out.
+    /// list of str: Warnings: what was guessed of a log, and what was left out, a sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.flight.warnings.iter().map(ToString::to_string).collect()
