@@ -282,7 +282,7 @@ class Faults(unittest.TestCase):
     def test_the_fence_and_the_question_are_of_the_room_that_was_checked(self):
         script = load("bl.py")
         self.assertIn("room of 4 x 6 x 2.5 m", script.room())
-        self.assertEqual(script.LIMITS["fence_m"], [[-1.9, -2.9, -0.1], [1.9, 2.9, 2.4]])
+        self.assertEqual(script.LIMITS["fence_m"], [[-1.9, -2.6, -0.1], [1.9, 2.6, 2.4]])
         self.assertIn("without a room", load("I.py").room())
 
     def test_an_old_cflib_or_none_is_named_first(self):

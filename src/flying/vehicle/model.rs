@@ -10,7 +10,7 @@ use noctograph_core::geometry::Attitude;
 /// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
 /// and angular velocity in the body frame.
 pub(crate) type State = SVector<f64, 12>;
-/// First nine rows of [`State`]: the motion for a given body rate.
+/// First nine rows of `State`: the motion for a given body rate.
 pub type Motion = SVector<f64, 9>;
 /// `[τ_x τ_y τ_z f_z]` on the body.
 pub(crate) type Wrench = Vector4<f64>;

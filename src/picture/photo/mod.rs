@@ -74,7 +74,7 @@ pub struct Readout {
 /// # Errors
 ///
 /// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors
-/// of [`Photo::read`] for the background.
+/// of [`read`] for the background.
 pub fn develop(
     film: &Film,
     camera: &Camera,

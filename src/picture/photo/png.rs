@@ -179,7 +179,7 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 
 impl Readout {
     /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at
-    /// 8; the rest as [`Photo::write_png`].
+    /// 8; the rest as [`write_png`].
     ///
     /// # Errors
     ///
