@@ -2,6 +2,7 @@
 and a link to it with cflib's own commanders, which can fail in every way."""
 
 import importlib.metadata
+import importlib.util
 import math
 import os
 import struct
@@ -369,3 +370,32 @@ class Block:
     def stop(self):
         self.radio.touch("block.stop")
         self.on = False
+
+
+def load_script(path):
+    """A script as a module."""
+    name = os.path.basename(path)[:-3].replace("-", "_")
+    spec = importlib.util.spec_from_file_location(name, path)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
+def links(parts, clock, radios):
+    """A stand-in for cflib's SyncCrazyflie: each link opened is the drone of the next script."""
+    class Link:
+        def __init__(self, uri, cf):
+            data = parts[len(radios)].DATA
+            self.cf = Radio(clock, place=data["start_m"], gains=data["gains"])
+            radios.append(self.cf)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+        def is_params_updated(self):
+            return True
+
+    return Link

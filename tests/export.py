@@ -3,7 +3,6 @@
 import bisect
 import contextlib
 import csv
-import importlib.util
 import io
 import json
 import math
@@ -20,17 +19,13 @@ from cflib.utils.encoding import compress_quaternion
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from drone import (COMMANDER, DEFINE, FULL_STATE, GO_TO, HIGH_LEVEL, LAND, POSITION, START,  # noqa: E402
-                   STOP, TAKE_OFF, Block, Clock, Radio)
+                   STOP, TAKE_OFF, Block, Clock, Radio, links, load_script)
 
 WORK = sys.argv[1]
 
 
 def load(name):
-    path = os.path.join(WORK, name)
-    spec = importlib.util.spec_from_file_location(os.path.basename(name)[:-3].replace("-", "_"), path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    return load_script(os.path.join(WORK, name))
 
 
 def content(name):
@@ -322,21 +317,6 @@ class Main(unittest.TestCase):
         for part in parts:
             part.time = clock
 
-        class Link:
-            def __init__(self, uri, cf):
-                data = parts[len(radios)].DATA
-                self.cf = Radio(clock, place=data["start_m"], gains=data["gains"])
-                radios.append(self.cf)
-
-            def __enter__(self):
-                return self
-
-            def __exit__(self, *_):
-                return None
-
-            def is_params_updated(self):
-                return True
-
         def pressed(prompt):
             if "Enter puts the lamps back" in prompt:
                 return ""
@@ -348,7 +328,7 @@ class Main(unittest.TestCase):
             return key()
 
         cflib.crtp.init_drivers = lambda: None
-        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = Link
+        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = links(parts, clock, radios)
         script.input = pressed
         sys.argv = [name, "--controller", "5"]
         if len(parts) == 1:

@@ -6,7 +6,6 @@ and a second Ctrl-C stops the motors.
 """
 
 import contextlib
-import importlib.util
 import io
 import json
 import os
@@ -19,7 +18,7 @@ import unittest.mock
 import cflib.crazyflie.log
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from drone import CFLIB, LOGS, PARAMS, START, Block, Clock, Radio, SharedClock  # noqa: E402
+from drone import CFLIB, LOGS, PARAMS, START, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
 
 WORK = sys.argv[1]
 cflib.crazyflie.log.LogConfig = Block
@@ -27,11 +26,7 @@ SEEN = []  # (fault, outcome, reason) of all
 
 
 def load(name):
-    path = os.path.join(WORK, name)
-    spec = importlib.util.spec_from_file_location(os.path.basename(name)[:-3].replace("-", "_"), path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    return load_script(os.path.join(WORK, name))
 
 
 class Flight:
@@ -375,21 +370,6 @@ class Fleet(unittest.TestCase):
         for part in parts:
             part.time = clock
 
-        class Link:
-            def __init__(self, uri, cf):
-                data = parts[len(radios)].DATA
-                self.cf = Radio(clock, place=data["start_m"], gains=data["gains"])
-                radios.append(self.cf)
-
-            def __enter__(self):
-                return self
-
-            def __exit__(self, *_):
-                return None
-
-            def is_params_updated(self):
-                return True
-
         def watch():
             if radios[0].body.at[2] > 0.3:
                 fault(radios)
@@ -405,7 +385,7 @@ class Fleet(unittest.TestCase):
             return ""
 
         cflib.crtp.init_drivers = lambda: None
-        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = Link
+        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = links(parts, clock, radios)
         launcher.input, before = pressed, (sys.argv, os.getcwd())
         sys.argv = ["fly_NOOR.py"]
         os.chdir(tempfile.mkdtemp(dir=WORK))

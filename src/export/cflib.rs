@@ -12,7 +12,7 @@ use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::{Job, caution, gains, stem};
-use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::lamps::LightOptions;
@@ -208,7 +208,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
         "decks": decks(&job.plans[drone], checks.positioning),
         "slow_release": safety::LAST_SLOW_RELEASE,
-        "slow_clock": safety::SLOW_CLOCK,
+        "slow_clock": SLOW_CLOCK,
         "start_radius_m": safety::START_RADIUS_M,
         "nose_rad": safety::NOSE_RAD,
         "level_rad": safety::LEVEL_RAD,

@@ -15,11 +15,12 @@ use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::safety::{
-    FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V, SLOW_CLOCK, START_RADIUS_M,
-    WRONG_S, variance_m2,
+    FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V, START_RADIUS_M, WRONG_S,
+    variance_m2,
 };
 use super::{File, Job, gains, numbered, stem};
 use noctograph_core::crazyflie::MOTORS_STOP_S;
+use noctograph_core::crazyflie::SLOW_CLOCK;
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::plan::Plan;
 

@@ -46,11 +46,9 @@ pub const LOST_FACTOR: f64 = 10.0;
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
 /// The newest release whose microsecond clock, which paces trajectories on board, runs at
-/// [`SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line 57 of 2026.08). Corrected by
+/// [`noctograph_core::crazyflie::SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line 57 of 2026.08). Corrected by
 /// commit bb58cad, which no release has yet.
 pub const LAST_SLOW_RELEASE: &str = "2026.08";
-/// Seconds of that clock in a true second.
-pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
 /// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
 pub const OLDEST_CFLIB: &str = "0.1.27";
 /// Oldest release of the firmware that has all that the script reads (`supervisor.info`).

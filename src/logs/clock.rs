@@ -1,11 +1,8 @@
 //! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
 
 use super::recording::{Block, Clock, Pace, Recording};
+use noctograph_core::crazyflie::SLOW_CLOCK;
 use noctograph_core::statistics::median;
-
-/// Seconds that the firmware's microsecond counter counts per true second up to and with release
-/// 2026.08: `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
-pub(super) const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
 
 /// A clock that falls by more than this without a wrap was restarted.
 const RESTART_S: f64 = 1.0;
@@ -164,12 +161,12 @@ fn warn_of_slow_clock(recording: &mut Recording) {
     };
     let slow = |period_s: f64| {
         let ratios = PERIODS_S.iter().map(|nominal_s| period_s / nominal_s);
-        ratios.into_iter().find(|ratio| (ratio - SLOW_CLOCK_RATIO).abs() < 0.004)
+        ratios.into_iter().find(|ratio| (ratio - SLOW_CLOCK).abs() < 0.004)
     };
     let found = recording.blocks.iter().find(|block| period_s(block).and_then(slow).is_some());
     if let Some(block) = found {
         let text = format!(
-            "block {}: the clock runs at 84/85 = {SLOW_CLOCK_RATIO:.4} of true time, as in firmware \
+            "block {}: the clock runs at 84/85 = {SLOW_CLOCK:.4} of true time, as in firmware \
              up to and with release 2026.08; import with that clock ratio to have true seconds",
             block.name,
         );
@@ -249,7 +246,7 @@ mod tests {
         assert_eq!(log(0.01), "");
         let blocks = vec![Block { time_s: vec![84.0, 168.0], ..Block::default() }];
         let mut slow = Recording { blocks, ..Recording::default() };
-        settle(&mut slow, SLOW_CLOCK_RATIO);
+        settle(&mut slow, SLOW_CLOCK);
         assert!((slow.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", slow.blocks[0].time_s);
     }
 }

@@ -11,9 +11,9 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::PositionSource;
-use super::clock::SLOW_CLOCK_RATIO;
 use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::quantities;
+use noctograph_core::crazyflie::SLOW_CLOCK;
 use noctograph_core::flight::Quantity;
 
 /// Number of stamps at which the two paths are compared.
@@ -139,9 +139,9 @@ impl Shift {
     fn warnings(&self, y_up: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         if (self.ratio - 1.0).abs() > 0.003 {
-            let is_slow = (self.ratio - SLOW_CLOCK_RATIO).abs() < 0.002;
+            let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
             let ratio = match is_slow {
-                true => format!("84/85 = {SLOW_CLOCK_RATIO:.4}"),
+                true => format!("84/85 = {SLOW_CLOCK:.4}"),
                 false => format!("{:.4}", self.ratio),
             };
             let of = if is_slow { ", as in firmware up to and with release 2026.08" } else { "" };

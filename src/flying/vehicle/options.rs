@@ -4,7 +4,6 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
 pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::crazyflie::SLOW_CLOCK;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
@@ -221,12 +220,6 @@ impl Release {
     /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
     pub(crate) fn resets_loops(self) -> bool {
         self != Self::R2026_04
-    }
-
-    /// Rate of the clock on board, in true seconds a second.
-    #[must_use]
-    pub fn clock(self) -> f64 {
-        if self == Self::After2026_08 { 1.0 } else { SLOW_CLOCK }
     }
 }
 
