@@ -46,8 +46,8 @@ pub const LOST_FACTOR: f64 = 10.0;
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
 /// The newest release whose microsecond clock, which paces trajectories on board, runs at
-/// [`noctograph_core::crazyflie::SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line 57 of 2026.08). Corrected by
-/// commit bb58cad, which no release has yet.
+/// [`noctograph_core::crazyflie::SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line
+/// 57 of 2026.08). Corrected by commit bb58cad, which no release has yet.
 pub const LAST_SLOW_RELEASE: &str = "2026.08";
 /// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
 pub const OLDEST_CFLIB: &str = "0.1.27";

@@ -4,8 +4,8 @@
 //! further states (the floor's height, biases), carried along by inertial sensors ([`Inertial`]) or
 //! by a linear motion, and corrected by one scalar measurement after the other, each through a gate
 //! ([`Gate`], [`StepTest`]). The simulated drones run it, the bound of Cramér and Rao is the same
-//! filter at the truth, and the crate `locate` runs it over a log of ranges, with the smoother that goes
-//! back over its steps.
+//! filter at the truth, and the crate `locate` runs it over a log of ranges, with the smoother that
+//! goes back over its steps.
 
 mod attitude;
 mod gate;
