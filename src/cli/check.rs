@@ -9,7 +9,7 @@ use super::outcome::{Outcome, Report, wrapped};
 use super::picture::StandFlag;
 use super::show;
 use crate::error::Result;
-use crate::preflight::{Checked, Profile, Severity, flown, of_flights, placement};
+use crate::preflight::{Checked, Preflight, Profile, Severity, preflight};
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
@@ -24,9 +24,7 @@ pub(super) struct CheckArgs {
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let profile = args.profile.profile(&args.subject);
     let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
-    let flights = flown(&shoot)?;
-    let placement = placement(&shoot, &flights, &profile)?;
-    let found = of_flights(&shoot, flights, &profile)?;
+    let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let mut json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),

@@ -16,7 +16,9 @@ use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
-use crate::preflight::{Checked, Finding, checks, flown, of_flights, preflight};
+use crate::preflight::{
+    Checked, LED_MEMORY, PICTURE, Row, Severity, checks, flown, of_flights, preflight,
+};
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -61,7 +63,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
     let checks = checks(flies, &flights, &profile);
     let stops = match args.to.flies() {
-        true => warned(args, flies, &of_flights(flies, flights, &profile)?),
+        true => warned(args, flies, &of_flights(flies, flights, &profile)?.findings),
         false => None,
     };
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
@@ -147,7 +149,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
 
 /// What stops a flight.
 fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?))
+    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?.findings))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
@@ -156,12 +158,13 @@ fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String>
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for checked in found {
-        match &checked.finding {
-            Finding::Picture(Some(problem)) => warn([problem.sentence(mentioned)]),
-            Finding::LedMemory { entries: Some(n), most } if plays && n > most => warn([format!(
-                "the lights take {n} entries of the LED timing memory, which has {most}: the script \
-                 sends them over the radio"
+    for row in found.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
+        let Row { found, .. } = row;
+        match row.check {
+            PICTURE => warn([format!("{found}: {}", row.change(mentioned))]),
+            LED_MEMORY if plays => warn([format!(
+                "the lights take {found} of the LED timing memory: the script sends them over the \
+                 radio"
             )]),
             _ => {}
         }

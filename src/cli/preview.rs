@@ -21,7 +21,7 @@ use super::table::table;
 use super::{findings, movie, show, warn};
 use crate::error::Result;
 use crate::export::{Form, Length};
-use crate::preflight::{Finding, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
@@ -108,7 +108,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     text.push('\n');
     let profile = args.profile.profile(&args.subject);
     let findings = match args.report {
-        true => of_flights(&before, shot.flights.iter().cloned().map(Ok).collect(), &profile)?,
+        true => {
+            let flights = shot.flights.iter().cloned().map(Ok).collect();
+            of_flights(&before, flights, &profile)?.findings
+        }
         false => inspect(&before, &shot.flights, &profile)?,
     };
     let placement = place(&before, &shot.trace, shot.camera.shutter_close_s, &profile)?;
@@ -121,7 +124,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         )
     }));
     // A photo is taken from a place behind the wall, too; it is warned of.
-    let flown = findings.iter().filter(|it| !matches!(it.finding, Finding::CameraPlace { .. }));
+    let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);
     json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::Finding;
+use super::row::{Row, warn_if};
 use noctograph_core::geometry::distance;
 use noctograph_flying::plan::Style;
 use noctograph_letters::{Glyph, Move, Strokes};
@@ -10,11 +10,11 @@ use noctograph_letters::{Glyph, Move, Strokes};
 /// Two lit moves nearer to each other than this, and as parallel, draw one line.
 const SAME_LINE_M: f64 = 0.002;
 /// Longest doubled stroke and jump that are no fault.
-pub(super) const SHORT_M: f64 = 0.02;
+const SHORT_M: f64 = 0.02;
 
 /// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
 /// follows the letters' own moves, as in style `team`.
-pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
+pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
     let longer = |least_m: f64, length_m: &dyn Fn(&Glyph) -> f64| -> Vec<(char, f64)> {
@@ -23,26 +23,41 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
         found.dedup_by_key(|(character, _)| *character);
         found
     };
-    let mut findings =
-        vec![Finding::DoubledStroke(longer(SHORT_M, &|glyph| doubled_m(&glyph.moves)))];
+    let mut findings = vec![lengths(
+        "doubled stroke",
+        &longer(SHORT_M, &|glyph| doubled_m(&glyph.moves)),
+        SHORT_M,
+        "every line drawn once",
+        "write with {letters.font=ae483-fixed} or simplex",
+    )];
     if strokes.font.is_some() {
         let lost = |glyph: &Glyph| strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
         let lost_m = |glyph: &Glyph| lost(glyph) * glyph.cell.cap_height_m;
-        findings.push(Finding::LostStroke(longer(0.0, &lost_m)));
+        findings.push(lengths(
+            "lost stroke",
+            &longer(0.0, &lost_m),
+            0.0,
+            "every stroke of the typeface drawn",
+            "write with {letters.font=simplex} or a plainer typeface",
+        ));
     }
     if matches!(style, Style::Team(_)) {
-        let faulty = |is_faulty: fn(&Glyph) -> bool| -> Vec<char> {
-            let faulty = glyphs.iter().filter(|glyph| is_faulty(glyph));
-            let mut found: Vec<char> = faulty.map(|glyph| glyph.character).collect();
-            found.dedup();
-            found
-        };
-        findings.push(Finding::Tail(faulty(has_tail)));
-        findings.push(Finding::LightNeverOff(faulty(never_off)));
-        findings.push(Finding::PenJump(faulty(jumps)));
+        for (check, is_faulty, wanted) in FAULTS {
+            let mut faulty: Vec<char> =
+                glyphs.iter().filter(|it| is_faulty(it)).map(|it| it.character).collect();
+            faulty.dedup();
+            findings.push(faults(check, &faulty, wanted));
+        }
     }
     findings
 }
+
+/// Faults of a font: the check, whether a letter has it, and what is wanted.
+const FAULTS: [(&str, fn(&Glyph) -> bool, &str); 3] = [
+    ("tail", has_tail, "letters reached in the dark"),
+    ("light never off", never_off, "letters that begin or end in the dark"),
+    ("pen jump", jumps, "moves that begin where the last one ended"),
+];
 
 /// The light is on before the drone has reached the letter.
 fn has_tail(glyph: &Glyph) -> bool {
@@ -81,6 +96,38 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     (to - from).abs()
 }
 
+/// Letters with lengths of something, and the longest that is no fault.
+fn lengths(
+    check: &'static str,
+    letters: &[(char, f64)],
+    limit: f64,
+    wanted: &str,
+    advice: &'static str,
+) -> Row {
+    let most_m = letters.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
+    let detail = named(letters.iter().map(|(letter, _)| *letter));
+    let found = match letters.len() {
+        0 => "none".to_owned(),
+        1 => format!("{detail} ({most_m:.2} m)"),
+        _ => format!("{detail} (up to {most_m:.2} m)"),
+    };
+    let row = Row::of(check, warn_if(!letters.is_empty()), most_m);
+    Row { limit, detail, ..row }.say(found, wanted, advice)
+}
+
+/// Letters with a fault of a font; style `even`, whose plan follows no dark move, mends it as well.
+fn faults(check: &'static str, letters: &[char], wanted: &str) -> Row {
+    let (bad, detail) = (!letters.is_empty(), named(letters.iter().copied()));
+    let found = if bad { detail.clone() } else { "none".to_owned() };
+    let row = Row::of(check, warn_if(bad), if bad { 1.0 } else { 0.0 });
+    let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
+    Row { detail, ..row }.say(found, wanted, advice)
+}
+
+fn named(letters: impl Iterator<Item = char>) -> String {
+    letters.map(String::from).collect::<Vec<_>>().join(", ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::Severity;
@@ -91,8 +138,7 @@ mod tests {
     fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(&'static str, String)> {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
         let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
-        let rows = findings.iter().map(|finding| finding.row(&plan));
-        let bad = rows.filter(|row| row.severity != Severity::Fine);
+        let bad = findings.into_iter().filter(|row| row.severity != Severity::Fine);
         bad.map(|row| (row.check, row.detail)).collect()
     }
 

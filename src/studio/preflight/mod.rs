@@ -1,35 +1,26 @@
 //! Preflight: what speaks against a flight, before it is flown.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
-//! known. Product out: [`Finding`]s on letters, plans, simulated flights, lamps, base stations and
-//! picture, each with its numbers, a sentence and advice as keys of the scene ([`Row`]). Problems
+//! known. Product out: a [`Row`] a check of letters, plans, simulated flights, lamps, base stations
+//! and picture: its numbers, sentences, and advice as keys of the scene. Problems
 //! of the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
 //! camera. Not checked: obstacles in the room.
 
-use std::f64::consts::{PI, TAU};
-
-use nalgebra::Vector3;
-
 use crate::scene::Scene;
-use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
-use noctograph_core::camera::Camera;
-use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
+use crate::shoot::{Shoot, ends};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::geometry::bounds;
-use noctograph_export::lights::timing_entries;
-use noctograph_export::{Form, Length, memory};
-use noctograph_flying::plan::{Approach, Plan};
+use noctograph_flying::plan::{Approach, Plan, Style};
 use noctograph_flying::sensors::coverage;
 use noctograph_flying::vehicle::Downwash;
 use noctograph_letters::Strokes;
-use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightTrace};
 
 mod checks;
-mod finding;
 mod flown;
 mod letters;
+mod memory;
+mod picture;
 mod placement;
 mod plans;
 mod profile;
@@ -37,21 +28,20 @@ mod row;
 mod written;
 
 pub use checks::{checks, platform};
-use finding::largest;
-pub use finding::{Finding, OutOfRoom, Peak, Severity};
 pub(crate) use flown::MAX_SATURATED_S;
 use flown::{Flown, check_flown};
 use letters::check_letters;
-pub use placement::{CameraPlace, ShotPlan, frame_within, place};
+pub use memory::LED_MEMORY;
+use memory::{check_led_memory, check_memory};
+pub use picture::PICTURE;
+use picture::{Picture, check_picture, evener, painted};
+pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, frame_within, place};
 use placement::{camera_place, outside_of};
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
-pub use row::{Checked, Row};
+pub use row::{Checked, Row, Severity};
+use row::{Peak, at, largest, stop_if, warn_if};
 pub use written::check_written;
-
-/// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
-/// long as the lamp's blur tells hot spots from trembling.
-const PIECE_S: f64 = 0.05;
 
 /// Distance between two places at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
@@ -61,12 +51,21 @@ const COVERAGE_STEP_M: f64 = 0.1;
 const MAX_ERROR_H: f64 = 0.05;
 const CAP_HEIGHT_M: f64 = 0.5;
 
+/// What speaks against flights, and where things stand in their room.
+#[derive(Clone, Debug)]
+pub struct Preflight {
+    /// Every check that was made.
+    pub findings: Vec<Checked>,
+    /// `None` without a room or a picture.
+    pub placement: Option<ShotPlan>,
+}
+
 /// Checks letters, plans, simulated flights, light and base stations against a profile.
 ///
 /// # Errors
 ///
 /// Those of the stages, except that of an infeasible flight: it is a finding.
-pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
+pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
     of_flights(shoot, flown(shoot)?, profile)
 }
 
@@ -99,7 +98,7 @@ pub fn of_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
     profile: &Profile,
-) -> Result<Vec<Checked>> {
+) -> Result<Preflight> {
     let mut findings = check_design(shoot, profile);
     findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
     let picture = Picture::of(shoot, &flown);
@@ -109,33 +108,40 @@ pub fn of_flights(
             Ok(flight) => {
                 found.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
             }
-            Err(Error::Infeasible { what, .. }) => found.push(Finding::Flight(what)),
+            Err(Error::Infeasible { what, .. }) => found.push(lost(what)),
             Err(error) => return Err(error),
         }
         found.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, Some(drone), found));
     }
     let stands = room_of(shoot, profile)?;
-    let nowhere = stands.iter().any(|it| it.row(&shoot.scene.plan).severity != Severity::Fine);
-    let picture = check_picture(shoot, picture);
+    let nowhere = stands.iter().any(|row| row.severity != Severity::Fine);
     // No picture is taken from a place outside of the room.
-    let shown = |finding: &Finding| !(nowhere && matches!(finding, Finding::Picture(None)));
-    findings.extend(numbered(shoot, None, picture.into_iter().filter(shown)));
+    let shown = |row: &Row| !(nowhere && row.severity == Severity::Fine);
+    let pictures = check_picture(shoot, picture.as_ref());
+    findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
     findings.extend(numbered(shoot, None, stands));
-    Ok(findings)
+    let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
+    let placement = match lit.filter(|_| profile.room_m.is_some()) {
+        Some((trace, camera)) => place(shoot, trace, camera.shutter_close_s, profile)?,
+        None => None,
+    };
+    Ok(Preflight { findings, placement })
+}
+
+/// A flight that does not reach its end.
+fn lost(how: String) -> Row {
+    let row = Row::of("flight", Severity::Stop, None);
+    let advice = "see the message; tune the controller";
+    Row { detail: how.clone(), ..row }.say(how, "a flight to its end", advice)
 }
 
 /// Of a room: what stands outside of it, and whether the camera has a place.
-fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Finding>> {
+fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
     let Some(room_m) = profile.room_m else {
         let why = "no room is named";
         let wanted = "the room's size, its middle at x = y = 0";
-        return Ok(vec![Finding::unchecked(
-            "frame",
-            why,
-            wanted,
-            "name the room: {expose.room_m}",
-        )]);
+        return Ok(vec![Row::unchecked("frame", why, wanted, "name the room: {expose.room_m}")]);
     };
     let camera = camera_place(shoot, room_m)?;
     Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
@@ -151,7 +157,7 @@ pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<V
     let mut findings = check_design(shoot, profile);
     findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
     for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
-        let mut found = check_flight(shoot, drone, flight, None, profile)?.to_vec();
+        let mut found = check_flight(shoot, drone, flight, None, profile)?;
         found.push(check_coverage(&planned.plan, &shoot.scene)?);
         findings.extend(numbered(shoot, Some(drone), found));
     }
@@ -162,19 +168,17 @@ pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<V
 fn numbered(
     shoot: &Shoot,
     drone: Option<usize>,
-    findings: impl IntoIterator<Item = Finding>,
+    rows: impl IntoIterator<Item = Row>,
 ) -> impl Iterator<Item = Checked> {
     let drone = drone.filter(|_| shoot.plans.len() > 1).map(DroneIndex);
-    let checked =
-        move |finding: Finding| Checked { drone, row: finding.row(&shoot.scene.plan), finding };
-    findings.into_iter().map(checked)
+    rows.into_iter().map(move |row| Checked { drone, row })
 }
 
 /// Letters and plans.
 fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     let letters = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
-        None => vec![Finding::unchecked(
+        None => vec![Row::unchecked(
             "doubled stroke",
             "no word is named for the plans",
             "the word that the plans write",
@@ -182,8 +186,9 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
         )],
     };
     let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
+    let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
     for (drone, design) in shoot.designs().iter().enumerate() {
-        findings.extend(numbered(shoot, Some(drone), check_plan(design, profile)));
+        findings.extend(numbered(shoot, Some(drone), check_plan(design, is_even, profile)));
     }
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
@@ -197,13 +202,17 @@ fn check_flight(
     flight: &Flight,
     picture: Option<&Picture>,
     profile: &Profile,
-) -> Result<[Finding; 8]> {
+) -> Result<Vec<Row>> {
     let scene = &shoot.scene;
     let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
-    let trace = shoot.light_drone(drone, flight)?;
-    let trail = picture.and_then(|picture| Some((&picture.camera, picture.trail(drone)?)));
+    let trace = match picture.and_then(|picture| picture.light_of(drone)) {
+        Some(trace) => trace,
+        None => shoot.light_drone(drone, flight)?,
+    };
+    let trail = picture.and_then(|picture| Some((picture.camera(), picture.trail(drone)?)));
     let flown = Flown {
         flight,
+        plan: &scene.plan,
         ends: &ends,
         painted: &painted(flight, &trace, scene),
         evenness_stops: trail.map(|(_, reading)| reading.evenness_stops()),
@@ -222,7 +231,7 @@ fn check_flight(
 }
 
 /// What the wakes of other drones cost, where plans lead into them; `None` for a single drone.
-fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Finding> {
+fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
     }
@@ -243,151 +252,22 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Finding> {
     let costs = shoot.wakes().into_iter().map(cost);
     let worst = costs.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).unwrap_or_default();
     let (place, (value, time_s)) = worst;
-    Some(Finding::Wake(place, Peak { value, most, time_s: place.map(|_| time_s) }))
-}
-
-/// What only a preview would show: the word in the picture, while the shutter is open, lit.
-fn check_picture(shoot: &Shoot, picture: Option<Picture>) -> Vec<Finding> {
-    let unchecked = |why| {
-        let advice = "mend what stops the flight; plan a word";
-        vec![Finding::unchecked("picture", why, "flights that end, and letters", advice)]
-    };
-    let Some(picture) = picture else { return unchecked("not every drone ends its flight") };
-    let mut setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
-        return unchecked("the plans write no letter");
-    }
-    match picture.problems.is_empty() {
-        true => vec![Finding::Picture(None)],
-        false => picture.problems.into_iter().map(|it| Finding::Picture(Some(it))).collect(),
-    }
-}
-
-/// A check of a plan that the export refuses.
-fn not_exported(check: &'static str, error: &Error) -> Finding {
-    let wanted = "a plan that can be exported";
-    Finding::unchecked(check, error, wanted, "change what the export refuses")
-}
-
-/// Whether the plan fits the memory on board as either trajectory and the radio as setpoints.
-fn check_memory(shoot: &Shoot, drone: usize) -> Finding {
-    match memory(&shoot.designs()[drone]) {
-        Ok(memory) => Finding::Memory(memory),
-        Err(error) => not_exported("memory", &error),
-    }
-}
-
-/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
-/// are timed on the exported trajectory.
-fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
-    let form = Form::Compressed;
-    let flown = || match shoot.designs.is_empty() {
-        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
-        false => Ok(shoot.clone()),
-    };
-    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.scene.light);
-    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq(["ring"]);
-    match if used { entries() } else { Ok(None) } {
-        Ok(entries) => Finding::LedMemory { entries, most: RING_TIMING_ENTRIES },
-        Err(error) => not_exported("LED memory", &error),
-    }
-}
-
-/// Lamps and camera of flights; `None` where one of them fails.
-fn lighting(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Result<Lighting>> {
-    let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
-    let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
-    Some(Shoot { recordings, ..shoot.clone() }.lighting(&|_, _| {}))
-}
-
-/// Where things stand in the profile's room, for flights; `None` without a room or a picture.
-///
-/// # Errors
-///
-/// As [`place`].
-pub fn placement(
-    shoot: &Shoot,
-    flown: &[Result<Flight>],
-    profile: &Profile,
-) -> Result<Option<ShotPlan>> {
-    match lighting(shoot, flown).filter(|_| profile.room_m.is_some()) {
-        Some(Ok(Lighting { trace, camera, .. })) => {
-            place(shoot, &trace, camera.shutter_close_s, profile)
-        }
-        _ => Ok(None),
-    }
-}
-
-/// What the light of all drones leaves in the picture.
-struct Picture {
-    /// `None` where there is no picture.
-    camera: Option<Camera>,
-    /// Of the lamps that write.
-    readings: Vec<LampReading>,
-    problems: Vec<Problem>,
-}
-
-impl Picture {
-    /// The picture of flights; `None` where one of them fails.
-    fn of(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
-        Some(match lighting(shoot, flown)? {
-            Ok(Lighting { trace, camera, writing, problems, .. }) => {
-                let mut readings = meter(&trace, &camera).unwrap_or_default();
-                readings.retain(|reading| writing.contains(&reading.name));
-                Self { camera: Some(camera), readings, problems }
-            }
-            Err(error) => {
-                let problems = vec![Problem::NoPicture(error.to_string())];
-                Self { camera: None, readings: Vec::new(), problems }
-            }
-        })
-    }
-
-    /// The brightest trail of a drone's lamps.
-    fn trail(&self, drone: usize) -> Option<&LampReading> {
-        let own =
-            self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of.0 == drone));
-        brightest(own)
-    }
-}
-
-fn brightest<'a>(readings: impl Iterator<Item = &'a LampReading>) -> Option<&'a LampReading> {
-    readings.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
-}
-
-/// Headings that are tried, in a turn.
-const HEADINGS: u32 = 24;
-/// Stops by which another heading is worth a turn of the nose.
-const WORTH_STOPS: f64 = 0.5;
-
-/// The heading at which the exposure along a flight's brightest trail varies least, rad, and by how
-/// much, stops, where that is worth a turn and the trail is as bright and as long as now: the same
-/// flight, lit with its nose turned.
-fn evener(
-    shoot: &Shoot,
-    drone: usize,
-    flight: &Flight,
-    camera: &Camera,
-    now: &LampReading,
-) -> Result<Option<[f64; 2]>> {
-    let mut best = None;
-    for step in 0..HEADINGS {
-        let yaw_rad = TAU * f64::from(step) / f64::from(HEADINGS) - PI;
-        let mut turned = flight.clone();
-        let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
-        turned.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad += turn_rad);
-        let trace = shoot.light_drone(drone, &turned)?;
-        let lamps = writing(std::slice::from_ref(&turned), &trace, &shoot.scene.light);
-        let trace = LightTrace { lamps: lamps.into_iter().cloned().collect() };
-        let readings = meter(&trace, camera).unwrap_or_default();
-        let Some(found) = brightest(readings.iter()) else { continue };
-        let least = best.map_or(now.evenness_stops() - WORTH_STOPS, |[_, stops]: [f64; 2]| stops);
-        let whole = found.median_stops >= now.median_stops && found.lit_s >= 0.99 * now.lit_s;
-        if whole && found.evenness_stops() < least {
-            best = Some([yaw_rad, found.evenness_stops()]);
-        }
-    }
-    Ok(best)
+    let time_s = place.map(|_| time_s);
+    let found = place.map_or("no drone is planned into another's wake".into(), |(lower, it)| {
+        format!(
+            "drone {lower} comes {:.2} m below and {:.2} m beside another at {:.1} s; off by up to \
+             {value:.3} m{}",
+            it.vertical_m.abs(),
+            it.horizontal_m,
+            it.time_s,
+            at(time_s)
+        )
+    });
+    Some(Peak { value, most, time_s }.row("wake", warn_if(value > most)).say(
+        found,
+        format!("off by up to {most} m, a twentieth of the letters"),
+        "plan the drones together with {plan.drones}, or fly the lower one before the other",
+    ))
 }
 
 /// Cap height of a word's letters; `None` of a drawing.
@@ -396,48 +276,12 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     Some(letter.cell.cap_height_m)
 }
 
-/// Light of the first lamp that follows the plan, in pieces along its path: start time, length and
-/// seconds of full light.
-fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64, f64)> {
-    let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
-    let name = writing.first().map(|lamp| &lamp.emitter.name);
-    // A lamp that changes its color is several emitters.
-    let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
-    let mut pieces: Vec<(f64, f64, f64)> = emitters.flat_map(|lamp| pieces_of(lamp)).collect();
-    pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
-    pieces
-}
-
-/// The same of one emitter, whose highest level counts as full light: the dies of a color LED are
-/// balanced by their levels.
-fn pieces_of(lamp: &Lamp) -> Vec<(f64, f64, f64)> {
-    let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
-    let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
-    let mut from: Option<(f64, Vector3<f64>)> = None;
-    let mut light_s = 0.0;
-    for pair in lamp.samples.windows(2) {
-        let lasts_s = pair[1].time_s - pair[0].time_s;
-        let lit = 0.5 * (pair[0].level + pair[1].level) / full.max(f64::MIN_POSITIVE);
-        if lit <= 0.0 {
-            (from, light_s) = (None, 0.0);
-            continue;
-        }
-        let (start_s, start_m) = *from.get_or_insert((pair[0].time_s, pair[0].position_m));
-        light_s += lit * lasts_s;
-        if pair[1].time_s - start_s >= PIECE_S {
-            pieces.push((start_s, (pair[1].position_m - start_m).xz().norm(), light_s));
-            (from, light_s) = (None, 0.0);
-        }
-    }
-    pieces
-}
-
 /// Whether two base stations see the box of the whole flight.
-fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Finding> {
+fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
     let unchecked = |why| {
         let wanted = "base stations, and a flight for them to see";
         let advice = "name the stations: {sensors.lighthouse.stations}";
-        Ok(Finding::unchecked("coverage", why, wanted, advice))
+        Ok(Row::unchecked("coverage", why, wanted, advice))
     };
     if scene.sensors.lighthouse.stations.is_empty() {
         return unchecked("the scene has no base stations");
@@ -448,33 +292,22 @@ fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Finding> {
     if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
         return unchecked("the flight has no width or no height");
     }
-    Ok(Finding::Coverage(coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()))
+    let seen_frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
+    let row = Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac);
+    Ok(Row { limit: 1.0, ..row }.say(
+        format!("{:.1} % of the flight's box is seen by two base stations", 100.0 * seen_frac),
+        "two Lighthouse stations see every place",
+        "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the stations \
+         (see `coverage`)",
+    ))
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::scene::Preset;
-
-    #[test]
-    fn the_heading_at_which_a_wide_word_is_even_is_named_with_what_it_brings() {
-        let mut scene = Scene { word: "IIIIIIII".to_owned(), ..Scene::preset(Preset::Cf21) };
-        let evenness = |scene: &Scene| {
-            let shoot = Shoot::new(scene.clone()).unwrap();
-            let found = preflight(&shoot, &Profile::indoor()).unwrap();
-            let even = |checked: &Checked| match checked.finding {
-                Finding::Evenness(peak, evener) => Some((peak.value, evener)),
-                _ => None,
-            };
-            found.iter().find_map(even).unwrap()
-        };
-        let (now_stops, evener) = evenness(&scene);
-        let [yaw_rad, stops] = evener.expect("headlights along the word");
-        assert!(stops < now_stops - 1.0, "{now_stops}, {stops}");
-        scene.plan.yaw_rad = yaw_rad;
-        let (then_stops, evener) = evenness(&scene);
-        assert!((then_stops - stops).abs() < 0.2 && evener.is_none(), "{then_stops}, {evener:?}");
-    }
 
     #[test]
     fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {
@@ -493,14 +326,14 @@ mod tests {
             )
         };
         let wake = found(&scene, vec![upper.clone(), lower.clone()]).unwrap();
-        let Finding::Wake(Some((2, nearest)), peak) = &wake else { panic!("{wake:?}") };
-        assert!((nearest.vertical_m - 0.5).abs() < 1e-6 && peak.value > peak.most, "{wake:?}");
-        assert_eq!(wake.row(&scene.plan).severity, Severity::Warning);
+        assert!(wake.found.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");
+        assert!(wake.value > Some(wake.limit), "{wake:?}");
+        assert_eq!(wake.severity, Severity::Warning);
 
         let mut beside = upper.clone();
         beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
         let none = found(&scene, vec![beside, lower.clone()]).unwrap();
-        assert!(matches!(none, Finding::Wake(None, Peak { value: 0.0, .. })), "{none:?}");
+        assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
         scene.air.downwash = Downwash::None;
         assert_eq!(found(&scene, vec![upper, lower]), None, "without a model");
     }

@@ -8,7 +8,8 @@
 
 use serde::Serialize;
 
-use super::{Finding, OutOfRoom, Profile, Severity, cap_height_m};
+use super::row::{Row, Severity};
+use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Planned, Shoot, recommended};
 use noctograph_core::camera::{
@@ -33,6 +34,9 @@ const CUT_OFF_S: f64 = 2.0;
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// The check of the camera's place in a room, which a preview does without.
+pub const CAMERA_PLACE: &str = "camera";
 
 /// Where things stand in a room, and which cameras show the word from within it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -171,9 +175,21 @@ fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     shoot.plans.iter().filter_map(first)
 }
 
+/// Something outside of its room.
+struct OutOfRoom {
+    /// What it is.
+    what: String,
+    /// Where it stands, m.
+    place_m: [f64; 3],
+    /// Distance from the room where it is farthest outside, m.
+    by_m: f64,
+    /// How bad that is: a camera may look in through a door.
+    severity: Severity,
+}
+
 /// What stands outside of a room: the origin or the room is wrong then, and so is where the drone
 /// flies.
-pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Finding {
+pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
     let [width_m, depth_m, height_m] = room_m;
     let (name, stations_m) = stations(&shoot.scene);
     let numbered = |(index, place_m): (usize, [f64; 3])| (format!("{name} {}", index + 1), place_m);
@@ -192,12 +208,32 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Finding {
         let severity = if index < n_fixed { Severity::Stop } else { Severity::Warning };
         (by_m > FRAME_M).then_some(OutOfRoom { what, place_m, by_m, severity })
     };
-    Finding::Frame { outside: places.into_iter().enumerate().filter_map(outside).collect(), n }
+    let outside: Vec<OutOfRoom> = places.into_iter().enumerate().filter_map(outside).collect();
+    let farthest = outside.iter().max_by(|a, b| a.by_m.total_cmp(&b.by_m));
+    let severity = outside.iter().map(|it| it.severity).max().unwrap_or_default();
+    let row = Row::of("frame", severity, farthest.map_or(0.0, |it| it.by_m));
+    let place = |it: &OutOfRoom| {
+        let [x, y, z] = it.place_m;
+        format!("{} at ({x:.2}, {y:.2}, {z:.2}), {:.2} m outside", it.what, it.by_m)
+    };
+    let places: Vec<String> = outside.iter().map(place).collect();
+    let detail = outside.iter().map(|it| it.what.as_str()).collect::<Vec<_>>().join(", ");
+    let found = match places.as_slice() {
+        [] => format!("all {n} places of stations, anchors, drones and camera are in the room"),
+        places => places.join("; "),
+    };
+    Row { limit: FRAME_M, position_m: farthest.map(|it| it.place_m), detail, ..row }.say(
+        found,
+        "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
+        "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
+         or type the room's true size ({expose.room_m}); the stations are \
+         {sensors.lighthouse.stations}, the anchors {sensors.uwb.anchors_m}",
+    )
 }
 
 /// Whether the scene's camera has a place square in front of the word, or which usual one has;
 /// `None` for one whose place is said, and without a word.
-pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Finding>> {
+pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
         return Ok(None);
@@ -212,7 +248,24 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Fin
             break;
         }
     }
-    Ok(Some(Finding::CameraPlace { least_m, most_m, other }))
+    let severity = match other {
+        _ if least_m <= most_m => Severity::Fine,
+        Some(_) => Severity::Warning,
+        None => Severity::Stop,
+    };
+    let shows = match (severity, other) {
+        (Severity::Fine, _) => "has a place in the room".to_owned(),
+        (_, Some(other)) => format!("has no place in the room; {other} has"),
+        (_, None) => "has no place in the room, and no usual one has".to_owned(),
+    };
+    let row = Row { limit: most_m, ..Row::of(CAMERA_PLACE, severity, least_m) };
+    Ok(Some(row.say(
+        format!("{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
+        format!("a camera that shows the whole word from within {most_m:.1} m"),
+        "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \
+         the room's true depth ({expose.room_m}), or say where the camera stands \
+         ({camera.framing}): in a door, for instance",
+    )))
 }
 
 /// A camera that people own in the place of the scene's.

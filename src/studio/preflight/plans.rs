@@ -2,26 +2,28 @@
 
 use nalgebra::Vector3;
 
-use super::finding::largest;
-use super::{Finding, Peak, Profile};
-use noctograph_flying::plan::{Approach, Plan, Setpoint, closest};
+use super::Profile;
+use super::row::{Peak, Row, at, largest, stop_if, warn_if};
+use noctograph_flying::plan::{
+    Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest,
+};
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
 
-/// Checks the motion and the commands of a plan.
-pub(super) fn check_plan(plan: &Plan, profile: &Profile) -> [Finding; 6] {
-    [
+/// Checks the motion and the commands of a plan, of style `even` or another.
+pub(super) fn check_plan(plan: &Plan, is_even: bool, profile: &Profile) -> Vec<Row> {
+    vec![
         volume(plan, profile),
         speed(plan, profile),
         acceleration(plan, profile),
         jumps(plan),
-        duration(plan, profile),
+        duration(plan, is_even, profile),
         headlights(plan),
     ]
 }
 
-fn volume(plan: &Plan, profile: &Profile) -> Finding {
+fn volume(plan: &Plan, profile: &Profile) -> Row {
     let [low, high] = profile.volume_m.map(Vector3::from);
     let outside = |setpoint: &Setpoint| {
         let (below, above) = (low - setpoint.position_m, setpoint.position_m - high);
@@ -32,15 +34,32 @@ fn volume(plan: &Plan, profile: &Profile) -> Finding {
     let most = plan.setpoints.iter().map(|s| (outside(s), s.time_s));
     let (outside_m, time_s) = largest(most);
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
-    Finding::Volume { outside_m, time_s, position_m, volume: profile.volume() }
+    let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
+    let row = Row::of("volume", stop_if(outside_m > 1e-6), outside_m);
+    let wanted = format!("inside {volume}");
+    let found = match outside_m > 0.0 {
+        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at(time_s)),
+        false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
+    };
+    Row { time_s: Some(time_s), position_m, detail: volume, ..row }.say(
+        found,
+        wanted,
+        "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
+         {letters.baseline_m})",
+    )
 }
 
-fn speed(plan: &Plan, profile: &Profile) -> Finding {
+fn speed(plan: &Plan, profile: &Profile) -> Row {
     let speeds = plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s));
-    Finding::Speed(Peak::of(speeds, profile.speed_m_s))
+    let peak @ Peak { value, most, time_s } = Peak::of(speeds, profile.speed_m_s);
+    peak.row("speed", stop_if(value > 1.001 * most)).say(
+        format!("{value:.2} m/s{}", at(time_s)),
+        format!("up to {most} m/s"),
+        "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
+    )
 }
 
-fn acceleration(plan: &Plan, profile: &Profile) -> Finding {
+fn acceleration(plan: &Plan, profile: &Profile) -> Row {
     // Without accelerations in the plan, the changes of velocity between setpoints count.
     let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
     let pairs = plan.setpoints.windows(2).map(|pair| {
@@ -48,52 +67,101 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Finding {
         let change = (pair[1].velocity_m_s - pair[0].velocity_m_s).norm() / lasts_s.max(1e-3);
         (if planned { pair[0].acceleration_m_s2.norm() } else { change }, pair[1].time_s)
     });
-    let peak = Peak::of(pairs, profile.acceleration_m_s2);
-    if planned { Finding::Acceleration(peak) } else { Finding::VelocityStep(peak) }
+    let peak @ Peak { value, most, time_s } = Peak::of(pairs, profile.acceleration_m_s2);
+    let (is_beyond, at) = (value > 1.05 * most, at(time_s));
+    // Steps of velocity are not flown as they stand; a planned acceleration is.
+    let (severity, found, advice) = match planned {
+        true => {
+            let found = format!("{value:.2} m/s²{at}");
+            (stop_if(is_beyond), found, "lower {plan.style.acceleration_m_s2}")
+        }
+        false => {
+            let found = format!("setpoints change velocity by up to {value:.1} m/s²{at}");
+            (warn_if(is_beyond), found, "plan with {plan.style=even}")
+        }
+    };
+    peak.row("acceleration", severity).say(found, format!("up to {most} m/s²"), advice)
 }
 
-fn jumps(plan: &Plan) -> Finding {
+fn jumps(plan: &Plan) -> Row {
     let in_air = plan.setpoints.windows(2).filter(|p| !p[0].on_floor() && !p[1].on_floor());
     let all = in_air.map(|p| ((p[1].position_m - p[0].design_m(p[1].time_s)).norm(), p[1].time_s));
     let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
-    Finding::Jump(jumps.len(), Peak::of(jumps, JUMP_M))
+    let (n, peak) = (jumps.len(), Peak::of(jumps, JUMP_M));
+    let found = match n {
+        0 => "none".to_owned(),
+        n => format!("{n} jumps of up to {:.2} m{}", peak.value, at(peak.time_s)),
+    };
+    Row { count: Some(n), ..peak.row("jump", warn_if(n > 0)) }.say(
+        found,
+        format!("setpoints within {JUMP_M} m of the design"),
+        "plan with {plan.style=even}, whose design is continuous",
+    )
 }
 
-fn duration(plan: &Plan, profile: &Profile) -> Finding {
+fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
     let in_air = plan.setpoints.windows(2).filter(|pair| !pair[0].on_floor());
-    let air_s = in_air.map(|pair| pair[1].time_s - pair[0].time_s).sum();
-    Finding::FlightTime(Peak { value: air_s, most: profile.flight_time_s, time_s: None })
+    let air_s: f64 = in_air.map(|pair| pair[1].time_s - pair[0].time_s).sum();
+    let most_s = profile.flight_time_s;
+    let row = Row::of("flight time", stop_if(air_s > most_s), air_s);
+    Row { limit: most_s, ..row }.say(
+        format!("{air_s:.0} s in the air"),
+        format!("up to {most_s:.0} s in the air"),
+        match is_even {
+            true => "write fewer letters, or with {plan.drones=2}",
+            false => "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}",
+        },
+    )
 }
 
 /// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`).
-fn headlights(plan: &Plan) -> Finding {
-    let Some(levels) = plan.lights.get("headlights") else {
-        return Finding::Headlights { dimmed: None, first_s: None };
-    };
-    let rows = plan.setpoints.iter().zip(levels);
-    let mut dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
-    let first_s = dimmed.next().map(|(setpoint, _)| setpoint.time_s);
-    Finding::Headlights { dimmed: Some(usize::from(first_s.is_some()) + dimmed.count()), first_s }
+fn headlights(plan: &Plan) -> Row {
+    let levels = plan.lights.get("headlights");
+    let dimmed = levels.map(|levels| {
+        let rows = plan.setpoints.iter().zip(levels);
+        let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
+        dimmed.map(|(setpoint, _)| setpoint.time_s).collect::<Vec<f64>>()
+    });
+    let n = dimmed.as_ref().map(Vec::len);
+    let time_s = dimmed.and_then(|times_s| times_s.first().copied());
+    let row = Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64));
+    Row { time_s, ..row }.say(
+        match n {
+            None => "not used".to_owned(),
+            Some(0) => "switched on and off, not dimmed".to_owned(),
+            Some(n) => format!("dimmed by {n} commands, first{}", at(time_s)),
+        },
+        "on or off: headlights cannot be dimmed",
+        "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
+    )
 }
 
 /// Distance of the drones from each other; `None` for a single one.
-pub(super) fn check_separation(plans: &[Plan]) -> Option<Finding> {
+pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
     if plans.len() < 2 {
         return None;
     }
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
-    Some(Finding::Separation(pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest)))
+    let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest);
+    let (least_m, time_s) = (closest.map(|it| it.horizontal_m), closest.map(|it| it.time_s));
+    let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
+    let row = Row::of("separation", stop_if(is_near), least_m);
+    Some(Row { limit: MIN_HORIZONTAL_M, time_s, ..row }.say(
+        least_m.map_or("always above each other".into(), |least_m| {
+            format!("{least_m:.2} m or more apart sideways, least{}", at(time_s))
+        }),
+        format!("{MIN_HORIZONTAL_M} m sideways, or {MIN_VERTICAL_M} m above each other"),
+        "let the later drone wait ({plan.floor_wait_s}), or plan with {plan.drones}",
+    ))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::Severity;
     use super::*;
-    use noctograph_flying::plan::{
-        EvenStyle, LightLevel, MIN_HORIZONTAL_M, PlanOptions, fleet, plan,
-    };
+    use noctograph_flying::plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
     use noctograph_letters::{LetterOptions, Strokes, write};
 
     fn strokes(word: &str) -> Strokes {
@@ -105,20 +173,19 @@ mod tests {
     }
 
     fn outside_m(plan: &Plan, profile: &Profile) -> (f64, [f64; 3]) {
-        let Finding::Volume { outside_m, position_m, .. } = volume(plan, profile) else {
-            panic!("a volume is found")
-        };
-        (outside_m, position_m.unwrap())
+        let row = volume(plan, profile);
+        (row.value.unwrap(), row.position_m.unwrap())
     }
 
     #[test]
     fn the_reference_flight_jumps_and_may_fly() {
         let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
-        let found = check_plan(&team, &Profile::indoor());
-        assert!(found.iter().all(|f| f.severity() != Severity::Stop), "it flew: {found:?}");
-        let Finding::Jump(n, Peak { value, .. }) = jumps(&team) else { panic!("it is a jump") };
+        let found = check_plan(&team, false, &Profile::indoor());
+        assert!(found.iter().all(|row| row.severity != Severity::Stop), "it flew: {found:?}");
+        let Row { count, value: Some(value), .. } = jumps(&team) else { panic!("it is a jump") };
+        let n = count.unwrap();
         assert!(n == 5 && (value - 0.2).abs() < 0.005, "{n} jumps, {value} m");
-        assert_eq!(speed(&team, &Profile::indoor()).severity(), Severity::Fine);
+        assert_eq!(speed(&team, &Profile::indoor()).severity, Severity::Fine);
     }
 
     #[test]
@@ -126,10 +193,10 @@ mod tests {
         let limits =
             EvenStyle { dark_speed_m_s: 2.0, acceleration_m_s2: 4.0, ..EvenStyle::default() };
         let fast = even("NOOR", limits);
-        assert_eq!(acceleration(&fast, &Profile::indoor()).severity(), Severity::Stop);
+        assert_eq!(acceleration(&fast, &Profile::indoor()).severity, Severity::Stop);
         let wide = LetterOptions { width_m: Some(2.0), ..LetterOptions::default() };
         let wide = plan(&write("NOOR", &wide).unwrap(), &PlanOptions::even()).unwrap();
-        assert_eq!(volume(&wide, &Profile::indoor()).severity(), Severity::Stop);
+        assert_eq!(volume(&wide, &Profile::indoor()).severity, Severity::Stop);
         let (outside_m, [x, ..]) = outside_m(&wide, &Profile::indoor());
         assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
     }
@@ -149,7 +216,7 @@ mod tests {
     #[test]
     fn dimmed_headlights_are_found() {
         let severity = |exposure| {
-            headlights(&even("O", EvenStyle { exposure, ..EvenStyle::default() })).severity()
+            headlights(&even("O", EvenStyle { exposure, ..EvenStyle::default() })).severity
         };
         assert_eq!(severity(LightLevel::Dimmed), Severity::Warning);
         assert_eq!(severity(LightLevel::Switched), Severity::Fine);
@@ -159,12 +226,11 @@ mod tests {
     fn drones_in_conflict_do_not_fly() {
         let alone = plan(&strokes("NO"), &PlanOptions::even()).unwrap();
         let found = check_separation(&[alone.clone(), alone]).unwrap();
-        assert_eq!(found.severity(), Severity::Stop);
+        assert_eq!(found.severity, Severity::Stop);
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let pair = fleet(&strokes("NO"), &options).unwrap();
         let found = check_separation(&pair).unwrap();
-        assert_eq!(found.severity(), Severity::Fine);
-        let Finding::Separation(Some(apart)) = found else { panic!("{found:?}") };
-        assert!((MIN_HORIZONTAL_M..3.0).contains(&apart.horizontal_m), "{apart:?}");
+        assert_eq!(found.severity, Severity::Fine);
+        assert!((MIN_HORIZONTAL_M..3.0).contains(&found.value.unwrap()), "{found:?}");
     }
 }
