@@ -15,7 +15,7 @@ use super::{Job, caution, gains, stem};
 use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::lamps::LightOptions;
+use noctograph_core::lamps::{Channel, LightOptions};
 use noctograph_core::settings::settings;
 use noctograph_flying::plan::Plan;
 use noctograph_flying::sensors::Positioning;
@@ -133,8 +133,8 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "before_s": before_s,
         "end_s": sent_until_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
-        "parameters": parameters(plan, job.light),
-        "dark": commands(&dark(plan)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
+        "parameters": parameters(plan, job.light)?,
+        "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
         "setpoints": setpoints(plan, sent_until_s)?,
@@ -240,14 +240,12 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
-    let lit =
-        |channels: &[&str]| plan.lamps().any(|(channel, _)| channels.contains(&channel.as_str()));
     let mut decks = vec![("positioning", position)];
-    if lit(&["headlights", "ring"]) {
-        decks.push(("the ring", vec!["bcLedRing"]));
-    }
-    if lit(&["color-led"]) {
-        decks.push(("the color LED", vec!["bcColorLedBot"]));
+    for channel in plan.lamps().filter_map(|(name, _)| Channel::of(name)) {
+        let (name, parameters) = channel.deck;
+        if decks.iter().all(|(other, _)| *other != name) {
+            decks.push((name, parameters.to_vec()));
+        }
     }
     decks
 }
@@ -268,10 +266,10 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
 
 /// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already
 /// is not sent.
-fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
-    let mut parameters = vec![("stabilizer.estimator", 2)];
-    parameters.extend(preparation(plan, light));
-    parameters
+fn parameters(plan: &Plan, light: &LightOptions) -> Result<Vec<(String, u32)>> {
+    let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
+    parameters.extend(preparation(plan, light)?);
+    Ok(parameters)
 }
 
 /// Number of the controller in the firmware (`controller.h`), where the firmware has it.

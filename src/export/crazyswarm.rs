@@ -127,7 +127,7 @@ fn drone(
 ) -> Result<serde_json::Value> {
     let stretch = Stretch::new(plan)?;
     let lights = job.trajectory_lights(index)?;
-    let dark = dark(plan)?;
+    let dark = dark(plan, job.light)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
     let before = json!([
@@ -137,7 +137,7 @@ fn drone(
     ]);
     let mut parameters = vec![json!(["stabilizer.controller", controller])];
     parameters.extend(gains::parameters(job.sim).into_iter().map(|gain| json!(gain)));
-    parameters.extend(preparation(plan, job.light).into_iter().map(|lamp| json!(lamp)));
+    parameters.extend(preparation(plan, job.light)?.into_iter().map(|lamp| json!(lamp)));
     Ok(json!({
         "name": format!("cf{}", index + 1),
         "csv": csv,

@@ -1,9 +1,7 @@
 //! Light commands as firmware parameters.
 //!
-//! Lamps listen to parameters (firmware `ledring12.c`, `color_led_deck.c`): the headlights to
-//! `ring.headlightEnable` (on or off), the ring to `ring.fadeColor` under effect 14 with
-//! `ring.fadeTime` 0 (one write for three colors), the color LED deck to `colorLedBot.wrgb8888`.
-//! The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
+//! Lamps listen to parameters: those of decks to the ones of [`CHANNELS`], a lamp of one's own to
+//! the one in its row of the emitter table. The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
 //! time of the radio and half a tick.
 //!
 //! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
@@ -14,16 +12,16 @@ use nalgebra::Vector3;
 use noctograph_core::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::lamps::{
-    COLOR_LED_COLORS, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING_COLORS, packed,
-    ring_memory_rgb,
+    CHANNELS, COLOR_LED, Channel, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING,
+    packed, ring_memory_rgb,
 };
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 use noctograph_flying::plan::Plan;
 
-/// `ring.effect` that shows `ring.fadeColor`.
-const RING_FADE: u32 = 14;
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
+/// Whether the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
+const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 
 /// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
 /// and on a slow clock. An entry between two ticks is never shown, and the end of the list leaves
@@ -36,7 +34,7 @@ pub struct Command {
     /// Time in the plan, s.
     pub time_s: f64,
     /// Firmware parameter.
-    pub parameter: &'static str,
+    pub parameter: String,
     /// Its value.
     pub value: u32,
     /// Light channel of the plan.
@@ -45,19 +43,60 @@ pub struct Command {
     pub level: f64,
 }
 
-/// The command of a light channel at a level from 0 to 1 and, of a ring or a color LED, in a color.
-fn command(time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Result<Command> {
-    let (parameter, value, level) = match channel {
+/// What a light channel of a plan sets.
+enum Target<'a> {
+    /// The parameter of a deck.
+    Deck(&'static Channel),
+    /// The parameter of a lamp of one's own, and its value at full level.
+    Own(&'a str, u32),
+}
+
+impl<'a> Target<'a> {
+    fn of(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
+        let mut own = fixtures.iter().filter(|it| it.drive.channel() == Some(channel));
+        let own = || own.find_map(|it| Some(Self::Own(it.parameter.as_deref()?, it.parameter_max)));
+        Channel::of(channel).map(Self::Deck).or_else(own).ok_or_else(|| {
+            let names = CHANNELS.map(|channel| channel.name).join(", ");
+            let wanted = format!("{names}, or a lamp that names its firmware parameter");
+            let hint = "light with one of these, or set `parameter` of the lamp in light.fixtures";
+            Error::input("plan.lights", channel, wanted, hint)
+        })
+    }
+
+    /// The command at a level from 0 to 1 and, of a lamp with colors, in one.
+    fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         // A pin: whatever is dimmed is on.
-        "headlights" => ("ring.headlightEnable", u32::from(level > 0.0), level.ceil()),
-        "ring" => ("ring.fadeColor", packed(&wrgb[1..], level), level),
-        "color-led" => ("colorLedBot.wrgb8888", packed(&wrgb, level), level),
-        other => {
-            let wanted = "headlights, ring or color-led: lamps with a firmware parameter";
-            return Err(Error::input("plan.lights", other, wanted, "light with one of these"));
-        }
+        let pin = || (u32::from(level > 0.0), level.ceil());
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0 to its most"
+        )]
+        let (parameter, (value, level)) = match *self {
+            Self::Deck(Channel { parameter, colors: [], .. }) => (*parameter, pin()),
+            Self::Deck(Channel { parameter, colors, .. }) => {
+                (*parameter, (packed(&wrgb[4 - colors.len()..], level), level))
+            }
+            Self::Own(parameter, 1) => (parameter, pin()),
+            Self::Own(parameter, most) => {
+                (parameter, ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level))
+            }
+        };
+        let (parameter, channel) = (parameter.to_owned(), channel.to_owned());
+        Command { time_s, parameter, value, channel, level }
+    }
+}
+
+/// Light channels of a plan that can only be on or off.
+pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
+    let fixtures = options.fixtures();
+    let is_switch = |channel: &&str| {
+        matches!(
+            Target::of(channel, &fixtures),
+            Ok(Target::Deck(Channel { colors: [], .. }) | Target::Own(_, 1))
+        )
     };
-    Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
+    plan.lamps().map(|(channel, _)| channel.as_str()).filter(is_switch).collect()
 }
 
 /// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring:
@@ -70,14 +109,15 @@ fn color(
     options: &LightOptions,
 ) -> [u8; 4] {
     let [r, g, b] = options.ring_rgb_of(letter);
-    let (channels, own) = match channel {
-        "ring" => (["", RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]], [0, r, g, b]),
-        _ => (COLOR_LED_COLORS, options.wrgb_of(letter)),
-    };
-    std::array::from_fn(|k| match plan.lights.get(channels[k]) {
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-        Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
-        None => own[k],
+    let own = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
+    let colors = Channel::of(channel).map_or(&[][..], |channel| channel.colors);
+    std::array::from_fn(|k| {
+        let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
+        match name.and_then(|name| plan.lights.get(*name)) {
+            #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+            Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
+            None => own[k],
+        }
     })
 }
 
@@ -88,12 +128,13 @@ fn color(
 /// [`Error::Input`] for a channel that no deck listens to.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
-    let letters = plan.light_letters();
+    let (letters, fixtures) = (plan.light_letters(), options.fixtures());
     for (channel, levels) in plan.lamps() {
-        let mut value = command(0.0, channel, 0.0, [0; 4])?.value;
+        let target = Target::of(channel, &fixtures)?;
+        let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
             let wrgb = color(plan, channel, row, letters[row], options);
-            let next = command(setpoint.time_s, channel, *level, wrgb)?;
+            let next = target.command(setpoint.time_s, channel, *level, wrgb);
             if next.value != value {
                 value = next.value;
                 commands.push(next);
@@ -109,28 +150,36 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 /// # Errors
 ///
 /// As [`commands`].
-pub fn dark(plan: &Plan) -> Result<Vec<Command>> {
-    plan.lamps().map(|(channel, _)| command(0.0, channel, 0.0, [0; 4])).collect()
+pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
+    let fixtures = options.fixtures();
+    let one = |channel| Ok(Target::of(channel, &fixtures)?.command(0.0, channel, 0.0, [0; 4]));
+    plan.lamps().map(|(channel, _)| one(channel)).collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
-#[must_use]
-pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Vec<(&'static str, u32)> {
-    let mut parameters = vec![("led.bitmask", BOARD_DARK)];
-    if plan.lights.contains_key("color-led") {
-        let corrected = options.color_led_levels == ColorLedLevels::Corrected;
-        parameters.push(("colorLedBot.brightCorr", u32::from(corrected)));
-        parameters.push(("colorLedBot.wrgb8888", 0));
-        return parameters;
+///
+/// # Errors
+///
+/// As [`commands`].
+pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
+    let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
+    let fixtures = options.fixtures();
+    let is_there = |name: &str| fixtures.iter().any(|it| it.drive.channel() == Some(name));
+    for Channel { name, ready, off, .. } in &CHANNELS {
+        let set = match plan.lights.contains_key(*name) {
+            true => *ready,
+            false if is_there(name) => *off,
+            false => &[],
+        };
+        parameters.extend(set.iter().map(|(parameter, value)| ((*parameter).to_owned(), *value)));
     }
-    parameters.push(("ring.headlightEnable", 0));
-    if plan.lights.contains_key("ring") {
-        parameters.extend([("ring.fadeTime", 0), ("ring.fadeColor", 0)]);
-        parameters.push(("ring.effect", RING_FADE));
-    } else {
-        parameters.push(("ring.effect", 0));
+    if options.color_led_levels == ColorLedLevels::Plain {
+        let corrected = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
+        corrected.into_iter().for_each(|(_, value)| *value = 0);
     }
-    parameters
+    let own = dark(plan, options)?.into_iter().filter(|it| Channel::of(&it.channel).is_none());
+    parameters.extend(own.map(|it| (it.parameter, it.value)));
+    Ok(parameters)
 }
 
 /// Entries of the timing memory that the lights of a flight take, of those that light a ring alone;
@@ -157,7 +206,7 @@ pub(super) struct Timing {
 /// and where it does not end dark.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
-    if !plan.lamps().map(|(channel, _)| channel).eq(["ring"]) || last.value != 0 {
+    if !plan.lamps().map(|(channel, _)| channel).eq([RING.name]) || last.value != 0 {
         return None;
     }
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
@@ -185,11 +234,12 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 #[must_use]
 pub(super) fn rgb(command: &Command) -> [u8; 3] {
     let [first, r, g, b] = command.value.to_be_bytes();
-    match command.parameter {
-        "ring.headlightEnable" => [255 * u8::from(command.value > 0); 3],
+    match Channel::of(&command.channel) {
         // The white die lights all three.
-        "colorLedBot.wrgb8888" => [r, g, b].map(|color| color.saturating_add(first)),
-        _ => [r, g, b],
+        Some(lamp) if lamp.colors.len() == 4 => [r, g, b].map(|color| color.saturating_add(first)),
+        Some(lamp) if lamp == RING => [r, g, b],
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        _ => [(255.0 * command.level.clamp(0.0, 1.0)).round() as u8; 3],
     }
 }
 
@@ -198,15 +248,18 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
 /// screen: red that writes is 3 of 255, and black in a show.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let [white, r, g, b] = command.value.to_be_bytes();
-    let drives = match command.parameter {
-        "ring.headlightEnable" => return [255 * u8::from(command.value > 0); 3],
-        "colorLedBot.wrgb8888" if options.color_led_levels == ColorLedLevels::Corrected => {
+    let lamp = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
+    let Some(lamp) = lamp else {
+        return rgb(command);
+    };
+    let drives = match lamp {
+        _ if lamp == COLOR_LED && options.color_led_levels == ColorLedLevels::Corrected => {
             // The firmware makes the dies alike and bytes a screen's.
             [white, r, g, b].map(|byte| linear_from_encoded(f64::from(byte) / 255.0))
         }
         _ => [white, r, g, b].map(|byte| f64::from(byte) / 255.0),
     };
-    let dies = dies(command.parameter);
+    let dies = dies(lamp);
     let mut light = Vector3::zeros();
     for (drive, Die { intensity_cd, chromaticity }) in drives.iter().rev().zip(dies.iter().rev()) {
         let alike = options.color_led_levels == ColorLedLevels::Corrected && dies.len() == 4;
@@ -224,9 +277,9 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(byte).into()
 }
 
-/// The dies that a parameter drives, in the order of its bytes.
-fn dies(parameter: &str) -> Vec<Die> {
-    let deck = if parameter == "ring.fadeColor" { Deck::LedRing } else { Deck::ColorLed };
+/// The dies that a channel drives, in the order of its bytes.
+fn dies(lamp: &Channel) -> Vec<Die> {
+    let deck = if lamp == RING { Deck::LedRing } else { Deck::ColorLed };
     let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
     deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |fixture| fixture.dies)
 }
@@ -252,20 +305,53 @@ mod tests {
         Plan { setpoints: times_s.map(setpoint).collect(), lights, ..Plan::default() }
     }
 
+    fn of_deck(channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
+        Target::of(channel, &[]).unwrap().command(0.0, channel, level, wrgb)
+    }
+
     #[test]
     fn each_lamp_has_its_parameter_and_only_changes_are_sent() {
         let ring = RingEffect::Solid(RingColor { color: [200, 100, 0] });
         let options = LightOptions { ring, ..LightOptions::default() };
         let sent = |channel| {
             let commands = commands(&lit(channel, &[0.0, 0.5, 1.0, 1.0, 0.0]), &options).unwrap();
-            commands.iter().map(|c| (c.time_s, c.parameter, c.value)).collect::<Vec<_>>()
+            commands.into_iter().map(|c| (c.time_s, c.parameter, c.value)).collect::<Vec<_>>()
         };
-        let pin = "ring.headlightEnable";
-        assert_eq!(sent("headlights"), [(1.0, pin, 1), (4.0, pin, 0)], "a pin is not dimmed");
-        let ring = "ring.fadeColor";
-        assert_eq!(sent("ring"), [(1.0, ring, 0x64_3200), (2.0, ring, 0xC8_6400), (4.0, ring, 0)]);
-        assert_eq!(sent("color-led")[1], (2.0, "colorLedBot.wrgb8888", 0xFF00_0000));
+        let pin = || "ring.headlightEnable".to_owned();
+        assert_eq!(sent("headlights"), [(1.0, pin(), 1), (4.0, pin(), 0)], "a pin is not dimmed");
+        let ring = [(1.0, 0x64_3200), (2.0, 0xC8_6400), (4.0, 0)];
+        let ring = ring.map(|(time_s, value)| (time_s, "ring.fadeColor".to_owned(), value));
+        assert_eq!(sent("ring"), ring);
+        assert_eq!(sent("color-led")[1], (2.0, "colorLedBot.wrgb8888".to_owned(), 0xFF00_0000));
         assert!(commands(&lit("laser", &[0.0]), &options).is_err());
+    }
+
+    #[test]
+    fn a_lamp_of_ones_own_sets_the_parameter_that_it_names() {
+        let lamp = |parameter: Option<&str>, parameter_max| Fixture {
+            drive: Drive::Command("laser".to_owned()),
+            parameter: parameter.map(str::to_owned),
+            parameter_max,
+            ..Fixture::default()
+        };
+        let of =
+            |fixture| LightOptions { fixtures: Some(vec![fixture]), ..LightOptions::default() };
+        let plan = lit("laser", &[0.0, 0.5, 1.0, 0.0]);
+        let sent = |options: &LightOptions| -> Vec<u32> {
+            let commands = commands(&plan, options).unwrap();
+            assert!(commands.iter().all(|it| it.parameter == "deckled.level"));
+            commands.iter().map(|it| it.value).collect()
+        };
+        let (dimmer, switch) =
+            (of(lamp(Some("deckled.level"), 200)), of(lamp(Some("deckled.level"), 1)));
+        assert_eq!((sent(&dimmer), sent(&switch)), (vec![100, 200, 0], vec![1, 0]));
+        assert_eq!((switches(&plan, &dimmer), switches(&plan, &switch)), (vec![], vec!["laser"]));
+        let before = preparation(&plan, &dimmer).unwrap();
+        assert_eq!(before, [("led.bitmask".to_owned(), 128), ("deckled.level".to_owned(), 0)]);
+        assert!(commands(&plan, &of(lamp(None, 1))).is_err(), "nothing to set");
+        for wrong in ["level", "deck led.level", "a.b.c"] {
+            assert!(of(lamp(Some(wrong), 1)).check().is_err(), "{wrong}");
+        }
     }
 
     #[test]
@@ -279,7 +365,7 @@ mod tests {
         assert_eq!(values(&plan), [0xFF_0010, 0x80_0008, 0]);
         plan.lights.insert("ring.green".to_owned(), vec![0.0, 1.0, 0.2, 0.0]);
         assert_eq!(values(&plan), [0xFF_FF10, 0x80_1A08, 0]);
-        assert_eq!(dark(&plan).unwrap().len(), 1);
+        assert_eq!(dark(&plan, &options).unwrap().len(), 1);
     }
 
     #[test]
@@ -295,7 +381,7 @@ mod tests {
             for (channel, wrgb) in
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
-                let shown = screen_rgb(&command(0.0, channel, 1.0, wrgb).unwrap(), &options);
+                let shown = screen_rgb(&of_deck(channel, 1.0, wrgb), &options);
                 // Dies that are farther out than the screen's, and few steps of their drives.
                 for (found, wanted) in shown.iter().zip(srgb) {
                     let off = f64::from(*found) - f64::from(wanted);
@@ -305,8 +391,7 @@ mod tests {
             }
         }
         let screen = |channel, level, wrgb| {
-            let sent = command(0.0, channel, level, wrgb).unwrap();
-            screen_rgb(&sent, &LightOptions::default())
+            screen_rgb(&of_deck(channel, level, wrgb), &LightOptions::default())
         };
         assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);

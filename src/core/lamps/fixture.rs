@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{COLOR_LED, Channel, RING};
 use crate::error::{Error, Result, within};
 use crate::settings::{Described, Shape, settings};
 
@@ -32,6 +33,11 @@ settings! {
         ///
         /// `led.c`.
         bitmask_bit: Option<u8> = None, in 0.0..=6.0;
+        /// Firmware parameter of its light channel, such as `deckled.level`; lamps of Bitcraze's
+        /// decks have their own.
+        parameter: Option<String> = None;
+        /// Value of that parameter at full level; 1: a switch.
+        parameter_max: u32 = 1, in 1.0..=4_294_967_295.0;
     }
 
     /// A die of a lamp.
@@ -95,6 +101,19 @@ impl Described for Drive {
     }
 }
 
+impl Drive {
+    /// The light channel of a plan that it follows.
+    #[must_use]
+    pub fn channel(&self) -> Option<&str> {
+        match self {
+            Self::Command(channel) => Some(channel),
+            Self::Ring(_) => Some(RING.name),
+            Self::ColorLed => Some(COLOR_LED.name),
+            Self::Always | Self::Blink { .. } | Self::Flicker { .. } => None,
+        }
+    }
+}
+
 /// LEDs of the ring.
 pub const RING_LEDS: usize = 12;
 
@@ -108,6 +127,7 @@ impl Fixture {
             within(&place("chromaticity y"), *y, 0.001, 0.9)?;
             within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
         }
+        self.check_parameter(key)?;
         let (found, wanted) = match (&self.drive, self.dies.len()) {
             (Drive::Ring(led), _) if *led >= RING_LEDS => (led.to_string(), "an LED from 0 to 11"),
             (Drive::Ring(_), n) if n != 3 => (n.to_string(), "3 dies: red, green, blue"),
@@ -116,5 +136,33 @@ impl Fixture {
         };
         let hint = "the printed scene has the rows of every known deck";
         Err(Error::input(place("drive and dies"), found, wanted, hint))
+    }
+
+    /// Refuses a parameter that no export would set.
+    fn check_parameter(&self, key: &str) -> Result<()> {
+        let Some(parameter) = &self.parameter else { return Ok(()) };
+        let wrong = |wanted, hint| {
+            let place = format!("{key} `{}`: parameter", self.name);
+            Err(Error::input(place, parameter.as_str(), wanted, hint))
+        };
+        let is_name = |part: &str| {
+            !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
+        };
+        let hint = "the firmware's list of parameters has it";
+        match (parameter.split_once('.'), self.drive.channel()) {
+            (Some((group, name)), Some(channel)) if is_name(group) && is_name(name) => {
+                match Channel::of(channel) {
+                    None => Ok(()),
+                    Some(_) => wrong(
+                        "no parameter: the channel is that of a deck",
+                        "give the lamp a channel of its own: drive.command",
+                    ),
+                }
+            }
+            (Some((group, name)), None) if is_name(group) && is_name(name) => {
+                wrong("no parameter: nothing commands this lamp", "set drive.command")
+            }
+            _ => wrong("group.name of letters, digits and _", hint),
+        }
     }
 }

@@ -1,9 +1,11 @@
 //! Lamps: a description without pixels of what a drone carries: decks, lamps, their light channels.
 
+mod channel;
 mod fixture;
 mod options;
 pub mod tables;
 
+pub use channel::{CHANNELS, COLOR_LED, Channel, HEADLIGHTS, RING};
 pub use fixture::{Die, Drive, Fixture, RING_LEDS};
 pub use options::{ColorLedLevels, Deck, LightOptions, RingColor, RingEffect, RingFade};
 

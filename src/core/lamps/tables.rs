@@ -8,7 +8,7 @@
 //! 120° wide, pulse width at 400 Hz or more). Chromaticities are those of gaussian spectra 20, 35
 //! and 25 nm wide at these wavelengths.
 
-use super::{Die, Drive, Fixture};
+use super::{Die, Drive, Fixture, HEADLIGHTS};
 
 /// Red, 622 nm.
 const RED: [f64; 2] = [0.694, 0.306];
@@ -49,6 +49,8 @@ pub fn crazyflie() -> Vec<Fixture> {
         visible_cos: -0.5,
         diameter_m: 0.002,
         bitmask_bit: Some(bit),
+        parameter: None,
+        parameter_max: 1,
     };
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
@@ -95,7 +97,7 @@ fn off_the_propeller(led: &Fixture) -> Fixture {
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
-        drive: Drive::Command("headlights".into()),
+        drive: Drive::Command(HEADLIGHTS.into()),
         position_body_m: [0.016, left_m, -0.01],
         axis_body: [1.0, 0.0, 0.0],
         dies: vec![Die { intensity_cd: 1.8, chromaticity: WHITE }],
@@ -104,6 +106,8 @@ pub fn led_ring() -> Vec<Fixture> {
         visible_cos: -0.5,
         diameter_m: 0.003,
         bitmask_bit: None,
+        parameter: None,
+        parameter_max: 1,
     };
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
     rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
@@ -121,6 +125,8 @@ pub fn led_ring() -> Vec<Fixture> {
         visible_cos: 0.0,
         diameter_m: 0.003,
         bitmask_bit: None,
+        parameter: None,
+        parameter_max: 1,
     }));
     rows
 }
@@ -185,5 +191,7 @@ pub fn color_led() -> Vec<Fixture> {
         visible_cos: -0.3,
         diameter_m: 0.01,
         bitmask_bit: None,
+        parameter: None,
+        parameter_max: 1,
     }]
 }

@@ -41,10 +41,10 @@ mod transit;
 pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
 pub use lamp::LampTiming;
 pub use light_timing::{Between, time_lights};
+pub use noctograph_core::lamps::HEADLIGHTS;
 pub use options::{
     EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
 };
-pub use relight::HEADLIGHTS;
 pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};

@@ -7,10 +7,8 @@
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::geometry::segment_distance;
+use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::strokes::{Move, Strokes};
-
-/// The light channel that the team's letters drive.
-pub const HEADLIGHTS: &str = "headlights";
 
 /// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints;
 /// strokes lie centimeters apart.

@@ -188,15 +188,13 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
 
 /// Refuses a flight without any of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
-    let command = |fixture: &Fixture| match &fixture.drive {
-        Drive::Command(channel) => Some(channel.clone()),
-        _ => None,
-    };
-    let Some(first) = fixtures.iter().find_map(command) else { return Ok(()) };
+    let is_command = |fixture: &&Fixture| matches!(fixture.drive, Drive::Command(_));
+    let commanded = fixtures.iter().filter(is_command).find_map(|it| it.drive.channel());
+    let Some(first) = commanded else { return Ok(()) };
     let heard = |channel: &String| {
-        fixtures.iter().any(|fixture| command(fixture).as_ref() == Some(channel))
+        fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
             || ring::CHANNELS.contains(&channel.as_str())
-            || channel == programs::COLOR_LED_CHANNEL
+            || channel == COLOR_LED.name
     };
     if flight.lights.keys().any(heard) {
         return Ok(());

@@ -7,7 +7,9 @@ use super::color::mixture;
 use super::radio::{Change, Timer, arrivals, arrivals_of};
 use super::ring::{Frame, byte, frames};
 use super::tables::{color_led, led_ring};
-use super::{COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, packed};
+use super::{
+    COLOR_LED, COLOR_LED_COLORS, ColorLedLevels, Die, Drive, Fixture, LightOptions, RING, packed,
+};
 use noctograph_core::crazyflie::COLOR_LED_TICK_S;
 use noctograph_core::flight::Flight;
 
@@ -27,8 +29,6 @@ pub(super) struct Programs<'a> {
 /// Time over which flicker is averaged.
 const FLICKER_S: f64 = 0.1;
 
-/// Channel of the plan that switches the color LED deck; without it the deck is on.
-pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
 /// Scales of the dies of the color LED deck, white, red, green, blue (`LED_PERCEPTUAL_SCALE`,
 /// `color_led_deck.h`), the same in every release that knows the deck, 2025.12 and later.
 const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
@@ -110,7 +110,7 @@ impl<'a> Programs<'a> {
 
     fn ring(&self, led: usize, die: usize) -> Vec<Change> {
         let frames = self.ring.get_or_init(|| {
-            let chance = Chance::new(self.seed, self.drone, "ring");
+            let chance = Chance::new(self.seed, self.drone, RING.name);
             frames(self.flight, self.options, &chance)
         });
         let mut changes: Vec<Change> = Vec::new();
@@ -126,7 +126,7 @@ impl<'a> Programs<'a> {
     fn color_led(&self) -> Vec<Vec<Change>> {
         let sent = self.color_led_sent();
         let at_first = sent.first().copied().unwrap_or(0.0);
-        let chance = Chance::new(self.seed, self.drone, COLOR_LED_CHANNEL);
+        let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
         let samples = &self.flight.samples;
         let arrivals = arrivals_of(samples, &sent, at_first, self.options, &chance);
         let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
@@ -145,7 +145,7 @@ impl<'a> Programs<'a> {
     /// What is sent to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
     fn color_led_sent(&self) -> Vec<f64> {
         let channel = |name: &str| self.flight.lights.get(name);
-        let level = channel(COLOR_LED_CHANNEL);
+        let level = channel(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(channel);
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();

@@ -6,7 +6,7 @@
 use super::chance::Chance;
 use super::radio::{Change, Timer, arrivals};
 use super::{
-    LightOptions, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade, ring_memory_rgb,
+    LightOptions, RING, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade, ring_memory_rgb,
 };
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::flight::Flight;
@@ -17,7 +17,7 @@ pub(super) type Frame = [[u8; 3]; RING_LEDS];
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
 /// Channels of a plan for the ring: on, red, green, blue.
-pub(super) const CHANNELS: [&str; 4] = ["ring", RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
+pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
 /// Changes of the frame of the ring during a flight.
 ///

@@ -4,6 +4,7 @@ use super::row::{Row, warn_if};
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::Error;
+use noctograph_core::lamps::RING;
 use noctograph_export::lights::timing_entries;
 use noctograph_export::poly4d::MAX_PIECES;
 use noctograph_export::{Form, Length, Memory, memory};
@@ -34,7 +35,7 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
         false => Ok(shoot.clone()),
     };
     let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.scene.light);
-    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq(["ring"]);
+    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]);
     match if used { entries() } else { Ok(None) } {
         Ok(entries) => of_led_memory(entries),
         Err(error) => not_exported(LED_MEMORY, &error),

@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 
 use super::Profile;
-use super::row::{Peak, Row, at, largest, stop_if, warn_if};
+use super::row::{Peak, Row, Severity, at, largest, stop_if, warn_if};
+use noctograph_core::lamps::LightOptions;
+use noctograph_export::lights::{commands, switches};
 use noctograph_flying::plan::{
     Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest,
 };
@@ -12,14 +14,20 @@ use noctograph_flying::plan::{
 const JUMP_M: f64 = 0.03;
 
 /// Checks the motion and the commands of a plan, of style `even` or another.
-pub(super) fn check_plan(plan: &Plan, is_even: bool, profile: &Profile) -> Vec<Row> {
+pub(super) fn check_plan(
+    plan: &Plan,
+    light: &LightOptions,
+    is_even: bool,
+    profile: &Profile,
+) -> Vec<Row> {
     vec![
         volume(plan, profile),
         speed(plan, profile),
         acceleration(plan, profile),
         jumps(plan),
         duration(plan, is_even, profile),
-        headlights(plan),
+        headlights(plan, light),
+        lamps(plan, light),
     ]
 }
 
@@ -114,9 +122,30 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
     )
 }
 
-/// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`).
-fn headlights(plan: &Plan) -> Row {
-    let levels = plan.lights.get("headlights");
+/// Whether the firmware has a parameter for each lamp, so that an export can light it.
+fn lamps(plan: &Plan, light: &LightOptions) -> Row {
+    let wanted = "lamps with a firmware parameter";
+    match commands(plan, light) {
+        Ok(commands) => Row::of("lamps", Severity::Fine, commands.len() as f64).say(
+            format!("{} light commands", commands.len()),
+            wanted,
+            "",
+        ),
+        Err(error) => {
+            let row =
+                Row { detail: error.to_string(), ..Row::of("lamps", Severity::Warning, None) };
+            let advice = "light with {plan.lights=[\"headlights\"]}, or name the parameter of the \
+                          lamp in {light.fixtures}";
+            row.say("no export lights them: a lamp without a firmware parameter", wanted, advice)
+        }
+    }
+}
+
+/// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`), and lamps
+/// of one's own may be such.
+fn headlights(plan: &Plan, light: &LightOptions) -> Row {
+    let switches = switches(plan, light);
+    let levels = switches.first().and_then(|channel| plan.lights.get(*channel));
     let dimmed = levels.map(|levels| {
         let rows = plan.setpoints.iter().zip(levels);
         let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
@@ -131,7 +160,7 @@ fn headlights(plan: &Plan) -> Row {
             Some(0) => "switched on and off, not dimmed".to_owned(),
             Some(n) => format!("dimmed by {n} commands, first{}", at(time_s)),
         },
-        "on or off: headlights cannot be dimmed",
+        "on or off: a lamp behind a pin cannot be dimmed",
         "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
     )
 }
@@ -159,7 +188,6 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Severity;
     use super::*;
     use noctograph_flying::plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
     use noctograph_letters::{LetterOptions, Strokes, write};
@@ -180,7 +208,7 @@ mod tests {
     #[test]
     fn the_reference_flight_jumps_and_may_fly() {
         let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
-        let found = check_plan(&team, false, &Profile::indoor());
+        let found = check_plan(&team, &LightOptions::default(), false, &Profile::indoor());
         assert!(found.iter().all(|row| row.severity != Severity::Stop), "it flew: {found:?}");
         let Row { count, value: Some(value), .. } = jumps(&team) else { panic!("it is a jump") };
         let n = count.unwrap();
@@ -215,8 +243,9 @@ mod tests {
 
     #[test]
     fn dimmed_headlights_are_found() {
+        let light = LightOptions::default();
         let severity = |exposure| {
-            headlights(&even("O", EvenStyle { exposure, ..EvenStyle::default() })).severity
+            headlights(&even("O", EvenStyle { exposure, ..EvenStyle::default() }), &light).severity
         };
         assert_eq!(severity(LightLevel::Dimmed), Severity::Warning);
         assert_eq!(severity(LightLevel::Switched), Severity::Fine);

@@ -10,7 +10,7 @@ use noctograph_flying::plan::{PlanOptions, Style};
 use noctograph_flying::sensors::Positioning;
 use noctograph_flying::sim::EstimatorKind;
 use noctograph_flying::vehicle::{Gusts, VehicleOptions};
-use noctograph_picture::light::{Drive, Fixture, RingEffect};
+use noctograph_picture::light::{COLOR_LED, Drive, Fixture, RING, RingEffect};
 
 /// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
 /// needs of another one stands in its declaration ([`Need`]); here is what depends on more.
@@ -93,7 +93,8 @@ const RULES: &[Rule] = &[
         |s| {
             let own = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
             let led = own || !s.letters.drawing.is_empty();
-            let has_color = |lamp: &String| lamp == "color-led" && led || lamp.starts_with("ring");
+            let has_color =
+                |lamp: &String| lamp == COLOR_LED.name && led || lamp.starts_with(RING.name);
             !s.plan.lights.iter().any(has_color)
         },
         "the plan writes in white",
@@ -167,7 +168,7 @@ fn has_color_led(scene: &Scene) -> bool {
 /// Whether the ring writes, with an effect of one color.
 fn ring_writes(scene: &Scene) -> bool {
     !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
-        && scene.plan.lights.iter().any(|channel| channel == "ring")
+        && scene.plan.lights.iter().any(|channel| channel == RING.name)
         && has_lamp(scene, |f| matches!(f.drive, Drive::Ring(_)))
 }
 

@@ -34,7 +34,7 @@ use noctograph_logs::{self as logs, ImportOptions};
 use noctograph_picture::expose::{BackendChoice, Developer};
 use noctograph_picture::light::csv::{is_light_trace, read as read_light};
 use noctograph_picture::light::{
-    ColorLedLevels, LightOptions, LightTrace, color_led_wrgb, ring_rgb,
+    ColorLedLevels, LightOptions, LightTrace, RING, color_led_wrgb, ring_rgb,
 };
 use noctograph_score::{Reader, is_judged};
 
@@ -228,7 +228,7 @@ impl Shoot {
         let own = scene.light.color_led_wrgb;
         if let Some(strokes) = strokes.as_ref().filter(|_| scene.light.letters_wrgb.is_empty()) {
             // Black is no light: what is drawn in it has the lamp's own color.
-            let by_ring = scene.plan.lights.iter().any(|lamp| lamp == "ring");
+            let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
             if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
                 // With the firmware's correction, dim colors are too coarse to mix.
                 scene.light.color_led_levels = ColorLedLevels::Plain;

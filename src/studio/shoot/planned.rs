@@ -18,7 +18,7 @@ use noctograph_flying::plan::{
 };
 use noctograph_flying::sim::{Drone, SimOptions, fly};
 use noctograph_letters::Strokes;
-use noctograph_picture::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS};
+use noctograph_picture::light::{COLOR_LED, LightOptions, RING};
 
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,8 +88,8 @@ pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
             plan.lights.insert((*channel).to_owned(), rows.map(level).collect());
         }
     };
-    add("ring", &RING_COLORS, &|letter, k| light.ring_rgb_of(letter)[k]);
-    add("color-led", &COLOR_LED_COLORS, &|letter, k| light.wrgb_of(letter)[k]);
+    add(RING.name, RING.colors, &|letter, k| light.ring_rgb_of(letter)[k]);
+    add(COLOR_LED.name, COLOR_LED.colors, &|letter, k| light.wrgb_of(letter)[k]);
     plan
 }
 
@@ -219,14 +219,14 @@ mod tests {
         for (row, level) in white.lights["ring"].iter().enumerate() {
             let letter = colored.light_letters()[row];
             let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
-            assert_eq!(RING_COLORS.map(|channel| colored.lights[channel][row]), wanted);
+            assert!(RING.colors.iter().map(|it| colored.lights[*it][row]).eq(wanted));
         }
     }
 
     /// A lit stretch of commands, begun ahead of its stroke and ended behind it, has one color.
     #[test]
     fn no_stroke_ends_in_the_color_of_the_next() {
-        for (lamp, channels) in [("ring", &RING_COLORS[..]), ("color-led", &COLOR_LED_COLORS[..])] {
+        for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
             scene.plan.lights = vec![lamp.to_owned()];
             // The drone trails positions by some 0.3 s: so does the light.

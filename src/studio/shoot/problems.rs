@@ -10,7 +10,7 @@ use crate::scene::{Change, SceneAdvice};
 use noctograph_core::camera::Camera;
 use noctograph_core::flight::{DroneIndex, Flight, Warning};
 use noctograph_picture::light::gaps::{Gap, gaps};
-use noctograph_picture::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
+use noctograph_picture::light::{Lamp, LightOptions, LightSample, LightTrace};
 use noctograph_picture::photo::Photo;
 
 /// A problem of a picture.
@@ -220,14 +220,10 @@ pub fn writing<'a>(
     };
     let follows = |lamp: &&Lamp| {
         let name = &lamp.emitter.name;
-        fixtures.iter().filter(|fixture| fixture.name == *name).any(|fixture| {
-            match &fixture.drive {
-                Drive::Command(channel) => has(channel),
-                Drive::Ring(_) => has("ring"),
-                Drive::ColorLed => has("color-led"),
-                Drive::Always | Drive::Blink { .. } | Drive::Flicker { .. } => false,
-            }
-        })
+        fixtures
+            .iter()
+            .filter(|fixture| fixture.name == *name)
+            .any(|fixture| fixture.drive.channel().is_some_and(has))
     };
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
