@@ -74,14 +74,14 @@ impl CrossingBeams {
 mod tests {
     use super::*;
     use crate::sensors::lighthouse::Lighthouse;
+    use crate::sensors::streams::Streams;
     use crate::sensors::{Generation, LighthouseOptions, SensorOptions};
     use noctograph_core::geometry::Attitude;
-    use noctograph_core::random::Noise;
 
     /// Fixes of a second at rest.
     fn fixes(options: &LighthouseOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {
         let attitude = Attitude { yaw_rad: 0.3, pitch_rad: 0.05, roll_rad: -0.1 }.world_from_body();
-        let mut lighthouse = Lighthouse::new(options, |sensor| Noise::new(1, 0, sensor));
+        let mut lighthouse = Lighthouse::new(options, &Streams::alone(1));
         let mut beams = CrossingBeams::new(&options.stations);
         let times = (1..=500).map(|tick| f64::from(tick) / 500.0);
         times

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::streams::Streams;
 use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
@@ -52,11 +53,11 @@ impl TimeOfFlight {
     pub(super) fn new(
         options: &TimeOfFlightOptions,
         floor: &FloorOptions,
-        noise: impl Fn(&str) -> Noise,
+        streams: &Streams,
     ) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
-            noise: noise("time of flight"),
+            noise: streams.own("time of flight"),
             noise_m: options.noise_m,
             floor: floor.clone(),
         }
@@ -72,7 +73,9 @@ impl TimeOfFlight {
         if !self.clock.due(time_s) {
             return None;
         }
-        let (error, down) = (self.noise.normal(), -world_from_body().column(2));
+        // Without noise nearby there is none far off.
+        let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
+        let down = -world_from_body().column(2);
         if down.z >= 0.0 {
             return None;
         }
@@ -96,12 +99,12 @@ pub(super) struct Barometer {
 }
 
 impl Barometer {
-    pub(super) fn new(options: &BarometerOptions, noise: impl Fn(&str) -> Noise) -> Self {
+    pub(super) fn new(options: &BarometerOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
-            noise: noise("barometer"),
+            noise: streams.own("barometer"),
             noise_m: options.noise_m,
-            walk: noise("barometer drift"),
+            walk: streams.own("barometer drift"),
             step_m: options.drift_m_sqrt_s / options.rate_hz.sqrt(),
             walked_m: 0.0,
             drift_m_s: options.drift_m_s,
@@ -137,8 +140,12 @@ impl GnssOptions {
 }
 
 impl Gnss {
-    pub(super) fn new(options: &GnssOptions, noise: impl Fn(&str) -> Noise) -> Self {
-        Self { clock: Clock::new(options.rate_hz), noise: noise("gnss"), options: options.clone() }
+    pub(super) fn new(options: &GnssOptions, streams: &Streams) -> Self {
+        Self {
+            clock: Clock::new(options.rate_hz),
+            noise: streams.own("gnss"),
+            options: options.clone(),
+        }
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
@@ -158,9 +165,7 @@ mod tests {
 
     const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
 
-    fn noise(sensor: &str) -> Noise {
-        Noise::new(9, 0, sensor)
-    }
+    const STREAMS: Streams = Streams { seed: 9, room_seed: 9, drone: 0 };
 
     /// Readings of a sensor in `n` ticks of 500 Hz.
     fn series(rate_hz: f64, n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Series {
@@ -175,7 +180,7 @@ mod tests {
     fn ranger_spreads_as_the_firmware_says() {
         let sigma_m = |distance_m| time_of_flight_sigma_m(0.0025, distance_m);
         assert!((sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
-        let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, noise);
+        let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, &STREAMS);
         for distance_m in [0.5, 2.5, 3.5] {
             let (mut ranger, above_m) = (ranger(), Vector3::z() * distance_m);
             let found = series(40.0, 1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
@@ -195,12 +200,12 @@ mod tests {
     #[test]
     fn barometer_is_white_and_drifts() {
         let options = BarometerOptions { drift_m_sqrt_s: 0.0, ..Default::default() };
-        let mut barometer = Barometer::new(&options, noise);
+        let mut barometer = Barometer::new(&options, &STREAMS);
         for density in white_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
             assert!((density / (0.09 / 5.0) - 1.0).abs() < 0.15, "σ 0.09 m at 50 Hz: {density}");
         }
         let options = BarometerOptions { noise_m: 0.0, ..Default::default() };
-        let mut barometer = Barometer::new(&options, noise);
+        let mut barometer = Barometer::new(&options, &STREAMS);
         for walk in random_walk_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
             assert!((walk / f64::sqrt(2.0) / 0.012 - 1.0).abs() < 0.15, "after a second: {walk}");
         }
@@ -208,7 +213,7 @@ mod tests {
 
     #[test]
     fn satellites_are_white_ten_times_a_second() {
-        let mut gnss = Gnss::new(&GnssOptions::default(), noise);
+        let mut gnss = Gnss::new(&GnssOptions::default(), &STREAMS);
         let found = series(10.0, 1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
         for density in white_density(&found) {
             assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");
@@ -217,12 +222,13 @@ mod tests {
     #[test]
     fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
         let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };
-        let mut barometer = Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, noise);
+        let mut barometer =
+            Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, &STREAMS);
         assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
 
         let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
         let fixes = |options: &GnssOptions| {
-            let mut gnss = Gnss::new(options, noise);
+            let mut gnss = Gnss::new(options, &STREAMS);
             (0..50).map(|k| gnss.read(Vector3::zeros(), f64::from(k) * 0.1)).collect::<Vec<_>>()
         };
         let (all, some) = (fixes(&GnssOptions::default()), fixes(&silent));

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::ImuOptions;
+use super::streams::Streams;
 use noctograph_core::random::{Noise, Normals};
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
@@ -50,24 +51,24 @@ impl Axes {
 }
 
 impl Imu {
-    pub(super) fn new(options: &ImuOptions, rate_hz: u32, noise: impl Fn(&str) -> Noise) -> Self {
+    pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
             gyro: Axes::new(
                 options.gyro_noise_rad_s_sqrt_hz,
                 options.gyro_bias_walk_rad_s2_sqrt_hz,
                 rate_hz,
-                noise("gyro"),
-                noise("gyro bias"),
+                streams.own("gyro"),
+                streams.own("gyro bias"),
             )
             .biased(options.gyro_bias_rad_s),
             accelerometer: Axes::new(
                 options.accelerometer_noise_m_s2_sqrt_hz,
                 options.accelerometer_bias_walk_m_s3_sqrt_hz,
                 rate_hz,
-                noise("accelerometer"),
-                noise("accelerometer bias"),
+                streams.own("accelerometer"),
+                streams.own("accelerometer bias"),
             ),
-            accelerometer_xy: Normals::new(noise("accelerometer xy")),
+            accelerometer_xy: Normals::new(streams.own("accelerometer xy")),
         }
     }
 
@@ -93,7 +94,7 @@ mod tests {
     const RATE_HZ: u32 = 500;
 
     fn series(options: &ImuOptions, n: usize) -> [Series; 6] {
-        let mut imu = Imu::new(options, RATE_HZ, |sensor| Noise::new(3, 0, sensor));
+        let mut imu = Imu::new(options, RATE_HZ, &Streams::alone(3));
         let mut series: [Series; 6] = std::array::from_fn(|_| Series::new(f64::from(RATE_HZ)));
         for _ in 0..n {
             let rate = imu.rate_rad_s(Vector3::zeros());

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::room::Room;
 use super::station::StationPose;
+use super::streams::Streams;
 use super::{Generation, LighthouseOptions, Station};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::random::{Field, Noise, Normals};
@@ -86,15 +87,15 @@ struct Rotor {
 }
 
 impl Lighthouse {
-    pub(super) fn new(options: &LighthouseOptions, noise: impl Fn(&str) -> Noise) -> Self {
+    pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
         let n = options.stations.len();
-        let rotor = |i: usize| Rotor::new(options, i, &noise);
+        let rotor = |i: usize| Rotor::new(options, i, streams);
         Self {
             rotors: (0..n).map(rotor).collect(),
             turn: turn(options),
             scale: 1.0 + options.frame_scale_error,
             bend: Field::new(
-                &mut noise("lighthouse distortion"),
+                &mut streams.of_room("lighthouse distortion"),
                 options.distortion_m,
                 options.distortion_length_m,
             ),
@@ -170,16 +171,16 @@ pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
 }
 
 impl Rotor {
-    fn new(options: &LighthouseOptions, i: usize, noise: impl Fn(&str) -> Noise) -> Self {
+    fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
         let station = &options.stations[i];
-        let mut error = noise(&format!("station {i} pose"));
+        let mut error = streams.of_room(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
         truth.position_m += error.normals() * options.station_position_error_m;
         let turned = error.normals() * options.station_rotation_error_rad;
         let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
         truth.world_from_station *= turned.world_from_body();
 
-        let mut chance = noise(&format!("station {i} sweeps"));
+        let mut chance = streams.own(&format!("station {i} sweeps"));
         let is_v1 = |station: &&Station| station.generation == Generation::V1;
         let (turn_hz, phases, generation) = match station.generation {
             Generation::V1 => {
@@ -200,11 +201,11 @@ impl Rotor {
             truth,
             sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
             distortion: Field::new(
-                &mut noise(&format!("station {i} distortion")),
+                &mut streams.of_room(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
                 options.sweep_distortion_length_rad,
             ),
-            noise: Normals::new(noise(&format!("station {i} sweep angles"))),
+            noise: Normals::new(streams.own(&format!("station {i} sweep angles"))),
             chance,
             turn_hz,
             phases,

@@ -17,6 +17,7 @@ mod peers;
 mod position;
 mod room;
 mod station;
+mod streams;
 mod uwb;
 
 use nalgebra::Vector3;
@@ -26,10 +27,10 @@ use self::height::{Barometer, Gnss, TimeOfFlight};
 use self::imu::Imu;
 use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
+use self::streams::Streams;
 use self::uwb::Uwb;
 use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::flight::Warning;
-use noctograph_core::random::Noise;
 
 pub use self::coverage::{Coverage, Place, coverage};
 pub(crate) use self::height::time_of_flight_sigma_m;
@@ -66,10 +67,8 @@ pub(crate) struct Readings<'a> {
     pub ranges: &'a [Range],
     /// Ultra-wideband ranges to other drones.
     pub(crate) peer_ranges: &'a [PeerRange],
-    /// Distance to the floor along the body's −z.
-    pub time_of_flight_m: Option<f64>,
-    /// Height over the floor, from air pressure.
-    pub barometer_m: Option<f64>,
+    /// Heights that are due, m: what each sensor measures.
+    pub heights: &'a [(HeightSensor, f64)],
 }
 
 impl Readings<'_> {
@@ -78,8 +77,7 @@ impl Readings<'_> {
         !self.sweeps.is_empty()
             || !self.ranges.is_empty()
             || self.position_m.is_some()
-            || self.time_of_flight_m.is_some()
-            || self.barometer_m.is_some()
+            || !self.heights.is_empty()
     }
 }
 
@@ -88,8 +86,9 @@ impl Readings<'_> {
 pub struct Sensors {
     imu: Imu,
     locator: Locator,
-    time_of_flight: Option<TimeOfFlight>,
-    barometer: Option<Barometer>,
+    altimeters: Vec<Altimeter>,
+    /// Of the last tick.
+    heights: Vec<(HeightSensor, f64)>,
     tick_s: f64,
     ticks: u32,
 }
@@ -102,6 +101,13 @@ enum Locator {
     Sweeps(Lighthouse),
     Uwb(Box<Uwb>),
     Gnss(Box<Gnss>),
+}
+
+/// Measurement of the height.
+#[derive(Debug)]
+enum Altimeter {
+    TimeOfFlight(TimeOfFlight),
+    Barometer(Box<Barometer>),
 }
 
 impl Sensors {
@@ -130,43 +136,37 @@ impl Sensors {
         fleet: &Fleet,
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
-        // What is wrong with a room is the same for all drones in it: the places of stations and
-        // anchors, and what the solution for them bends.
-        let of_room = |sensor: &str| {
-            sensor == "lighthouse distortion"
-                || sensor.starts_with("uwb link")
-                || sensor.starts_with("station") && sensor.ends_with("pose")
-                || sensor.starts_with("station") && sensor.ends_with("distortion")
-        };
-        let stream = |drone: u64, sensor: &str| match of_room(sensor) {
-            true => Noise::new(room_seed, 0, sensor),
-            false => Noise::new(seed, drone, sensor),
-        };
-        let noise = |sensor: &str| stream(drone, sensor);
+        let streams = &Streams { seed, room_seed, drone };
         let uwb = |differences| {
-            Box::new(Uwb::new(&options.uwb, differences, &options.peers, fleet, stream))
+            Box::new(Uwb::new(&options.uwb, differences, &options.peers, fleet, streams))
         };
         let lighthouse = &options.lighthouse;
-        let has = |sensor| options.heights.contains(&sensor);
+        let altimeter = |sensor: &&HeightSensor| match sensor {
+            HeightSensor::TimeOfFlight => {
+                Altimeter::TimeOfFlight(TimeOfFlight::new(&options.time_of_flight, floor, streams))
+            }
+            HeightSensor::Barometer => {
+                Altimeter::Barometer(Box::new(Barometer::new(&options.barometer, streams)))
+            }
+        };
+        let has = |sensor: &&HeightSensor| options.heights.contains(sensor);
         Self {
-            imu: Imu::new(&options.imu, rate_hz, noise),
+            imu: Imu::new(&options.imu, rate_hz, streams),
             locator: match options.positioning {
                 Positioning::Position => {
-                    Locator::Position(Box::new(PositionSensor::new(lighthouse, rate_hz, noise)))
+                    Locator::Position(Box::new(PositionSensor::new(lighthouse, rate_hz, streams)))
                 }
                 Positioning::CrossingBeams => Locator::CrossingBeams(
-                    Lighthouse::new(lighthouse, noise),
+                    Lighthouse::new(lighthouse, streams),
                     CrossingBeams::new(&lighthouse.stations),
                 ),
-                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, noise)),
+                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
                 Positioning::UwbTwr => Locator::Uwb(uwb(false)),
                 Positioning::UwbTdoa => Locator::Uwb(uwb(true)),
-                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, noise))),
+                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, streams))),
             },
-            time_of_flight: has(HeightSensor::TimeOfFlight)
-                .then(|| TimeOfFlight::new(&options.time_of_flight, floor, noise)),
-            barometer: has(HeightSensor::Barometer)
-                .then(|| Barometer::new(&options.barometer, noise)),
+            altimeters: HeightSensor::ALL.iter().filter(has).map(|it| altimeter(&it)).collect(),
+            heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
             ticks: 0,
         }
@@ -203,8 +203,7 @@ impl Sensors {
             sweeps: &[],
             ranges: &[],
             peer_ranges: &[],
-            time_of_flight_m: None,
-            barometer_m: None,
+            heights: &[],
         };
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
@@ -220,19 +219,29 @@ impl Sensors {
             }
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
-        if let Some(sensor) = &mut self.time_of_flight {
-            readings.time_of_flight_m = sensor.read(&position_m, world_from_body, time_s);
-        }
-        if let Some(sensor) = &mut self.barometer {
-            readings.barometer_m = sensor.read(position_m.z, time_s);
-        }
+        self.heights.clear();
+        self.heights.extend(self.altimeters.iter_mut().filter_map(|altimeter| {
+            Some(match altimeter {
+                Altimeter::TimeOfFlight(sensor) => {
+                    (HeightSensor::TimeOfFlight, sensor.read(&position_m, world_from_body, time_s)?)
+                }
+                Altimeter::Barometer(sensor) => {
+                    (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
+                }
+            })
+        }));
+        readings.heights = &self.heights;
         readings
     }
 
     /// Bias of the barometer at its last reading; 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
-        self.barometer.as_ref().map_or(0.0, |barometer| barometer.bias_m(time_s))
+        let bias_m = |altimeter: &Altimeter| match altimeter {
+            Altimeter::Barometer(barometer) => Some(barometer.bias_m(time_s)),
+            Altimeter::TimeOfFlight(_) => None,
+        };
+        self.altimeters.iter().find_map(bias_m).unwrap_or(0.0)
     }
 
     /// Warnings about the base stations.
@@ -263,7 +272,7 @@ mod tests {
         position_m: Option<Vector3<f64>>,
         sweeps: Vec<Sweep>,
         ranges: Vec<Range>,
-        heights_m: [Option<f64>; 2],
+        heights: Vec<(HeightSensor, f64)>,
     }
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
@@ -276,7 +285,7 @@ mod tests {
                 position_m: r.position_m,
                 sweeps: r.sweeps.to_vec(),
                 ranges: r.ranges.to_vec(),
-                heights_m: [r.time_of_flight_m, r.barometer_m],
+                heights: r.heights.to_vec(),
             }
         };
         (0..n).map(read).collect()
@@ -319,9 +328,23 @@ mod tests {
 
     #[test]
     fn ideal_sensors_read_the_truth() {
-        for reading in readings(&SensorOptions::ideal(), 20) {
-            assert_eq!(reading.inertial, [Vector3::zeros(), Vector3::z() * GRAVITY_M_S2]);
-            assert_eq!(reading.position_m, Some(PLACE_M));
+        for &positioning in Positioning::ALL {
+            let heights = HeightSensor::ALL.to_vec();
+            let options = SensorOptions { positioning, heights, ..SensorOptions::ideal() };
+            let anchors_m = options.uwb.anchors();
+            for reading in readings(&options, 200) {
+                assert_eq!(reading.inertial, [Vector3::zeros(), Vector3::z() * GRAVITY_M_S2]);
+                let off_m = reading.position_m.map_or(0.0, |found_m| (found_m - PLACE_M).norm());
+                assert!(off_m < 1e-9, "{positioning:?}: {off_m}");
+                for (sensor, height_m) in reading.heights {
+                    assert!((height_m - PLACE_M.z).abs() < 1e-12, "{sensor:?}: {height_m}");
+                }
+                for range in reading.ranges {
+                    let true_m = |anchor: usize| (anchors_m[anchor] - PLACE_M).norm();
+                    let wanted_m = true_m(range.anchor) - range.minus.map_or(0.0, true_m);
+                    assert!((range.distance_m - wanted_m).abs() < 1e-12, "{range:?}");
+                }
+            }
         }
     }
 

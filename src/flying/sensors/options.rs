@@ -392,6 +392,14 @@ impl SensorOptions {
         }
     }
 
+    /// Readings a second of a sensor of the height.
+    pub(crate) fn height_rate_hz(&self, sensor: HeightSensor) -> f64 {
+        match sensor {
+            HeightSensor::TimeOfFlight => self.time_of_flight.rate_hz,
+            HeightSensor::Barometer => self.barometer.rate_hz,
+        }
+    }
+
     /// Checks that silences of the satellites come one after the other.
     pub(crate) fn check_silences(&self) -> Result<()> {
         let mut heard_from_s = 0.0;

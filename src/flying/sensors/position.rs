@@ -4,7 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
 use super::lighthouse::turn;
-use noctograph_core::random::{Field, Noise, Normals};
+use super::streams::Streams;
+use noctograph_core::random::{Field, Normals};
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
 /// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.
@@ -23,17 +24,13 @@ pub(super) struct PositionSensor {
 }
 
 impl PositionSensor {
-    pub(super) fn new(
-        options: &LighthouseOptions,
-        rate_hz: u32,
-        noise: impl Fn(&str) -> Noise,
-    ) -> Self {
+    pub(super) fn new(options: &LighthouseOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
             frame: turn(options) * (1.0 + options.frame_scale_error),
             jitter_m: options.jitter_m,
-            jitter: Normals::new(noise("lighthouse jitter")),
+            jitter: Normals::new(streams.own("lighthouse jitter")),
             distortion: Field::new(
-                &mut noise("lighthouse distortion"),
+                &mut streams.of_room("lighthouse distortion"),
                 options.distortion_m,
                 options.distortion_length_m,
             ),
@@ -69,7 +66,7 @@ mod tests {
             frame_scale_error: 0.02,
             ..LighthouseOptions::default()
         };
-        let mut sensor = PositionSensor::new(&options, 500, |name| Noise::new(1, 0, name));
+        let mut sensor = PositionSensor::new(&options, 500, &Streams::alone(1));
         let place_m = Vector3::new(0.5, 0.0, 0.8);
         let want_m = Vector3::new(0.51 * libm::cos(0.01), 0.51 * libm::sin(0.01), 0.816);
         assert!((sensor.settled_m(place_m) - want_m).norm() < 1e-12);

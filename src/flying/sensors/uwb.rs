@@ -8,6 +8,7 @@
 
 use nalgebra::Vector3;
 
+use super::streams::Streams;
 use super::{Fleet, PeerOptions, UwbOptions};
 use noctograph_core::random::{Field, Noise};
 
@@ -73,7 +74,7 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
-    /// The tag of a drone; `noise` is a stream by the index of a drone and a name.
+    /// The tag of a drone.
     ///
     /// # Panics
     ///
@@ -83,16 +84,16 @@ impl Uwb {
         differences: bool,
         peers: &PeerOptions,
         fleet: &Fleet,
-        noise: impl Fn(u64, &str) -> Noise,
+        streams: &Streams,
     ) -> Self {
         let own = fleet.members[fleet.place].index;
         let bias = |i: usize| {
-            let mut noise = noise(own, &format!("uwb link {i}"));
+            let mut noise = streams.of_room(&format!("uwb link {i}"));
             Field::new(&mut noise, options.bias_m, BIAS_LENGTH_M)
         };
         let link = |other: u64| {
             let (first, second) = (own.min(other), own.max(other));
-            let stream = |what: &str| noise(first, &format!("uwb peer {second} {what}"));
+            let stream = |what: &str| streams.of_drone(first, &format!("uwb peer {second} {what}"));
             let bias = Field::new(&mut stream("link"), options.bias_m, BIAS_LENGTH_M);
             PeerLink { bias, noise: stream("noise"), strays: stream("strays") }
         };
@@ -107,8 +108,8 @@ impl Uwb {
             outlier_frac: options.outlier_frac,
             outlier_m: options.outlier_m,
             biases: (0..anchors_m.len()).map(bias).collect(),
-            noise: noise(own, "uwb noise"),
-            strays: noise(own, "uwb strays"),
+            noise: streams.own("uwb noise"),
+            strays: streams.own("uwb strays"),
             measured: 0,
             // A rate of 2 kHz on a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
@@ -216,9 +217,8 @@ mod tests {
 
     /// Errors of ten minutes at rest, by link.
     fn errors(options: &UwbOptions, differences: bool) -> Vec<Vec<f64>> {
-        let noise = |drone, sensor: &str| Noise::new(4, drone, sensor);
         let peers = PeerOptions::default();
-        let mut uwb = Uwb::new(options, differences, &peers, &Fleet::alone(0), noise);
+        let mut uwb = Uwb::new(options, differences, &peers, &Fleet::alone(0), &Streams::alone(4));
         let anchors = uwb.anchors_m.clone();
         let mut errors = vec![Vec::new(); anchors.len()];
         for tick in 0..300_000 {

@@ -8,7 +8,7 @@
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
 use super::state_at;
-use crate::sensors::Readings;
+use crate::sensors::{HeightSensor, Readings};
 use crate::vehicle::State;
 
 /// Row of the altitude in [`State`].
@@ -30,7 +30,7 @@ impl Altitude {
     }
 
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
+        let level = Readings { heights: &[], ..*readings };
         self.horizontal.update(&level, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
         let filter = &mut self.vertical;
@@ -42,11 +42,13 @@ impl Altitude {
         if let Some(fix_m) = readings.position_m.filter(|_| self.has_satellites) {
             filter.update(AltitudeSensor::Gnss, fix_m.z);
         }
-        if let Some(distance_m) = readings.time_of_flight_m {
-            filter.update(AltitudeSensor::TimeOfFlight, distance_m * cos_tilt);
-        }
-        if let Some(height_m) = readings.barometer_m {
-            filter.update(AltitudeSensor::Barometer, height_m);
+        for (sensor, measured_m) in readings.heights {
+            match sensor {
+                HeightSensor::TimeOfFlight => {
+                    filter.update(AltitudeSensor::TimeOfFlight, measured_m * cos_tilt);
+                }
+                HeightSensor::Barometer => filter.update(AltitudeSensor::Barometer, *measured_m),
+            }
         }
     }
 

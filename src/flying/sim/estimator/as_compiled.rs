@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::firmware::Firmware;
 use crate::sensors::{
-    DECK_SENSORS_M, Generation, Positioning, Range, Readings, SensorOptions, Station, StationPose,
-    Sweep,
+    DECK_SENSORS_M, Generation, HeightSensor, Positioning, Range, Readings, SensorOptions, Station,
+    StationPose, Sweep,
 };
 use crate::sim::options::{FirmwareOptions, ObserverOptions};
 use crate::vehicle::{RigidBody, attitude};
@@ -131,8 +131,10 @@ fn compared(positioning: Positioning, recorded: &str) -> ([f64; 3], f64) {
             ranges.push(Range { anchor, minus, distance_m });
             ranged += 1;
         }
-        let time_of_flight_m = (positioning == Positioning::UwbTwr && k % 12 == 0)
+        let distance_m = (positioning == Positioning::UwbTwr && k % 12 == 0)
             .then(|| place_m.z / r[(2, 2)] + 0.0025 * numbers.normal());
+        let heights: Vec<_> =
+            distance_m.into_iter().map(|it| (HeightSensor::TimeOfFlight, it)).collect();
         filter.update(
             &Readings {
                 truth: &RigidBody::at(place_m),
@@ -143,8 +145,7 @@ fn compared(positioning: Positioning, recorded: &str) -> ([f64; 3], f64) {
                 sweeps: &sweeps,
                 ranges: &ranges,
                 peer_ranges: &[],
-                time_of_flight_m,
-                barometer_m: None,
+                heights: &heights,
             },
             TICK_S,
         );

@@ -77,13 +77,11 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let mut fleet = Fleet::new(plans.len(), options);
     let mut found = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
-    let heights = [
-        (HeightSensor::TimeOfFlight, sensors.time_of_flight.rate_hz),
-        (HeightSensor::Barometer, sensors.barometer.rate_hz),
-    ];
+    let has = |sensor: &&HeightSensor| sensors.heights.contains(sensor);
+    let heights: Vec<HeightSensor> = HeightSensor::ALL.iter().filter(has).copied().collect();
     let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
-    let (mut measured, mut read) = (0_u32, [0_u32; 2]);
+    let (mut measured, mut read) = (0_u32, vec![0_u32; heights.len()]);
     #[expect(clippy::cast_possible_truncation, reason = "an hour")]
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
@@ -93,8 +91,8 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             fleet.range(turns[measured as usize % turns.len()]);
             measured += 1;
         }
-        for ((sensor, rate_hz), read) in heights.iter().zip(&mut read) {
-            if sensors.heights.contains(sensor) && f64::from(*read) <= time_s * rate_hz {
+        for (sensor, read) in heights.iter().zip(&mut read) {
+            if f64::from(*read) <= time_s * sensors.height_rate_hz(*sensor) {
                 fleet.height(*sensor);
                 *read += 1;
             }

@@ -27,8 +27,8 @@ use super::ekf::{Ekf, START, Source};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sensors::{
-    Fleet, Leg, Message, Readings, Reckoning, SensorOptions, SharedHeight, SharedRange, Target,
-    time_of_flight_sigma_m,
+    Fleet, HeightSensor, Leg, Message, Readings, Reckoning, SensorOptions, SharedHeight,
+    SharedRange, Target, time_of_flight_sigma_m,
 };
 use crate::sim::options::{ObserverOptions, Share};
 use crate::vehicle::State;
@@ -138,16 +138,16 @@ impl Cooperative {
             self.waiting.push((range.drone, distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
-        if let Some(distance_m) = readings.time_of_flight_m {
-            let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
-            let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, distance_m) * cos_tilt;
-            let height_m = distance_m * cos_tilt;
-            let (target, variance) = (Target::Floor, sigma_m * sigma_m);
-            self.heights.push(SharedHeight { time_s, target, height_m, variance });
-        }
-        if let Some(height_m) = readings.barometer_m {
-            let variance = self.own.model.barometer;
-            let target = Target::Air;
+        for (sensor, measured_m) in readings.heights {
+            let (target, height_m, variance) = match sensor {
+                HeightSensor::TimeOfFlight => {
+                    let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
+                    let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, *measured_m);
+                    let sigma_m = sigma_m * cos_tilt;
+                    (Target::Floor, measured_m * cos_tilt, sigma_m * sigma_m)
+                }
+                HeightSensor::Barometer => (Target::Air, *measured_m, self.own.model.barometer),
+            };
             self.heights.push(SharedHeight { time_s, target, height_m, variance });
         }
     }
@@ -286,8 +286,15 @@ impl Cooperative {
         self.force_m_s2 = force_m_s2;
         let Self { own, gate, place, .. } = self;
         let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
-            let Source::To(target) = source else { unreachable!("ranges and heights only") };
-            gate.correct(normal, (*place, target), measurement);
+            match source {
+                Source::To(target) => {
+                    gate.correct(normal, (*place, target), measurement);
+                }
+                // Not a link: nothing of it is shared.
+                Source::Sweep { .. } | Source::Position => {
+                    normal.correct(measurement, |_| true);
+                }
+            }
         });
         self.settle_peers();
         self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);

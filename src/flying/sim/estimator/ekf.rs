@@ -19,8 +19,8 @@ use super::state_at;
 use super::sweep_filter::SweepFilter;
 use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
 use crate::sensors::{
-    DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
-    time_of_flight_sigma_m,
+    DECK_SENSORS_M, Generation, HeightSensor, Range, Readings, SensorOptions, StationPose, Sweep,
+    Target, time_of_flight_sigma_m,
 };
 use crate::sim::options::EkfOptions;
 use crate::vehicle::State;
@@ -231,13 +231,15 @@ impl Model {
                 each(Source::Position, &Measurement { slope, value, variance });
             }
         }
-        if let Some(distance_m) = readings.time_of_flight_m {
-            self.distance(motion, distance_m, &mut each);
-        }
-        if let Some(height_m) = readings.barometer_m {
-            let (value, variance) = (height_m - motion.position_m.z, self.barometer);
-            let slope = &[Part::One(2, 1.0)];
-            each(Source::To(Target::Air), &Measurement { slope, value, variance });
+        for (sensor, measured_m) in readings.heights {
+            match sensor {
+                HeightSensor::TimeOfFlight => self.distance(motion, *measured_m, &mut each),
+                HeightSensor::Barometer => {
+                    let (value, variance) = (measured_m - motion.position_m.z, self.barometer);
+                    let slope = &[Part::One(2, 1.0)];
+                    each(Source::To(Target::Air), &Measurement { slope, value, variance });
+                }
+            }
         }
     }
 

@@ -25,7 +25,7 @@ use super::sweep_filter::SweepFilter;
 use super::tdoa_filter::TdoaFilter;
 use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles, toward};
 use crate::sensors::SensorOptions;
-use crate::sensors::{DECK_SENSORS_M, Range, Readings, time_of_flight_sigma_m};
+use crate::sensors::{DECK_SENSORS_M, HeightSensor, Range, Readings, time_of_flight_sigma_m};
 use crate::sim::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
 use crate::vehicle::State;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -280,17 +280,27 @@ impl Firmware {
             }
         }
         let cos_tilt = self.world_from_body[(2, 2)];
-        if let Some(distance_m) = readings.time_of_flight_m.filter(|_| cos_tilt > LEAST_COS_TILT) {
-            let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
-            let per_m = 1.0 / libm::cos(tilt_rad.max(0.0));
-            let sigma_m = time_of_flight_sigma_m(self.model.ranger_m, distance_m);
-            let error_m = distance_m - self.position_m.z * per_m;
-            self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
+        for (sensor, measured_m) in readings.heights {
+            match sensor {
+                HeightSensor::TimeOfFlight if cos_tilt > LEAST_COS_TILT => {
+                    self.correct_by_distance(*measured_m, cos_tilt);
+                }
+                HeightSensor::TimeOfFlight => {}
+                HeightSensor::Barometer => {
+                    let error_m = measured_m - self.position_m.z;
+                    self.correct(&[Part::One(2, 1.0)], error_m, self.model.barometer);
+                }
+            }
         }
-        if let Some(height_m) = readings.barometer_m {
-            let error_m = height_m - self.position_m.z;
-            self.correct(&[Part::One(2, 1.0)], error_m, self.model.barometer);
-        }
+    }
+
+    /// Corrects by the distance to the floor.
+    fn correct_by_distance(&mut self, distance_m: f64, cos_tilt: f64) {
+        let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
+        let per_m = 1.0 / libm::cos(tilt_rad.max(0.0));
+        let sigma_m = time_of_flight_sigma_m(self.model.ranger_m, distance_m);
+        let error_m = distance_m - self.position_m.z * per_m;
+        self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
     }
 
     fn correct(&mut self, slope: &[Part], value: f64, variance: f64) {

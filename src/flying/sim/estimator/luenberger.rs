@@ -132,8 +132,7 @@ mod tests {
             sweeps: &[],
             ranges: &[],
             peer_ranges: &[],
-            time_of_flight_m: None,
-            barometer_m: None,
+            heights: &[],
         }
     }
 

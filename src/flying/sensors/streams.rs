@@ -1,0 +1,38 @@
+//! Streams of noise: whose each is.
+
+use noctograph_core::random::Noise;
+
+/// The streams of one drone's sensors. A sensor draws from streams by name, so that none shifts
+/// another's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Streams {
+    /// Of the noise of this flight.
+    pub(super) seed: u64,
+    /// Of what is wrong with the room.
+    pub(super) room_seed: u64,
+    /// Index of the drone.
+    pub(super) drone: u64,
+}
+
+impl Streams {
+    /// What differs between drones and flights.
+    pub(super) fn own(&self, sensor: &str) -> Noise {
+        self.of_drone(self.drone, sensor)
+    }
+
+    /// The same of another drone, or of the first of two.
+    pub(super) fn of_drone(&self, drone: u64, sensor: &str) -> Noise {
+        Noise::new(self.seed, drone, sensor)
+    }
+
+    /// What is wrong with a room, the same for all drones and flights in it: the places of stations
+    /// and anchors, and what the solution for them bends.
+    pub(super) fn of_room(&self, sensor: &str) -> Noise {
+        Noise::new(self.room_seed, 0, sensor)
+    }
+
+    #[cfg(test)]
+    pub(super) fn alone(seed: u64) -> Self {
+        Self { seed, room_seed: seed, drone: 0 }
+    }
+}
