@@ -94,8 +94,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["adapter"] = adapter.as_str().into();
     json["photo_sha256"] = shot.file.as_deref().map(sha256).into();
     let remedies = match verdict.filter(|verdict| !verdict.legible) {
-        // A plan from elsewhere is not made anew.
-        Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
+        // A plan from elsewhere, and a flight of an export, is not planned anew.
+        Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
         _ => Vec::new(),
     };
     let typed_json =

@@ -91,3 +91,14 @@ fn a_plan_is_drawn_where_its_name_ends_in_svg() {
     let svg = std::fs::read_to_string(Path::new(&path)).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("NOOR, planned: "), "{}", &svg[..200]);
 }
+
+#[test]
+fn a_plan_from_elsewhere_has_a_verdict_though_its_scene_cannot_be_planned() {
+    let folder = tempfile::tempdir().unwrap();
+    noctograph(folder.path()).args(["plan", "I", "-o", "plan.csv"]).assert().success();
+    // Style team plans for one drone.
+    let scene = ["--word", "QUIZ", "--style", "team", "--drones", "2", "--size", "320x180"];
+    let mut preview = noctograph(folder.path());
+    let preview = preview.args(["preview", "plan.csv", "--backend", "cpu"]).args(scene).assert();
+    preview.code(1).stdout(contains("QUIZ reads as ????: NOT legible"));
+}

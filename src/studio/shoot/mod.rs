@@ -14,7 +14,7 @@
 //! the flight, and the photo is encoded while it is read.
 //!
 //! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
-//! side. Not modeled: wake and collisions between drones.
+//! side, each in the wakes of those above it. Not modeled: collisions.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -67,6 +67,8 @@ pub struct Shoot {
     pub strokes: Option<Strokes>,
     /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
+    /// Whether they were planned from the scene, so that a change of it plans anew.
+    pub is_planned: bool,
     /// Designs of the plans where these are flights of exported trajectories
     /// ([`Self::as_exported`]); empty: the plans are their own design.
     pub designs: Vec<Plan>,
@@ -184,6 +186,7 @@ impl Shoot {
         let strokes = scene.strokes()?;
         let mut shoot = Self::bare(scene, Some(strokes));
         shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"))?;
+        shoot.is_planned = true;
         Ok(shoot)
     }
 
@@ -248,6 +251,7 @@ impl Shoot {
             scene,
             strokes,
             plans: Vec::new(),
+            is_planned: false,
             designs: Vec::new(),
             recordings: Vec::new(),
             actual: Vec::new(),
