@@ -121,7 +121,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         samples.push(of_log);
     }
     let mut alignments = align_logs(&mut logs, &mut samples, args.clocks, &anchors_m, &options)?;
-    let samples = samples.concat();
+    let samples: Vec<RangeSample> = samples.into_iter().flatten().collect();
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
     let places = || located.position_m.iter().flatten();

@@ -16,8 +16,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::pass::{Model, STATES};
+use super::pass::{Innovations, Model, STATES, together};
 use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_link};
+use super::smoother::work;
 use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};
@@ -35,6 +36,9 @@ const TOLD_APART: f64 = 13.8;
 const ROUNDS: usize = 6;
 /// Links that are tried at most, those with the largest residuals first.
 const MOST_TRIED: usize = 6;
+/// Most multiplications of the first passes of all links that are tried: what the first flights of
+/// an evening take is a hundredth of it.
+const MOST_WORK: f64 = 2e10;
 /// Share of the mean normalized innovation squared that is left at most where leaving out helps.
 const HELPS: f64 = 0.7;
 
@@ -61,21 +65,25 @@ impl Evidence {
         links.retain(|link| !repaired.left_out.contains(link));
         let all = model.with_biases(links.iter().copied().map(BiasOf::Link).collect());
         let (n, size) = (STATES * model.n_drones(), links.len());
-        let about: Vec<Normal> =
-            repaired.solved.ends.iter().map(|end| with_prior(end, n, size)).collect();
-        let (steps, found) = all.forward(samples, &with_prior(start, n, size), Some(&about));
-        let (information, vector) = steps
-            .last()
-            .and_then(|last| {
-                let Normal { mean, covariance, .. } = &last.updated;
-                let inverse = covariance.view((n, n), (size, size)).into_owned().try_inverse()?;
+        let (mut filter, mut found) =
+            (all.filter(&with_prior(start, n, size)), Innovations::default());
+        let mut here = vec![0.0; n + size];
+        for (k, step) in together(samples).enumerate() {
+            here[..n].copy_from_slice(&repaired.solved.path.states(k)[..n]);
+            all.advance(&mut filter, step, Some(&here), &mut found);
+        }
+        let Normal { mean, covariance, .. } = &filter.normal;
+        let places = covariance.view((n, n), (size, size)).into_owned();
+        let (information, vector) = places
+            .try_inverse()
+            .map(|inverse| {
                 let vector = &inverse * mean.rows(n, size);
                 let prior = DMatrix::from_diagonal_element(
                     size,
                     size,
                     1.0 / (PRIOR_SIGMA_M * PRIOR_SIGMA_M),
                 );
-                Some((inverse - prior, vector))
+                (inverse - prior, vector)
             })
             .unwrap_or_else(|| (DMatrix::zeros(size, size), DVector::zeros(size)));
         Self { links, information, vector, dispersion: found.nis().unwrap_or(1.0).max(1.0) }
@@ -163,6 +171,8 @@ pub(super) struct Repaired {
     pub(super) biases: Vec<Bias>,
     /// Links of which no range is used.
     pub(super) left_out: Vec<Link>,
+    /// Whether links were not tried since the log is long.
+    pub(super) cut_short: bool,
 }
 
 /// A log with the biases that explain it taken off, and without the links that none explains;
@@ -175,9 +185,12 @@ pub(super) fn repair<'a>(
 ) -> Result<Option<Repaired>> {
     let log = Log { model, heard_s, samples, sigma_m: options.range_sigma_m };
     let (mut best, mut start) = log.identified(Vec::new())?;
-    while let Some(next) = log.with_one_link_less(&best) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
+    let mut tries_left = (MOST_WORK / work(heard_s.len(), samples).max(1.0)) as usize;
+    while let Some(next) = log.with_one_link_less(&best, &mut tries_left) {
         (best, start) = next;
     }
+    best.cut_short = tries_left == 0;
     if best.biases.is_empty() && best.left_out.is_empty() {
         return Ok(None);
     }
@@ -213,7 +226,7 @@ impl<'a> Log<'_, 'a> {
         model.left_out = self.samples.iter().map(is_out).collect();
         let mut start = self.wide_start(&model, &left_out, &[])?;
         let solved = solve(&model, self.samples, &start, true)?;
-        let mut found = Repaired { solved, biases: Vec::new(), left_out };
+        let mut found = Repaired { solved, biases: Vec::new(), left_out, cut_short: false };
         for _ in 0..ROUNDS {
             model.left_out = self.strays(&found);
             let evidence = Evidence::new(&model, self.samples, &found, &start);
@@ -240,7 +253,11 @@ impl<'a> Log<'_, 'a> {
 
     /// The log without one more link, of those with the largest residuals the first without which
     /// it contradicts itself less; `None` where there is none, or no contradiction.
-    fn with_one_link_less(&self, before: &Repaired) -> Option<(Repaired, Normal)> {
+    fn with_one_link_less(
+        &self,
+        before: &Repaired,
+        tries_left: &mut usize,
+    ) -> Option<(Repaired, Normal)> {
         let innovations = &before.solved.innovations;
         let nis = innovations.nis()?;
         if nis <= nis_interval(innovations.taken)[1] {
@@ -256,6 +273,7 @@ impl<'a> Log<'_, 'a> {
         let mut links: Vec<(Link, f64)> = means.collect();
         links.sort_by(|a, b| b.1.total_cmp(&a.1));
         links.into_iter().take(MOST_TRIED).find_map(|(link, _)| {
+            *tries_left = tries_left.checked_sub(1)?;
             // Too few links may be left.
             let without = [&before.left_out[..], &[link]].concat();
             let found = self.identified(without).ok()?;

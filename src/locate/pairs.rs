@@ -38,9 +38,9 @@ pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
 
 /// Leaves out the ranges of a pair before the log of either drone begins with a range to an anchor:
 /// the other drone's log may be longer.
-pub(super) fn since_both_are_logged(samples: &[RangeSample]) -> Vec<RangeSample> {
+pub(super) fn since_both_are_logged(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
-    for sample in samples {
+    for sample in &*samples {
         if let Link::Anchor { drone, .. } = sample.link {
             let begin_s = begins_s.entry(drone).or_insert(f64::INFINITY);
             *begin_s = begin_s.min(sample.time_s);
@@ -48,11 +48,11 @@ pub(super) fn since_both_are_logged(samples: &[RangeSample]) -> Vec<RangeSample>
     }
     let begun =
         |drone: usize, time_s| begins_s.get(&drone).is_none_or(|begin_s| time_s >= *begin_s);
-    let is_kept = |sample: &&RangeSample| match sample.link {
+    let is_kept = |sample: &RangeSample| match sample.link {
         Link::Drones(i, j) => begun(i, sample.time_s) && begun(j, sample.time_s),
         Link::Anchor { .. } => true,
     };
-    samples.iter().filter(is_kept).copied().collect()
+    samples.retain(is_kept);
 }
 
 #[cfg(test)]

@@ -51,6 +51,18 @@ impl Innovations {
     }
 }
 
+/// A filter on its way through a log.
+#[derive(Clone, Debug)]
+pub(super) struct Filter {
+    /// The states after the last step.
+    pub(super) normal: Normal,
+    gate: Gate<Link>,
+    /// Time of the last step.
+    last_s: Option<f64>,
+    /// Ranges of all steps behind it.
+    pub(super) ranges: usize,
+}
+
 /// Ranges that share one state, in order.
 pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
     let mut left = samples;
@@ -102,44 +114,45 @@ impl<'a> Model<'a> {
         (slope, expected_m)
     }
 
-    /// Forward pass, linearized about its own estimates or about `about`.
-    pub(super) fn forward(
+    /// A filter at the beginning of a log.
+    pub(super) fn filter(&self, start: &Normal) -> Filter {
+        let gate = Gate::new(self.gate_sigmas);
+        Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
+    }
+
+    /// Takes a filter one step on, linearized about its own estimate or about the states `here`.
+    pub(super) fn advance(
         &self,
-        samples: &[RangeSample],
-        start: &Normal,
-        about: Option<&[Normal]>,
-    ) -> (Vec<Step>, Innovations) {
-        let mut normal = start.clone();
+        filter: &mut Filter,
+        step: &[RangeSample],
+        here: Option<&[f64]>,
+        found: &mut Innovations,
+    ) -> Step {
+        let Filter { normal, gate, .. } = filter;
         let variance = self.options.range_sigma_m * self.options.range_sigma_m;
-        let mut gate = Gate::new(self.gate_sigmas);
-        let (mut steps, mut found) = (Vec::<Step>::new(), Innovations::default());
-        let mut left_out = self.left_out.iter().chain(std::iter::repeat(&false));
-        for step in together(samples) {
-            let (time_s, mut transition) = (step[0].time_s, Vec::new());
-            if let Some(last) = steps.last() {
-                let noise;
-                (transition, noise) = self.motion(last.time_s, time_s);
-                normal.predict(&transition, &noise);
-            }
-            let predicted = normal.clone();
-            let here = about.and_then(|about| about.get(steps.len()));
-            for sample in step {
-                let at = here.map_or(&normal.mean, |about| &about.mean).as_slice();
-                let (slope, expected_m) = self.slope(sample.link, at);
-                let value = sample.distance_m - expected_m + along(&slope, at);
-                let measurement = Measurement { slope: &slope, value, variance };
-                let is_stray = left_out.next().is_some_and(|stray| *stray);
-                let mut corrected = || gate.correct(&mut normal, sample.link, &measurement);
-                match if is_stray { None } else { corrected() } {
-                    Some(innovation) => {
-                        (found.sum, found.taken) = (found.sum + innovation.nis(), found.taken + 1);
-                    }
-                    None => *found.refused.entry(sample.link).or_default() += 1,
-                }
-            }
-            steps.push(Step { time_s, transition, predicted, updated: normal.clone() });
+        let (time_s, mut transition) = (step[0].time_s, Vec::new());
+        if let Some(last_s) = filter.last_s {
+            let noise;
+            (transition, noise) = self.motion(last_s, time_s);
+            normal.predict(&transition, &noise);
         }
-        (steps, found)
+        let predicted = normal.clone();
+        for (index, sample) in step.iter().enumerate() {
+            let at = here.unwrap_or(normal.mean.as_slice());
+            let (slope, expected_m) = self.slope(sample.link, at);
+            let value = sample.distance_m - expected_m + along(&slope, at);
+            let measurement = Measurement { slope: &slope, value, variance };
+            let is_stray = self.left_out.get(filter.ranges + index).is_some_and(|stray| *stray);
+            let mut corrected = || gate.correct(normal, sample.link, &measurement);
+            match if is_stray { None } else { corrected() } {
+                Some(innovation) => {
+                    (found.sum, found.taken) = (found.sum + innovation.nis(), found.taken + 1);
+                }
+                None => *found.refused.entry(sample.link).or_default() += 1,
+            }
+        }
+        (filter.last_s, filter.ranges) = (Some(time_s), filter.ranges + step.len());
+        Step { time_s, transition, predicted, updated: normal.clone() }
     }
 
     /// Transition of the state between two times, and the covariance of its noise.

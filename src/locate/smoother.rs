@@ -9,12 +9,14 @@
 //! A link that the gate refuses five times in a row is believed again, as in flight. Where the
 //! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::biases::repair;
 use super::mirror::{Ambiguity, ambiguities};
 use super::pairs::{counted_once, since_both_are_logged};
-use super::pass::{Model, STEP_S};
+use super::pass::{Model, STATES, STEP_S, together};
 use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
 use super::solve::{Solved, solve};
 use super::start::start;
@@ -23,6 +25,14 @@ use noctograph_core::error::{Error, Result};
 
 /// Least standard deviation of a range for the place at the start.
 const START_SIGMA_M: f64 = 0.05;
+
+/// Most ranges of all logs: an hour of eight anchors at 100 Hz.
+const MOST_RANGES: usize = 3_000_000;
+/// Most multiplications of a pass, [`work`]: some seconds. Ten minutes of three drones with eight
+/// anchors take 2.4·10⁹ at 50 Hz.
+const MOST_WORK: f64 = 4e9;
+const CUT_SHORT: &str = "not all links were tried as the one that contradicts the others: the logs \
+                         are long; locate a part of the flight";
 
 /// How a log is turned into positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,25 +96,29 @@ pub struct Located {
 /// # Errors
 ///
 /// [`Error::Input`] for a range that is no distance, and for a link without its end;
-/// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open.
+/// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open;
+/// [`Error::Input`] for more ranges than a core works through in minutes.
 pub fn locate(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
     samples: &[RangeSample],
     options: &LocateOptions,
 ) -> Result<Located> {
-    let samples = since_both_are_logged(&checked(anchors_m, n_drones, samples)?);
+    let mut samples = checked(anchors_m, n_drones, samples)?;
+    since_both_are_logged(&mut samples);
+    check_size(n_drones, &samples)?;
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
     let start = start(anchors_m, &heard_s, &samples, sigma_m, options.room.as_ref())?;
     let mut solved = solve(&model, &samples, &start, options.smooth)?;
-    let (mut biases, mut left_out) = (Vec::new(), Vec::new());
+    let (mut biases, mut left_out, mut cut_short) = (Vec::new(), Vec::new(), false);
     if is_inconsistent(&model, &samples, &solved)
         && let Some(repaired) = repair(&model, &heard_s, &samples, options)?
     {
         (solved, biases) = (repaired.solved, repaired.biases);
         left_out.extend(repaired.left_out.iter().map(Link::to_string));
+        cut_short = repaired.cut_short;
     }
     let position_m = solved.positions_m(n_drones);
     let mut located = Located {
@@ -121,7 +135,38 @@ pub fn locate(
     let (refused, sigma_m) = (&solved.innovations.refused, options.range_sigma_m);
     located.note_residuals(anchors_m, &samples, refused, sigma_m);
     located.warnings = located.contradictions(sigma_m);
+    located.warnings.extend(cut_short.then(|| CUT_SHORT.to_owned()));
     Ok(located)
+}
+
+/// Refuses logs whose passes would take minutes each, or more memory than the program may.
+fn check_size(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
+    let (ranges, work) = (samples.len(), work(n_drones, samples));
+    if ranges <= MOST_RANGES && work <= MOST_WORK {
+        return Ok(());
+    }
+    let millions = |n: f64| n / 1e6;
+    let found = format!(
+        "{:.1} million ranges of {n_drones} drones, {:.0} million multiplications a pass",
+        millions(ranges as f64),
+        millions(work)
+    );
+    let wanted = format!(
+        "at most {:.0} million ranges and {:.0} million multiplications",
+        millions(MOST_RANGES as f64),
+        millions(MOST_WORK)
+    );
+    let hint = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
+                drones without ranges between them are located as well alone";
+    Err(Error::input("ranges", found, wanted, hint))
+}
+
+/// Multiplications of a pass forward with a bias for every link, and of one backward.
+pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
+    let links: BTreeSet<Link> = samples.iter().map(|sample| sample.link).collect();
+    let (states, steps) = ((STATES * n_drones) as f64, together(samples).count() as f64);
+    let all = states + links.len() as f64;
+    samples.len() as f64 * all * all + steps * 6.0 * states * states * states
 }
 
 /// Whether the ranges contradict their noise, or a link the others.

@@ -1,46 +1,87 @@
 //! Passes over a log of ranges, forward and backward, until the positions rest.
+//!
+//! Forward and backward need the covariances of every step, whose number grows with the square of
+//! the states. Only those of a window are kept: of the windows before it a pass keeps the filter at
+//! their begin, and makes their steps again when it comes back to them. Of all steps the means are
+//! kept, and the covariances of the positions alone.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pass::{Innovations, Model, STATES};
+use super::pass::{Filter, Innovations, Model, STATES, together};
 use super::{Bias, RangeSample};
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::estimate::{Normal, smoothed};
+use noctograph_flying::estimate::{Normal, Step};
 
 /// Most passes.
 const MAX_PASSES: usize = 8;
 /// Change of a position between two passes at which they end.
 const CONVERGED_M: f64 = 1e-4;
+/// Most memory of the steps of a window: less costs little time, since windows are made again once
+/// each pass, and a minute of three drones is one window.
+const WINDOW_BYTES: usize = 16 << 20;
+
+/// The means of all steps, and the covariances of the positions.
+#[derive(Debug, Default)]
+pub(super) struct Path {
+    states: usize,
+    means: Vec<f64>,
+    covariances_m2: Vec<Matrix3<f64>>,
+}
+
+impl Path {
+    /// States at a step.
+    pub(super) fn states(&self, step: usize) -> &[f64] {
+        &self.means[step * self.states..][..self.states]
+    }
+
+    /// Puts the states of a step in their place, and says by how much they moved.
+    fn put(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
+        let places = self.means[step * self.states..].iter_mut();
+        let mut moved_m = 0.0_f64;
+        for (place, mean) in places.zip(&normal.mean) {
+            moved_m = moved_m.max((*place - mean).abs());
+            *place = *mean;
+        }
+        for drone in 0..n_drones {
+            let at = STATES * drone;
+            self.covariances_m2[step * n_drones + drone] = normal.block(at, at);
+        }
+        moved_m
+    }
+}
+
 /// A log after the last pass.
 pub(super) struct Solved {
     pub(super) time_s: Vec<f64>,
-    /// State and covariance at each time.
-    pub(super) ends: Vec<Normal>,
+    pub(super) path: Path,
+    /// All states at the end of the log.
+    end: Normal,
     pub(super) innovations: Innovations,
 }
 
 impl Solved {
     /// Positions: for each drone one at each time.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
-        let places = |drone| self.ends.iter().map(|end| end.three(STATES * drone)).collect();
+        let place = |drone: usize, step: usize| {
+            Vector3::from_column_slice(&self.path.states(step)[STATES * drone..][..3])
+        };
+        let steps = 0..self.time_s.len();
+        let places = |drone| steps.clone().map(|step| place(drone, step)).collect();
         (0..n_drones).map(places).collect()
     }
 
     /// Covariances of the positions.
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let block = |drone: usize| {
-            let at = STATES * drone;
-            self.ends.iter().map(|end| end.block(at, at)).collect()
-        };
-        (0..n_drones).map(block).collect()
+        let of = |drone| self.path.covariances_m2.iter().skip(drone).step_by(n_drones);
+        (0..n_drones).map(|drone| of(drone).copied().collect()).collect()
     }
 
     /// The biases of the model, as the whole log has them.
     pub(super) fn biases(&self, model: &Model<'_>) -> Vec<Bias> {
-        let Some(end) = self.ends.last() else { return Vec::new() };
         let bias = |(k, of)| {
             let state = STATES * model.n_drones() + k;
-            Bias { of, bias_m: end.mean[state], sigma_m: end.sigma(state), in_doubt: false }
+            let (bias_m, sigma_m) = (self.end.mean[state], self.end.sigma(state));
+            Bias { of, bias_m, sigma_m, in_doubt: false }
         };
         model.biases.iter().copied().enumerate().map(bias).collect()
     }
@@ -53,25 +94,149 @@ pub(super) fn solve(
     start: &Normal,
     smooth: bool,
 ) -> Result<Solved> {
-    // The innovations are those of the filter, which knows no later range.
-    let (mut steps, innovations) = model.forward(samples, start, None);
-    let mut ends: Option<Vec<Normal>> = None;
-    for _ in 0..if smooth { MAX_PASSES } else { 0 } {
-        let next = smoothed(&steps).map_err(|lost| Error::Infeasible {
-            what: format!("the filter has lost its covariance at {:.2} s", steps[lost].time_s),
-            hint: "raise the noise of the ranges or the acceleration".into(),
-        })?;
-        let moved_m = ends.as_ref().map_or(f64::INFINITY, |before| {
-            let pairs = before.iter().zip(&next);
-            pairs.map(|(a, b)| (&a.mean - &b.mean).amax()).fold(0.0, f64::max)
-        });
-        let about = ends.insert(next);
-        if moved_m < CONVERGED_M {
-            break;
+    Passes { model, samples, start, window: window(start.mean.len()) }.solve(smooth)
+}
+
+/// Steps of a window.
+fn window(n_states: usize) -> usize {
+    let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
+    (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
+}
+
+/// What all passes over a log have in common.
+struct Passes<'m, 'a> {
+    model: &'m Model<'a>,
+    samples: &'m [RangeSample],
+    start: &'m Normal,
+    /// Steps of a window.
+    window: usize,
+}
+
+/// A pass forward.
+struct Forward {
+    /// The filter at the begin of each window.
+    begins: Vec<Filter>,
+    /// The steps of the last window.
+    steps: Vec<Step>,
+    end: Normal,
+    innovations: Innovations,
+}
+
+impl Passes<'_, '_> {
+    fn solve(&self, smooth: bool) -> Result<Solved> {
+        let time_s: Vec<f64> = together(self.samples).map(|step| step[0].time_s).collect();
+        let (n, states) = (time_s.len(), self.start.mean.len());
+        let covariances_m2 = vec![Matrix3::zeros(); n * self.model.n_drones()];
+        let mut path = Path { states, means: vec![0.0; n * states], covariances_m2 };
+        if !smooth {
+            let forward = self.forward(None, Some(&mut path));
+            let Forward { end, innovations, .. } = forward;
+            return Ok(Solved { time_s, path, end, innovations });
         }
-        (steps, _) = model.forward(samples, start, Some(about));
+        // The innovations are those of the filter, which knows no later range.
+        let first = self.forward(None, None);
+        let (mut begins, mut steps, mut end) = (first.begins, first.steps, first.end);
+        for pass in 0..MAX_PASSES {
+            let moved_m = self.backward(&begins, steps, pass > 0, &mut path)?;
+            if pass > 0 && moved_m < CONVERGED_M || pass + 1 == MAX_PASSES {
+                break;
+            }
+            Forward { begins, steps, end, .. } = self.forward(Some(&path), None);
+        }
+        Ok(Solved { time_s, path, end, innovations: first.innovations })
     }
-    let time_s = steps.iter().map(|step| step.time_s).collect();
-    let ends = ends.unwrap_or_else(|| steps.into_iter().map(|step| step.updated).collect());
-    Ok(Solved { time_s, ends, innovations })
+
+    /// A pass forward, linearized about its own estimates or about a path; `into` takes its states.
+    fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
+        let (mut begins, mut steps) = (Vec::new(), Vec::new());
+        let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
+        for (k, ranges) in together(self.samples).enumerate() {
+            if k.is_multiple_of(self.window) {
+                begins.push(filter.clone());
+                steps.clear();
+            }
+            let here = about.map(|about| about.states(k));
+            let step = self.model.advance(&mut filter, ranges, here, &mut innovations);
+            if let Some(path) = &mut into {
+                path.put(k, self.model.n_drones(), &step.updated);
+            }
+            steps.push(step);
+        }
+        Forward { begins, steps, end: filter.normal, innovations }
+    }
+
+    /// The steps of a window, made again from the filter at its begin.
+    fn again(&self, index: usize, begin: &Filter, about: Option<&Path>) -> Vec<Step> {
+        let (mut filter, mut unused) = (begin.clone(), Innovations::default());
+        let ranges = together(&self.samples[begin.ranges..]).take(self.window).enumerate();
+        let step = |(k, ranges)| {
+            let here = about.map(|about| about.states(index * self.window + k));
+            self.model.advance(&mut filter, ranges, here, &mut unused)
+        };
+        ranges.map(step).collect()
+    }
+
+    /// A pass backward over what a pass forward kept; the states of all steps replace those of the
+    /// path, about which that pass was linearized or not. By how much they moved.
+    fn backward(
+        &self,
+        begins: &[Filter],
+        last: Vec<Step>,
+        linearized: bool,
+        path: &mut Path,
+    ) -> Result<f64> {
+        let (mut last, mut moved_m) = (Some(last), 0.0_f64);
+        let mut after: Option<(Step, Normal)> = None;
+        for (index, begin) in begins.iter().enumerate().rev() {
+            let again = || self.again(index, begin, linearized.then_some(&*path));
+            let steps = last.take().unwrap_or_else(again);
+            for (k, step) in steps.into_iter().enumerate().rev() {
+                let smooth = match &after {
+                    None => step.updated.clone(),
+                    Some((after, smooth)) => {
+                        step.smoothed(after, smooth).ok_or_else(|| lost(after.time_s))?
+                    }
+                };
+                let place = index * self.window + k;
+                moved_m = moved_m.max(path.put(place, self.model.n_drones(), &smooth));
+                after = Some((step, smooth));
+            }
+        }
+        Ok(moved_m)
+    }
+}
+
+fn lost(time_s: f64) -> Error {
+    Error::Infeasible {
+        what: format!("the filter has lost its covariance at {time_s:.2} s"),
+        hint: "raise the noise of the ranges or the acceleration".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::LocateOptions;
+    use crate::smoother::heard_s;
+    use crate::tests::flight;
+
+    #[test]
+    fn windows_of_any_length_give_the_bits_of_the_whole_flight() {
+        let (anchors_m, _, mut samples) = flight(0.06);
+        samples.truncate(900);
+        let (heard_s, options) = (heard_s(2, &samples), LocateOptions::default());
+        let model = Model::new(&anchors_m, &heard_s, &options);
+        let mut start = Normal::independent(&[0.3; 12]);
+        start.mean.iter_mut().enumerate().for_each(|(k, x)| *x = [0.4, 0.0, 1.0][k % 3]);
+        let of = |window| {
+            let passes = Passes { model: &model, samples: &samples, start: &start, window };
+            let solved = passes.solve(true).unwrap();
+            (solved.path.means, solved.path.covariances_m2, solved.end, solved.innovations.sum)
+        };
+        let whole = of(usize::MAX);
+        assert!(whole.0.iter().all(|x| x.is_finite()));
+        for window in [1, 7, 100, 449] {
+            assert!(of(window) == whole, "{window}");
+        }
+    }
 }

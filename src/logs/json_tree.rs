@@ -16,6 +16,9 @@ const STEPS: [usize; 2] = [60, 200];
 
 /// Memory of a name besides its bytes, in bytes.
 const NAMED: usize = 160;
+/// Memory of an object with its first name, whose node has room for eleven, and of a list with its
+/// first number ([`push`]).
+const BEGUN: [usize; 2] = [12 * 120, 64 * size_of::<f64>()];
 
 /// A value.
 #[derive(Debug)]
@@ -135,7 +138,8 @@ impl<'de> Visitor<'de> for Tree<'_> {
                     budget.free(held);
                 }
             }
-            budget.bytes(size_of::<f64>()).map_err(A::Error::custom)?;
+            let begun = if index == 0 { BEGUN[1] } else { 0 };
+            budget.bytes(size_of::<f64>() + begun).map_err(A::Error::custom)?;
             index += 1;
         }
     }
@@ -145,7 +149,8 @@ impl<'de> Visitor<'de> for Tree<'_> {
         let mut object = BTreeMap::new();
         while let Some(key) = members.next_key::<String>()? {
             budget.steps(STEPS[1] + key.len()).map_err(A::Error::custom)?;
-            budget.bytes(NAMED + key.len()).map_err(A::Error::custom)?;
+            let begun = if object.is_empty() { BEGUN[0] } else { 0 };
+            budget.bytes(NAMED + key.len() + begun).map_err(A::Error::custom)?;
             object.insert(key, members.next_value_seed(self)?);
         }
         Ok(Node::Object(object))

@@ -67,8 +67,14 @@ impl CameraOptions {
         let size_px = size_px(&bytes);
         let mut reader = exif::Reader::new();
         // What is needed may stand in whole directories beside a broken one.
-        let read =
-            reader.continue_on_error(true).read_from_container(&mut std::io::Cursor::new(bytes));
+        let reader = reader.continue_on_error(true);
+        // Of a TIFF file, raw photographs too, the container's reader would make a copy.
+        let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
+        let read = if is_tiff {
+            reader.read_raw(bytes)
+        } else {
+            reader.read_from_container(&mut std::io::Cursor::new(bytes))
+        };
         match read.or_else(|error| error.distill_partial_result(|_| {})) {
             Ok(exif) => {
                 let (camera, warnings) = self.with_exif(&exif, size_px, &place)?;

@@ -10,6 +10,7 @@ mod budget;
 mod folder;
 #[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
 mod input;
+mod jpeg;
 mod lines;
 mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
@@ -20,6 +21,7 @@ mod yaml;
 pub use budget::{Budget, push};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
+pub use jpeg::JpegFrame;
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
 pub use text::{PlainText, decoded, plain_text};

@@ -1,4 +1,4 @@
-//! The backward pass over the steps of a filter, of Rauch, Tung and Striebel (AIAA Journal 3(8),
+//! One step backward over those of a filter, of Rauch, Tung and Striebel (AIAA Journal 3(8),
 //! 1965).
 
 use super::normal::{Entry, Normal};
@@ -16,21 +16,13 @@ pub struct Step {
     pub updated: Normal,
 }
 
-/// The states of all steps as all measurements have them; where the covariance of a step is not
-/// positive, its index.
-///
-/// # Errors
-///
-/// That index.
-pub fn smoothed(steps: &[Step]) -> Result<Vec<Normal>, usize> {
-    let mut found: Vec<Normal> = Vec::with_capacity(steps.len());
-    for (k, step) in steps.iter().enumerate().rev() {
-        let Some((smooth, after)) = found.last().zip(steps.get(k + 1)) else {
-            found.push(step.updated.clone());
-            continue;
-        };
-        let (updated, predicted) = (&step.updated, &after.predicted);
-        let Some(inverse) = predicted.covariance.clone().cholesky() else { return Err(k + 1) };
+impl Step {
+    /// The states of this step as all measurements have them, given the step after it and what
+    /// these make of that one; `None` where its predicted covariance is not positive.
+    #[must_use]
+    pub fn smoothed(&self, after: &Self, smooth: &Normal) -> Option<Normal> {
+        let (updated, predicted) = (&self.updated, &after.predicted);
+        let inverse = predicted.covariance.clone().cholesky()?;
         let mut carried = updated.covariance.clone();
         for &(row, column, value) in &after.transition {
             (0..carried.ncols()).for_each(|i| carried[(row, i)] += value * carried[(column, i)]);
@@ -38,8 +30,6 @@ pub fn smoothed(steps: &[Step]) -> Result<Vec<Normal>, usize> {
         let gain = inverse.solve(&carried).transpose();
         let mean = &updated.mean + &gain * (&smooth.mean - &predicted.mean);
         let change = &gain * (&smooth.covariance - &predicted.covariance) * gain.transpose();
-        found.push(Normal::new(mean, &updated.covariance + change));
+        Some(Normal::new(mean, &updated.covariance + change))
     }
-    found.reverse();
-    Ok(found)
 }

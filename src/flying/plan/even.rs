@@ -13,7 +13,7 @@ use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::table::on_grid;
+use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
 
 /// Steps of a dimmed light: finer ones are not visible, and each one is a command.
 const LEVEL_STEPS: f64 = 50.0;
@@ -84,8 +84,15 @@ pub(super) fn plan(
     home_x_m: Option<f64>,
 ) -> Result<Plan> {
     let home_x_m = home_x_m.filter(|_| options.extent == Extent::Whole);
-    let mut course =
-        Course { options, style, home_x_m, segments: Vec::new(), end_s: 0.0, at: State::default() };
+    let mut course = Course {
+        options,
+        style,
+        home_x_m,
+        n_strokes: drawn.len(),
+        segments: Vec::new(),
+        end_s: 0.0,
+        at: State::default(),
+    };
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -99,6 +106,7 @@ struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
     home_x_m: Option<f64>,
+    n_strokes: usize,
     segments: Vec<Segment>,
     end_s: f64,
     at: State,
@@ -112,8 +120,8 @@ impl Course<'_> {
         };
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
-            Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
-            Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5),
+            Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s)?,
+            Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5)?,
         }
         let acceleration_m_s2 = TAKE_OFF_SHARE * self.style.acceleration_m_s2;
         let gentle = EvenStyle { acceleration_m_s2, ..self.style.clone() };
@@ -123,7 +131,7 @@ impl Course<'_> {
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
             self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
-            self.push(None, Path::Still(before_m), self.style.hover_s);
+            self.push(None, Path::Still(before_m), self.style.hover_s)?;
         }
         Ok(())
     }
@@ -134,20 +142,18 @@ impl Course<'_> {
         let letter = Some(stroke.letter).filter(|_| drawing);
         if let Some(at_m) = stroke.dot_m() {
             self.go(letter, &rest(at_m.x, at_m.y))?;
-            self.push(letter, Path::Still(at_m), SETTLE_S);
+            self.push(letter, Path::Still(at_m), SETTLE_S)?;
             let lit_s = dot_s(self.options.stroke_speed_m_s);
-            self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
-            return Ok(());
+            return self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
         }
         let mut motion = self.motion(stroke);
         self.go(letter, &motion.at(0.0))?;
         if self.lead_m(stroke) > 0.0 {
-            self.push(letter, Path::RunIn(motion.clone()), LEAD_S);
+            self.push(letter, Path::RunIn(motion.clone()), LEAD_S)?;
             motion = motion.after(LEAD_S);
         }
         let duration_s = motion.duration_s();
-        self.push(Some(stroke.letter), Path::Lit(motion), duration_s);
-        Ok(())
+        self.push(Some(stroke.letter), Path::Lit(motion), duration_s)
     }
 
     fn finish(&mut self) -> Result<()> {
@@ -160,8 +166,7 @@ impl Course<'_> {
         }
         let home = Vector2::new(self.home_x_m.unwrap_or(x), 0.0);
         self.go(None, &rest(home.x, self.options.landing_height_m))?;
-        self.push(None, Path::Still(home), self.options.floor_wait_s);
-        Ok(())
+        self.push(None, Path::Still(home), self.options.floor_wait_s)
     }
 
     fn motion(&self, stroke: &PenStroke) -> Motion {
@@ -191,15 +196,34 @@ impl Course<'_> {
             hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
         })?;
         let duration_s = transit.duration_s();
-        self.push(letter, Path::Dark(transit), duration_s);
-        Ok(())
+        self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) {
+    fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
         let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
         self.at = path.at(lasts_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += lasts_s;
+        self.check_duration()
+    }
+
+    /// Refuses what lasts too long before more of it is planned, sampled or flown.
+    fn check_duration(&self) -> Result<()> {
+        if self.end_s <= MAX_DURATION_S {
+            return Ok(());
+        }
+        let is_lit = |segment: &&Segment| matches!(segment.path, Path::Lit(_) | Path::Dot(_));
+        let drawn = self.segments.iter().filter(is_lit).count();
+        Err(Error::Infeasible {
+            what: format!(
+                "{drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
+                self.n_strokes
+            ),
+            hint:
+                "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw fewer strokes, \
+                   or smaller"
+                    .into(),
+        })
     }
 
     /// Setpoints on the grid, and where a stroke begins or ends.

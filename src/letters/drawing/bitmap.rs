@@ -22,7 +22,7 @@ use crate::center_line::{CenterLines, center_lines, outlines};
 use crate::options::{LetterOptions, Trace};
 use crate::outline::{Contour, Filled, mean_stroke_width};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Budget;
+use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 use noctograph_core::statistics::median;
 
@@ -151,6 +151,11 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
     }
     let n_bytes = usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX);
     budget.steps(STEPS.saturating_mul(n_bytes))?;
+    if let Some(frame) = JpegFrame::of(bytes) {
+        let whole = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+        budget.bytes(whole(frame.decoded_bytes()))?;
+        budget.steps(whole(frame.later_scans_ns()))?;
+    }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| refuse(&e))?;
     if width.max(height) > LONGER_SIDE {

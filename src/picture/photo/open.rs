@@ -8,7 +8,12 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Photo;
 use super::png::{LIMIT, Notes, checked_size, from_png, turned};
+use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::JpegFrame;
+
+/// Most memory while a JPEG file is decoded: that of the largest PNG, of four channels of 16 bits.
+const MOST_BYTES: u64 = 8 * MAX_PIXELS;
 
 /// Reads a photo from a PNG or JPEG file.
 ///
@@ -42,6 +47,7 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
         Ok(ImageFormat::Jpeg) => {}
         _ => return Err(broken(&"no PNG or JPEG header")),
     }
+    check_memory(&bytes, path)?;
     let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
     let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
     let (width_px, height_px) = decoder.dimensions();
@@ -51,6 +57,23 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let rgb8 = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgb8();
     let photo = Photo { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
     Ok((turned(photo, orientation), Notes::default()))
+}
+
+/// Refuses a JPEG file whose decoding takes more memory than that of any other photo.
+fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
+    // What has no frame is refused by the decoder.
+    let Some(frame) = JpegFrame::of(bytes) else { return Ok(()) };
+    // The decoder keeps a copy of the file.
+    let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
+    if needed <= MOST_BYTES {
+        return Ok(());
+    }
+    let kind = if frame.progressive { "progressive " } else { "" };
+    let [width, height] = frame.size_px;
+    let found =
+        format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
+    let hint = "scale the photo down, or save it anew as a baseline JPEG";
+    Err(Error::input(path.display(), found, format!("at most {} MiB", MOST_BYTES >> 20), hint))
 }
 
 #[cfg(test)]
@@ -85,6 +108,23 @@ mod tests {
             assert_eq!((photo.width_px, photo.height_px), size, "orientation {orientation}");
             assert!(photo.rgb8[0].abs_diff(first) < 16, "orientation {orientation}");
         }
+    }
+
+    #[test]
+    fn the_coefficients_of_a_progressive_photo_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.jpg");
+        // 8000 x 8000 pixels of four components, and the same in one scan.
+        let frame = |marker: u8| {
+            let mut bytes = vec![0xff, 0xd8, 0xff, marker, 0, 20, 8, 0x1f, 0x40, 0x1f, 0x40, 4];
+            (0..4).for_each(|id| bytes.extend([id, 0x11, 0]));
+            bytes
+        };
+        std::fs::write(&path, frame(0xc2)).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("a progressive JPEG of 8000x8000 pixels"), "{error}");
+        std::fs::write(&path, frame(0xc0)).unwrap();
+        assert!(!read(&path).unwrap_err().to_string().contains("MiB"));
     }
 
     #[test]

@@ -12,7 +12,7 @@
 use nalgebra::Vector2;
 
 use super::motion::State;
-use super::pen::{PenStroke, Way, pen_strokes};
+use super::pen::{PenStroke, Way, dot_s, pen_strokes};
 use super::transit::Transit;
 use super::{EvenStyle, Order};
 use noctograph_core::crazyflie::RING_TICK_S;
@@ -56,15 +56,25 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    let lit_s = drawn.iter().map(|stroke| stroke.duration_s(speed_m_s)).sum::<f64>();
-    if lit_s > MAX_DURATION_S || drawn.len() > MAX_STROKES {
-        let n = drawn.len();
-        return Err(Error::Infeasible {
-            what: format!("{n} strokes of {lit_s:.0} s in all are too much for a flight"),
-            hint: "raise plan.stroke_speed_m_s, or draw less, or smaller".into(),
-        });
-    }
-    Ok(drawn)
+    // Dots are lit for a time, too.
+    let lit_s = |stroke: &PenStroke| match stroke.dot_m() {
+        Some(_) => dot_s(speed_m_s),
+        None => stroke.duration_s(speed_m_s),
+    };
+    let (n, lit_s) = (drawn.len(), drawn.iter().map(lit_s).sum::<f64>());
+    let (what, hint) = if n > MAX_STROKES {
+        let hint = "draw fewer strokes, or lower letters.detail";
+        (format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"), hint)
+    } else if lit_s > MAX_DURATION_S {
+        let hint = "raise plan.stroke_speed_m_s, or draw less, or smaller";
+        let what = format!(
+            "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
+        );
+        (what, hint)
+    } else {
+        return Ok(drawn);
+    };
+    Err(Error::Infeasible { what, hint: hint.into() })
 }
 
 /// Strokes in the order and direction with the least time in the dark.

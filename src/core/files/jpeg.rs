@@ -1,0 +1,100 @@
+//! The frame of a JPEG file, read before anything is decoded: what a decoder will hold, and how
+//! often it goes over the picture (ITU-T T.81, annex B).
+//!
+//! The size of a progressive picture says too little: all its coefficients, two bytes each, are
+//! held until the last scan, and a scan may take a dozen bytes of the file.
+
+/// What decoding a JPEG picture takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JpegFrame {
+    /// Width and height in pixels.
+    pub size_px: [u64; 2],
+    /// Samples of all components with what fills up their blocks.
+    pub samples: u64,
+    /// Scans over them.
+    pub scans: u64,
+    /// Whether all coefficients are held until the last scan.
+    pub progressive: bool,
+}
+
+impl JpegFrame {
+    /// The first frame of a file; `None` where it has none.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        let mut at = bytes.strip_prefix(b"\xff\xd8")?;
+        loop {
+            let [0xff, marker, high, low, ..] = *at else { return None };
+            let length = usize::from(u16::from_be_bytes([high, low]));
+            match marker {
+                // A marker may be filled up with any number of 0xff.
+                0xff => at = &at[1..],
+                0xc0..=0xc2 => return Self::from_header(at.get(4..)?, marker == 0xc2, bytes),
+                0x01 | 0xd0..=0xd9 => at = &at[2..],
+                _ => at = at.get(2 + length.max(2)..)?,
+            }
+        }
+    }
+
+    fn from_header(header: &[u8], progressive: bool, bytes: &[u8]) -> Option<Self> {
+        let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
+        let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
+        let components = components.get(..3 * usize::from(n))?;
+        let factors = components.chunks(3).map(|it| [it[1] >> 4, it[1] & 15].map(u64::from));
+        let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
+        let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
+        let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();
+        // Data of a scan have no marker of another one in them.
+        let scans = bytes.windows(2).filter(|pair| *pair == [0xff, 0xda]).count() as u64;
+        Some(Self { size_px, samples, scans, progressive })
+    }
+
+    /// Bytes that a decoder holds: the picture, three channels a pixel, and the coefficients.
+    #[must_use]
+    pub fn decoded_bytes(&self) -> u64 {
+        let coefficients = if self.progressive { 2 * self.samples } else { 0 };
+        3 * self.size_px[0] * self.size_px[1] + coefficients
+    }
+
+    /// Nanoseconds that a core of 2020 takes for the scans after the first.
+    #[must_use]
+    pub fn later_scans_ns(&self) -> u64 {
+        // 20 ns a block of 64.
+        self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file of 17 × 9 pixels with components of these sampling factors.
+    fn file(marker: u8, factors: &[u8], scans: usize) -> Vec<u8> {
+        let mut bytes = b"\xff\xd8\xff\xe0\0\x04ab\xff".to_vec();
+        let n = u8::try_from(factors.len()).unwrap();
+        bytes.extend([0xff, marker, 0, 8 + 3 * n, 8, 0, 9, 0, 17, n]);
+        factors.iter().zip(0..).for_each(|(factor, id)| bytes.extend([id, *factor, 0]));
+        bytes.extend(b"\xff\xda\0\x02data".repeat(scans));
+        bytes
+    }
+
+    #[test]
+    fn coefficients_of_progressive_pictures_count_and_their_scans() {
+        let plain = JpegFrame::of(&file(0xc0, &[0x11], 1)).unwrap();
+        assert_eq!((plain.size_px, plain.samples), ([17, 9], 3 * 2 * 64), "whole blocks");
+        assert_eq!(plain.decoded_bytes(), 3 * 17 * 9);
+        let halved = JpegFrame::of(&file(0xc2, &[0x22, 0x11, 0x11], 5)).unwrap();
+        assert_eq!(halved.samples, 2 * (4 + 1 + 1) * 64, "two units of six blocks");
+        assert_eq!(halved.decoded_bytes(), 3 * 17 * 9 + 2 * halved.samples);
+        assert_eq!((halved.scans, halved.later_scans_ns()), (5, halved.samples * 4 / 3));
+    }
+
+    #[test]
+    fn what_has_no_frame_is_none() {
+        let whole = file(0xc2, &[0x11, 0x11, 0x11], 1);
+        for n in 0..whole.len() - 9 {
+            assert_eq!(JpegFrame::of(&whole[..n]).filter(|_| n < 28), None, "{n} bytes");
+        }
+        assert_eq!(JpegFrame::of(b"\xff\xd8\xff\xe0\0\0"), None);
+        assert_eq!(JpegFrame::of(b"PNG"), None);
+    }
+}
