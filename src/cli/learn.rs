@@ -89,7 +89,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     let names: Vec<String> = names.collect();
     let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
     let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
-    let (mut rounds, mut helped) = (Vec::new(), None);
+    let (mut rounds, mut helped, mut best) = (Vec::new(), None, 0);
     let plans = if let Some(plans) = of_logs {
         plans
     } else {
@@ -100,6 +100,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         };
         let learned = learn(&ready, &options, Some(&store), watch)?;
         helped = Some(learned.helped());
+        best = learned.best();
         learned.plans
     };
     let toml = format!(
@@ -114,15 +115,29 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         paths.push(file.keep(|out| plan.write_csv(out))?);
     }
     let outcome = match helped {
-        Some(false) => format!(
-            "nothing: none of the rounds ({}) is significantly better than the design (95 %), which is kept; \
-             try more repeats, less gain, or another controller",
-            rounds.len().saturating_sub(1)
-        ),
-        _ => ready.word().to_owned(),
+        Some(helped) => learned(ready.word(), &rounds, best, helped),
+        None => ready.word().to_owned(),
     };
     let json = json!({ "word": ready.word(), "rounds": rounds, "helped": helped });
     Ok(Report::new(rounds_table(&rounds) + &line("learned", &outcome), json).with_files(&paths))
+}
+
+/// What was learned of a word, and whether it helps.
+fn learned(word: &str, rounds: &[Round], best: usize, helped: bool) -> String {
+    let last = rounds.len().saturating_sub(1);
+    if best == 0 {
+        return format!(
+            "nothing: none of the rounds ({last}) is better than the design, which is kept; try more \
+             repeats, less gain, or another controller"
+        );
+    }
+    let [before, after] = [0, best].map(|number| rounds[number].legibility);
+    let doubt = if helped {
+        "significantly better than the design (95 %)"
+    } else {
+        "not significantly better than the design (95 %): try more repeats"
+    };
+    format!("{word} in round {best}: P(read) {before:.3} to {after:.3}, {doubt}")
 }
 
 /// A table of rounds.
@@ -131,7 +146,12 @@ fn rounds_table(rounds: &[Round]) -> String {
     let row = |(number, round): (usize, &Round)| {
         let [share, interval] = share(&round.legible);
         let [contour, rmse] = [round.contour_m, round.rmse_m].map(|m| 1e3 * m);
-        let note = if round.kept { "" } else { "  not better" };
+        let note = match (number, round.kept, round.significant) {
+            (0, ..) => "  the design",
+            (_, true, true) => "",
+            (_, true, false) => "  not significantly better",
+            (_, false, _) => "  not better",
+        };
         format!(
             "{number}\t{:.3}\t{share}\t{interval}\t{contour:.1}\t{rmse:.1}\t{:.2}\t{note}",
             round.legibility, round.lag_s

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use crate::scene::Scene;
+use crate::scene::{Scene, reason};
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::sim::ControllerKind;
 
@@ -38,7 +38,7 @@ impl Knob {
     }
 
     /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
-    /// the measured position, speed.
+    /// the measured position, speed; of these, what has an effect in it.
     #[must_use]
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let trust = Self::times(
@@ -97,6 +97,8 @@ impl Knob {
             ],
         };
         knobs.extend([trust, speed]);
+        let idle = without_effect(scene, &knobs);
+        knobs.retain(|knob| !idle.iter().any(|(key, _why)| knob.keys.contains(key)));
         knobs
     }
 
@@ -142,6 +144,31 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     })?;
     scene.check()?;
     Ok(scene)
+}
+
+/// Keys of knobs that have no effect in a scene, whatever its choices are turned to, each with the
+/// reason.
+pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
+    let mut scenes = vec![scene.clone()];
+    for knob in knobs {
+        let Turn::Choice(words) = &knob.turn else { continue };
+        let steps = 0..u32::try_from(words.len()).unwrap_or(0);
+        let at = steps.map(|step| (f64::from(step) + 0.5) / words.len() as f64);
+        let chosen: Vec<Scene> = at
+            .flat_map(|at| {
+                scenes.iter().filter_map(move |s| turned(s, std::slice::from_ref(knob), &[at]).ok())
+            })
+            .collect();
+        scenes.extend(chosen);
+    }
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    keys.filter_map(|key| {
+        let named = key.split('[').next().unwrap_or(key);
+        let mut reasons = scenes.iter().map(|scene| reason(scene, named));
+        let first = reasons.next()??;
+        reasons.all(|reason| reason.is_some()).then(|| (key.clone(), first))
+    })
+    .collect()
 }
 
 /// The scene's own values of the keys that knobs turn, by key.
@@ -239,6 +266,25 @@ mod tests {
             let knobs = Knob::usual(&scene);
             for at in [0.0, 0.5, 0.999] {
                 turned(&scene, &knobs, &vec![at; knobs.len()]).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn a_usual_knob_has_an_effect_in_its_scene() {
+        // The default drone's filter is an EKF, the team's an observer of constant gain.
+        let keys = |scene: &Scene| Knob::usual(scene).into_iter().flat_map(|knob| knob.keys);
+        let trusts = |scene: &Scene| keys(scene).any(|key| key.starts_with("observer.luenberger"));
+        assert!(!trusts(&Scene::preset(Preset::default())));
+        assert!(trusts(&Scene::preset(Preset::Ae4832022)));
+        // A choice lends effect to what it may turn to: here the integral of lqr-integral.
+        let scene = Scene::preset(Preset::Ae4832022);
+        assert!(keys(&scene).any(|key| key == "controller.lqr.q_integral[0]"));
+        for &preset in Preset::ALL {
+            for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+                let mut scene = Scene::preset(preset);
+                scene.controller.kind = kind;
+                assert_eq!(without_effect(&scene, &Knob::usual(&scene)), [], "{preset:?} {kind:?}");
             }
         }
     }

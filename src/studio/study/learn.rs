@@ -1,9 +1,10 @@
 //! Learning: reference and light schedule are corrected by the errors of earlier flights of the
 //! same word (iterative learning control).
 //!
-//! Each round flies the plan with the same seeds and corrects it ([`correct`]). Learning stops when
-//! rounds no longer help beyond chance, pair by pair of flights. The best plan is kept, not the
-//! last.
+//! Each round flies the plan with the same seeds and corrects it ([`correct`]). The best plan is
+//! kept, not the last: the one that is read with the highest probability, and of equals the one
+//! closest to the path, both as they are printed. Learning stops when rounds no longer find a better
+//! one. Whether the best is better than the design beyond chance is told pair by pair of flights.
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control
 //! Systems 26 (2006); for quadrotors Schoellig, Mueller, D'Andrea, "Optimization-based iterative
@@ -41,8 +42,10 @@ pub struct Round {
     pub rmse_m: f64,
     /// Lag, s.
     pub lag_s: f64,
-    /// Whether it is significantly better than all rounds before.
+    /// Whether it is the best so far.
     pub kept: bool,
+    /// Whether it is significantly better than the design (95 %).
+    pub significant: bool,
 }
 
 /// The result of learning.
@@ -55,11 +58,16 @@ pub struct Learned {
 }
 
 impl Learned {
-    /// Whether a round was significantly better than the design. Otherwise the plans are the
-    /// design's.
+    /// Number of the round whose plans these are: the best one.
+    #[must_use]
+    pub fn best(&self) -> usize {
+        self.rounds.iter().rposition(|round| round.kept).unwrap_or(0)
+    }
+
+    /// Whether the best round is significantly better than the design.
     #[must_use]
     pub fn helped(&self) -> bool {
-        self.rounds.iter().skip(1).any(|round| round.kept)
+        self.rounds.get(self.best()).is_some_and(|round| round.significant)
     }
 }
 
@@ -81,7 +89,7 @@ pub fn learn(
     options.check("", None)?;
     let seeds: Vec<u64> = (0..options.flights.max(2)).map(|index| seed(options, index)).collect();
     let mut sent = ready.plans();
-    let mut best: Option<Tried> = None;
+    let (mut best, mut design): (Option<Tried>, Option<Vec<Outcome>>) = (None, None);
     let (mut rounds, mut failed) = (Vec::new(), 0);
     for _ in 0..=options.rounds {
         let trying = ready.sending(&sent);
@@ -89,8 +97,9 @@ pub fn learn(
         let flown: Vec<(Vec<Flight>, Outcome)> = flown.collect::<Result<_>>()?;
         let (mut flights, outcomes): (Vec<_>, Vec<_>) = flown.into_iter().unzip();
         flights.retain(|flights| !flights.is_empty());
-        let kept = best.as_ref().is_none_or(|(_, _, before)| helped(before, &outcomes));
-        let round = round(&outcomes, kept);
+        let design = design.get_or_insert_with(|| outcomes.clone());
+        let kept = best.as_ref().is_none_or(|(_, _, before)| as_read(&outcomes) > as_read(before));
+        let round = Round { kept, significant: helped(design, &outcomes), ..round(&outcomes) };
         watch(&round);
         rounds.push(round);
         if kept {
@@ -142,6 +151,14 @@ fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Vec<Flight
     Ok((flights, record.outcome))
 }
 
+/// What the best round is chosen by, more being better: the probability of being read, and of equal
+/// ones the distance from the path, negative; to the digits that are printed, in their last one.
+fn as_read(outcomes: &[Outcome]) -> (f64, f64) {
+    let Round { legibility, contour_m, .. } = round(outcomes);
+    let contour_m = if outcomes.iter().any(|o| o.flown.is_some()) { contour_m } else { 1e3 };
+    ((1e3 * legibility).round(), -(1e4 * contour_m).round())
+}
+
 /// Whether flights are significantly better than earlier ones of the same seeds: they read better,
 /// or they read no worse and are closer to the path.
 fn helped(before: &[Outcome], now: &[Outcome]) -> bool {
@@ -158,7 +175,8 @@ fn lower_limit(values: &[f64]) -> f64 {
     mean_of_strata(&[values.to_vec()]).low
 }
 
-fn round(outcomes: &[Outcome], kept: bool) -> Round {
+/// The figures of a round.
+fn round(outcomes: &[Outcome]) -> Round {
     let flown: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.flown).collect();
     let of = |value: fn(&super::Flown) -> f64| mean(&flown.iter().map(value).collect::<Vec<_>>());
     let read = |value: fn(&Outcome) -> f64| mean(&outcomes.iter().map(value).collect::<Vec<_>>());
@@ -169,7 +187,8 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
         contour_m: of(|f| f.contour_m),
         rmse_m: of(|f| libm::hypot(f.rmse_x_m, f.rmse_z_m)),
         lag_s: of(|f| f.lag_s),
-        kept,
+        kept: false,
+        significant: false,
     }
 }
 
@@ -177,7 +196,7 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
 mod tests {
     use super::*;
     use crate::scene::{NamedScene, Preset, Scene};
-    use crate::study::Conditions;
+    use crate::study::{Conditions, Flown};
     use noctograph_flying::plan::PlanOptions;
     use noctograph_flying::sim::ControllerKind;
 
@@ -193,7 +212,7 @@ mod tests {
         let ready = ready(ControllerKind::LqrFeedforward);
         let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
         let first = &learned.rounds[0];
-        let best = learned.rounds.iter().rfind(|round| round.kept).unwrap();
+        let best = &learned.rounds[learned.best()];
         assert!(learned.helped());
         assert!(best.contour_m < 0.6 * first.contour_m, "{first:?} became {best:?}");
         assert!(best.rmse_m < 0.7 * first.rmse_m, "{first:?} became {best:?}");
@@ -214,6 +233,23 @@ mod tests {
         let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
         assert!(!learned.helped() && learned.rounds.len() < 9, "{:?}", learned.rounds);
         assert!(!learned.rounds.last().unwrap().kept);
+    }
+
+    #[test]
+    fn the_round_that_is_read_best_is_kept() {
+        let of = |probability: f64, contour_m: f64| {
+            let flown = Flown { contour_m, ..Flown::from_values([0.0; 10]) };
+            vec![Outcome { probability, flown: Some(flown), ..Outcome::example(0.5) }; 4]
+        };
+        let better = |now: &[Outcome], before: &[Outcome]| as_read(now) > as_read(before);
+        assert!(!better(&of(0.944, 0.005), &of(0.951, 0.020)), "closer, and read worse");
+        assert!(better(&of(0.951, 0.020), &of(0.944, 0.005)));
+        assert!(better(&of(0.951, 0.005), &of(0.9512, 0.020)), "of equals the closer");
+        assert!(!better(&of(0.951, 0.005), &of(0.951, 0.005)));
+        // The best of the rounds is the learned one, and later ones are not.
+        let round = |kept| Round { kept, ..round(&of(0.9, 0.01)) };
+        let rounds = [true, true, false, false].map(round).to_vec();
+        assert_eq!(Learned { plans: Vec::new(), rounds }.best(), 1);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::design::evaluate_prepared;
-use super::knobs::{Knob, settings, turned};
+use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
 use super::{Conditions, Prepared, Record, Store, Study, Trial};
@@ -183,8 +183,8 @@ impl Tuned {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks, no word or too small a budget; those of the
-/// flights and the store.
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, no word or too
+/// small a budget; those of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -193,6 +193,10 @@ pub fn tune(
     watch: &mut dyn FnMut(usize, &Candidate) -> bool,
 ) -> Result<Tuned> {
     options.check()?;
+    if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
+        let (found, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
+        return Err(Error::input("knob", found, "a key that has one in this scene", hint));
+    }
     let (n_each, finals) = (options.n_each(), options.finals());
     let mut tuning =
         Tuning { base, options, store, limits: options.limits.clone(), stop, n_flights: 0 };
@@ -460,6 +464,22 @@ mod tests {
             candidate(4, 70.0, 0.8, 0.0),
         ];
         assert_eq!(front(&all), [1, 0]);
+    }
+
+    #[test]
+    fn a_knob_without_effect_is_refused() {
+        let knobs = vec!["observer.luenberger.q[0]*=0.1..10".parse().unwrap()];
+        let options = TuneOptions { knobs, ..options(88) };
+        let error = tune(
+            &Scene::preset(Preset::default()),
+            &options,
+            None,
+            &Stop::default(),
+            &mut |_, _| true,
+        )
+        .unwrap_err()
+        .to_string();
+        assert!(error.contains("observer.luenberger.q[0], which has no effect"), "{error}");
     }
 
     #[test]

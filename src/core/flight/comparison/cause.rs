@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{FlightSample, mean};
+use crate::flight::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
 /// Time over which noise averages out and an error along the path does not, s: a stroke of 0.1 m.
 const SMOOTH_S: f64 = 0.5;
@@ -33,27 +34,24 @@ pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     if total == 0.0 {
         return None;
     }
-    let speeds: Vec<_> = (0..pairs.len()).map(|at| velocity(pairs, at)).collect();
     let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
     let arms: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
     let offset = mean(apart.iter().copied());
     let centered: Vec<_> = apart.iter().map(|d| d - offset).collect();
-    // About their means: where a flight ends elsewhere than it began, an offset is no lag.
-    let drift = mean(speeds.iter().copied());
-    let turns: Vec<_> = speeds.iter().map(|v| v - drift).collect();
-    let late_s = -fit(&centered, &turns);
+    let (late_s, late) = lag(pairs);
     let grown = Some(fit(&centered, &arms)).filter(|by| by.abs() <= MOST_SCALE).unwrap_or(0.0);
     // What neither a shift, a lag nor a scale explains: its slow and its fast part.
+    let drift = mean(late.iter().copied());
     let rest: Vec<_> = centered
         .iter()
-        .zip(speeds.iter().zip(&arms))
-        .map(|(d, (v, arm))| d + v * late_s - arm * grown)
+        .zip(late.iter().zip(&arms))
+        .map(|(d, (late, arm))| d - (late - drift) - arm * grown)
         .collect();
     let slow = smoothed(pairs, &rest);
     let fast: Vec<_> = rest.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
     let explained = |parts: &[Vector3<f64>], by: f64| by * by * power(parts) / total;
     let causes = [
-        (Discrepancy::Lag(late_s), explained(&speeds, late_s)),
+        (Discrepancy::Lag(late_s), explained(&late, 1.0)),
         (Discrepancy::Offset(offset), offset.norm_squared() / total),
         (Discrepancy::Scale(grown), explained(&arms, grown)),
         (Discrepancy::Path(power(&slow).sqrt()), power(&slow) / total),
@@ -77,12 +75,24 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// Velocity of A at a sample, m/s.
-fn velocity(pairs: &[[FlightSample; 2]], at: usize) -> Vector3<f64> {
-    let [before, after] =
-        [at.saturating_sub(1), (at + 1).min(pairs.len() - 1)].map(|index| &pairs[index][0]);
-    let lasts_s = after.time_s - before.time_s;
-    if lasts_s > 0.0 { (after.position_m - before.position_m) / lasts_s } else { Vector3::zeros() }
+/// How late B is, as `--align flown` and the lag of a flight are found: the shift of A that comes
+/// closest to B but for a constant offset; and by how much A moves in that time, at each sample.
+fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
+    let a = DesignPath::of(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
+    let shifted = |late_s: f64| {
+        let mut walk = a.walk();
+        pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - late_s))
+    };
+    let cost = |late_s: f64| {
+        let beside = pairs.iter().zip(shifted(late_s));
+        spread_m2(beside.map(|([_, b], a_m)| b.position_m - a_m))
+    };
+    let found_s = minimize([-MAX_LAG_S, MAX_LAG_S], cost, cost);
+    // Of flights that do not move, any shift is as good; at an end of the search it is no best one.
+    let is_best = found_s.abs() < MAX_LAG_S - 1e-3 && cost(found_s) < cost(0.0);
+    let late_s = if is_best { found_s } else { 0.0 };
+    let moved = pairs.iter().zip(shifted(late_s)).map(|([a, _], a_m)| a_m - a.position_m);
+    (late_s, moved.collect())
 }
 
 /// The mean over [`SMOOTH_S`] around each sample.
@@ -123,9 +133,17 @@ mod tests {
     fn each_cause_is_found_with_its_amount() {
         let (lag, share) = of(|t| square((t - 0.1).max(0.0)));
         assert!(
-            matches!(lag, Discrepancy::Lag(s) if (s - 0.1).abs() < 0.01) && share > 0.9,
+            matches!(lag, Discrepancy::Lag(s) if (s - 0.1).abs() < 1e-3) && share > 0.99,
             "{lag:?}"
         );
+        // As far as strokes are long: a delay is no step along the velocity.
+        for late_s in [0.3, 0.5, 0.8, -0.5] {
+            let (lag, share) = of(|t| square((t - late_s).max(0.0)));
+            assert!(
+                matches!(lag, Discrepancy::Lag(s) if (s - late_s).abs() < 2e-3) && share > 0.97,
+                "{late_s} s is {lag:?}, {share}"
+            );
+        }
         let aside = Vector3::new(0.03, 0.0, -0.04);
         let (offset, share) = of(|t| square(t) + aside);
         assert!(
@@ -167,8 +185,7 @@ mod tests {
             };
             let found = compare(&a, &b, &options).unwrap().first.unwrap().0;
             if let Discrepancy::Lag(s) = found {
-                // To the first order: the corner takes 6 % off.
-                assert!((s - 0.2).abs() < 0.015, "{s} s beside by {aside}");
+                assert!((s - 0.2).abs() < 3e-3, "{s} s beside by {aside}");
             } else {
                 assert!(aside != Vector3::zeros(), "{found:?}");
             }

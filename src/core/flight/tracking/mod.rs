@@ -6,8 +6,8 @@
 //! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
 //! constant offset. The error after that shift, and the distance to the path, are visible in a
 //! photograph. That distance (contour error) is measured to the part of the path around the shifted
-//! time, and never to parts not yet sent, so that another stroke that crosses there does not reduce
-//! it.
+//! time, half a second either way, so that another stroke that crosses there does not reduce it, and
+//! so that a flight ahead of its design is judged as one behind it.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
@@ -181,8 +181,8 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
         .iter()
         .map(|sample| {
             let due_s = sample.time_s - lag_s;
-            let sent_s = (due_s + CONTOUR_WINDOW_S).min(sample.time_s);
-            walk.distance_m(sample.position_m, [due_s - CONTOUR_WINDOW_S, sent_s])
+            let around_s = [due_s - CONTOUR_WINDOW_S, due_s + CONTOUR_WINDOW_S];
+            walk.distance_m(sample.position_m, around_s)
         })
         .collect();
     distances_m.sort_unstable_by(f64::total_cmp);

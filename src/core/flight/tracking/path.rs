@@ -25,11 +25,14 @@ impl DesignPath {
     /// throughout, as a log without setpoints has.
     pub fn new(flight: &Flight) -> Option<Self> {
         let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
-        let corners = flight
-            .samples
-            .iter()
-            .map(|sample| Corner { time_s: sample.time_s, at_m: sample.design_m });
-        designed.then(|| Self { corners: without_even_corners(corners) })
+        let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
+        designed.then(|| Self::of(corners))
+    }
+
+    /// The path through points in the order of their times, of which there is at least one.
+    pub(crate) fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
+        let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
+        Self { corners: without_even_corners(corners) }
     }
 
     /// The stretch of time that the design covers.
