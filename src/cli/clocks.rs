@@ -61,7 +61,7 @@ enum How {
 
 impl<'a> Dated<'a> {
     pub(super) fn new(path: &'a PathBuf, found: OnClock) -> Self {
-        let OnClock { flight, zero_stamp_s } = found;
+        let OnClock { flight, zero_stamp_s, .. } = found;
         Self { path, flight, zero_stamp_s, offset_s: 0.0 }
     }
 

@@ -84,12 +84,12 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
-    let both = [flags[0].read(&args.a)?, flags[1].read(&args.b)?];
-    if args.flights.clock_ratio == 1.0 {
+    let both = [flags[0].read(&args.a, None)?, flags[1].read(&args.b, None)?];
+    if args.flights.clock_ratio.is_none_or(|ratio| ratio == 1.0) {
         return Ok(both);
     }
     let as_stamped = |flags: &FlightFlags, path: &Path| {
-        import(path, &FlightFlags { clock_ratio: 1.0, ..flags.clone() }.options())
+        import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     };
     let stamped = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;

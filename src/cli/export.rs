@@ -20,6 +20,7 @@ use crate::preflight::{
     Checked, LED_MEMORY, PICTURE, Row, Severity, checks, flown, of_flights, preflight,
 };
 use crate::shoot::Shoot;
+use crate::sim::SetpointKind;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -51,7 +52,16 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
-    let shoot = args.subject.shoot(|_| Ok(()))?;
+    // The scripts find the clock of the drone, and pace by it.
+    let shoot = args.subject.shoot(|scene| {
+        if scene.trajectory_clock() != 1.0 {
+            scene.plan.trajectory_clock.get_or_insert(1.0);
+        }
+        if args.to == Format::Cflib && args.mode == Mode::FullState {
+            scene.controller.setpoints = SetpointKind::FullState;
+        }
+        Ok(())
+    })?;
     let word = match &shoot.strokes {
         Some(strokes) if strokes.font.is_some() => strokes.word.clone(),
         _ => "drawing".to_owned(),
@@ -101,7 +111,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
         tolerance_m,
         mode: args.mode,
-        trajectory_clock: shoot.scene.plan.trajectory_clock,
+        trajectory_clock: shoot.scene.trajectory_clock(),
         checks: &checks,
     };
     let files = export(args.to, &job)?;

@@ -12,7 +12,9 @@ use super::relit::{light_all_along, relit_where_dark};
 use super::set::{SetFlag, Setting, borrowed};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::logs::{self, AngleUnit, Axes, Damaged, ImportOptions, PositionSource, TimeUnit};
+use crate::logs::{
+    self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
+};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
@@ -312,10 +314,11 @@ pub(super) struct FlightFlags {
     /// Sample rate of a log as a flight, in Hz
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
-    /// Seconds that the drone's clock counts in a true second: a number or a fraction (84/85 for
-    /// µSD logs of firmware up to and with release 2026.08)
-    #[arg(long, value_name = "RATIO", default_value = "1", value_parser = ratio)]
-    pub(super) clock_ratio: f64,
+    /// Seconds that the drone's clock counts in a true second: a number or a fraction [default: 1,
+    /// and of µSD logs what their stamps show, or else the firmware's: 84/85 up to and with release
+    /// 2026.08]
+    #[arg(long, value_name = "RATIO", value_parser = ratio)]
+    pub(super) clock_ratio: Option<f64>,
     /// Recover the undamaged part of a broken µSD log, instead of refusing it
     #[arg(long)]
     pub(super) recover: bool,
@@ -344,8 +347,10 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    pub(super) fn options(&self) -> ImportOptions {
+    /// Options of an import; `scene` says what firmware flew where a log does not.
+    pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
+            firmware: scene.map(|scene| scene.vehicle.firmware),
             position: self.position,
             max_gap_s: self.max_gap,
             sample_rate_hz: self.rate,
@@ -359,10 +364,15 @@ impl FlightFlags {
     }
 
     /// Reads a flight or a log, and prints its warnings.
-    pub(super) fn read(&self, path: &Path) -> Result<Flight> {
-        let flight = logs::import(path, &self.options())?;
-        warn_of(path, &flight.warnings);
-        Ok(flight)
+    pub(super) fn read(&self, path: &Path, scene: Option<&Scene>) -> Result<Flight> {
+        Ok(self.read_log(path, scene)?.flight)
+    }
+
+    /// The same with what else the log says.
+    pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
+        let log = logs::import_on_clock(path, &self.options(scene))?;
+        warn_of(path, &log.flight.warnings);
+        Ok(log)
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without
@@ -379,7 +389,8 @@ impl FlightFlags {
         }
         let mut recordings = Vec::new();
         for path in paths {
-            let (mut recording, warnings) = Recording::read(path, &self.options())?;
+            let options = self.options(Some(&scene));
+            let (mut recording, warnings) = Recording::read(path, &options)?;
             warn_of(path, &warnings);
             match &mut recording {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {

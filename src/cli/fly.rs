@@ -13,6 +13,7 @@ use super::show::FlightFigures;
 use super::{message, warn};
 use crate::error::Result;
 use crate::plan::{Plan, Replay, replay};
+use crate::scene::Scene;
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -41,8 +42,9 @@ pub(super) struct FlyArgs {
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let scene = args.scene.load(&args.seed.settings())?;
     let read = args.plans.iter().map(|path| Plan::read_csv(path));
-    let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log)));
-    let shoot = Shoot::with_plans(scene, plans.collect::<Result<_>>()?)?;
+    let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log, &scene)));
+    let plans = plans.collect::<Result<_>>()?;
+    let shoot = Shoot::with_plans(scene, plans)?;
     let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
     let flights = shoot.fly(&watch())?;
     flights.iter().for_each(|flight| warn(&flight.warnings));
@@ -58,8 +60,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
 }
 
 /// The setpoints of a log, as a plan.
-fn sent(args: &FlyArgs, log: &Path) -> Result<Plan> {
-    let Replay { plan, n_restored } = replay(&args.flight.read(log)?)?;
+fn sent(args: &FlyArgs, log: &Path, scene: &Scene) -> Result<Plan> {
+    let Replay { plan, n_restored } = replay(&args.flight.read(log, Some(scene))?)?;
     if n_restored > 0 {
         let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
         message("warning: ", &text);

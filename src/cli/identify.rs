@@ -32,12 +32,14 @@ pub(super) struct IdentifyArgs {
 }
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
-    let vehicle = args.scene.load(&[])?.vehicle;
+    let scene = args.scene.load(&[])?;
+    let vehicle = scene.vehicle.clone();
     let of_the_scene = Assumed::of(&vehicle);
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
     let inertia_kg_m2 = inertia.transpose()?;
-    let flight = args.log.as_deref().map(|log| args.flight.read(log)).transpose()?;
+    let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene)));
+    let flight = flight.transpose()?;
     let found =
         flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
     warn(found.iter().flat_map(|found| &found.left_out));

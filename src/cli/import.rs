@@ -15,7 +15,7 @@ use super::show::FlightFigures;
 use super::warn;
 use crate::error::{Error, Result};
 use crate::flight::airborne;
-use crate::logs::is_one_log;
+use crate::logs::{OnClock, is_one_log};
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
@@ -47,11 +47,13 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
             return Err(Error::input("input", word, "no word for a folder of logs", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
-        return evening::run(&args.log, &args.scene.load(&[])?, &args.flight.options(), output);
+        let scene = args.scene.load(&[])?;
+        let options = args.flight.options(Some(&scene));
+        return evening::run(&args.log, &scene, &options, output);
     }
     let mut scene = args.scene.load(&[])?;
     let output = Output::create(args.output.as_deref().unwrap_or(Path::new("flight.csv")))?;
-    let mut flight = args.flight.read(&args.log)?;
+    let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
         relit_where_dark(&mut flight, &mut scene, &args.log)?;
@@ -71,6 +73,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let json = json!({
         "samples": flight.samples.len(),
         "airborne_s": air_s,
+        "firmware": firmware,
         "gaps_s": flight.gaps,
         "unlogged": flight.unlogged.iter().map(|quantity| quantity.name()).collect::<Vec<_>>(),
         "extra": flight.extra.keys().collect::<Vec<_>>(),
@@ -80,6 +83,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {
         format!("in the air {from:.2} s to {to:.2} s")
     });
-    let text = line("samples", &format!("{}, {air}", flight.samples.len()));
+    let mut text = line("samples", &format!("{}, {air}", flight.samples.len()));
+    text.extend(firmware.map(|firmware| line("firmware", &firmware)));
     Ok(Report::new(text + &figures.text(), json).with_files(&[path]))
 }

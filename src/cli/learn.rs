@@ -177,8 +177,14 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
             return Err(Error::input("sent", plans.len(), "one plan", hint));
         }
     };
-    let read =
-        |path: &PathBuf| align(args.flights.read(path)?, &sent, ready, &path.display().to_string());
+    let read = |path: &PathBuf| {
+        align(
+            args.flights.read(path, Some(ready.scene()))?,
+            &sent,
+            ready,
+            &path.display().to_string(),
+        )
+    };
     let flights: Vec<Flight> = args.flight.iter().map(read).collect::<Result<_>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";

@@ -18,7 +18,7 @@ use super::warn;
 use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightSample, Quantity};
+use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
@@ -115,7 +115,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let folder = OutputFolder::create(&args.output)?;
     let anchors_m = scene.sensors.uwb.anchors();
     let options = options(args, &scene);
-    let (mut logs, mut samples) = (read_all(args, &args.ranges)?, Vec::new());
+    let (mut logs, mut samples) = (read_all(args, &scene, &args.ranges)?, Vec::new());
     for (drone, log) in logs.iter().enumerate() {
         let of_log = ranges(&log.flight, drone).map_err(|error| error.in_file(log.path))?;
         samples.push(of_log);
@@ -130,7 +130,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
     }
 
-    let mut references = read_all(args, &args.reference)?;
+    let mut references = read_all(args, &scene, &args.reference)?;
     let more = align_references(&mut references, &logs, &located, &args.offset)?;
     alignments.extend(more);
     let references: Vec<Reference<'_>> = references
@@ -170,11 +170,11 @@ fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
     }
 }
 
-fn read_all<'a>(args: &LocateArgs, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
+fn read_all<'a>(args: &LocateArgs, scene: &Scene, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
     let read = |path: &'a PathBuf| {
-        let mut found = logs::import_on_clock(path, &args.flights.options())?;
+        let mut found = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
         // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
-        found.flight.warnings.retain(|warning| !warning.to_string().ends_with("set to zero"));
+        found.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
         warn_of(path, &found.flight.warnings);
         Ok(Dated::new(path, found))
     };

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
+use crate::scene::Scene;
 use crate::shoot::{Planned, Shoot};
 
 #[derive(Debug, Args)]
@@ -36,7 +37,7 @@ pub(super) struct PlanArgs {
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let mut scene = args.design.load(&[])?;
     if let Some(path) = &args.after {
-        scene.plan.mean_error_m = mean_error(path, &args.flight)?;
+        scene.plan.mean_error_m = mean_error(path, &args.flight, &scene)?;
     }
     scene.check()?;
     if let Some(word) = &args.word {
@@ -74,8 +75,8 @@ enum Sink {
 }
 
 /// The mean error of an earlier flight while it wrote.
-fn mean_error(path: &Path, flags: &FlightFlags) -> Result<[f64; 3]> {
-    Ok(track(&flags.read(path)?, Part::Letters)?.mean_error_m.into())
+fn mean_error(path: &Path, flags: &FlightFlags, scene: &Scene) -> Result<[f64; 3]> {
+    Ok(track(&flags.read(path, Some(scene))?, Part::Letters)?.mean_error_m.into())
 }
 
 /// Seconds of light.

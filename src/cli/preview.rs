@@ -65,6 +65,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
         shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
+        // The script of Crazyswarm2, which flies the other form, speeds the trajectory up.
+        if form == Form::Compressed {
+            shoot = shoot.by_its_clock();
+        }
     }
     let conditions = args.spread.conditions()?;
     let folder = OutputFolder::create(&args.output)?;

@@ -100,7 +100,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     };
     let mut flights = Vec::new();
     for path in &args.flight {
-        let mut flight = args.flights.read(path)?;
+        let mut flight = args.flights.read(path, Some(&scene))?;
         // As the photo of a log has it.
         relit_where_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);

@@ -26,6 +26,9 @@ const RUN_S: f64 = 0.5;
 /// of the design; a twentieth over them between these times.
 const OVER_LIMITS: f64 = 1.04;
 
+/// Step of the drone's evaluator, s (`stabilizer.c`).
+const STEP_S: f64 = 0.001;
+
 /// Shorter pieces that are tried before one that must be left over the limits.
 const RETRIES: u32 = 200;
 
@@ -140,8 +143,27 @@ impl Stretch {
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Largest distance of a trajectory from the design, m.
+    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m:
+    /// those just before a setpoint, too, where a design of constant accelerations is the farthest
+    /// from the next.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
+        let (mut worst_m, mut start_s) = (0.0, 0.0);
+        for piece in pieces {
+            let steps = (piece.duration_s / STEP_S).ceil().max(1.0);
+            let times_s = (0..).map(f64::from).take_while(|step| *step <= steps);
+            let off_m = |step: f64| {
+                let t = piece.duration_s * step / steps;
+                (piece.at(t)[0] - self.position_m(start_s + t)).norm()
+            };
+            worst_m = times_s.map(off_m).fold(worst_m, f64::max);
+            start_s += piece.duration_s;
+        }
+        worst_m
+    }
+
+    /// The same where pieces are held against the design as they are made.
+    #[cfg(test)]
+    pub(super) fn checked_m(&self, pieces: &[Polynomials]) -> f64 {
         let off_m = |t: f64| (motion(pieces, t)[0] - self.position_m(t)).norm();
         self.check_times_s(0, self.last()).map(off_m).fold(0.0, f64::max)
     }

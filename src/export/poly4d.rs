@@ -248,7 +248,7 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let trajectory = Poly4d::fit(&plan, 0.005).unwrap();
         let (n, stretch) = (trajectory.pieces.len(), Stretch::new(&plan).unwrap());
-        let worst_m = stretch.worst_m(&trajectory.pieces);
+        let worst_m = stretch.checked_m(&trajectory.pieces);
         assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
         assert_eq!(trajectory.to_bytes().len(), n * PIECE_BYTES);
         let [max_m_s, max_m_s2] = stretch.limits();
@@ -278,7 +278,7 @@ mod tests {
         ) {
             let trajectory = Poly4d::fit_any_length(&plan, tolerance_m).unwrap();
             let stretch = Stretch::new(&plan).unwrap();
-            let worst_m = stretch.worst_m(&trajectory.pieces);
+            let worst_m = stretch.checked_m(&trajectory.pieces);
             proptest::prop_assert!(worst_m <= tolerance_m + 1e-9, "{} m", worst_m);
             let [max_m_s, max_m_s2] = stretch.limits();
             for piece in &trajectory.pieces {

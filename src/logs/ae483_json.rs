@@ -63,6 +63,7 @@ pub(super) fn read(
         warnings,
         skipped: Vec::new(),
         open: Vec::new(),
+        firmware: None,
     };
     let in_seconds = match value {
         Node::Object(top) => {
@@ -77,7 +78,7 @@ pub(super) fn read(
             return Err(Error::input(file, "JSON of another shape", wanted, HINT));
         }
     };
-    let Reader { mut blocks, mut warnings, skipped, open, .. } = reader;
+    let Reader { mut blocks, mut warnings, skipped, open, firmware, .. } = reader;
     if !skipped.is_empty() {
         warnings.push(format!("not read: {}", shortened(&skipped)));
     }
@@ -85,8 +86,8 @@ pub(super) fn read(
     for block in &mut blocks {
         plain_csv::settle_angles(block, &open, options.angle_unit, &mut warnings);
     }
-    let file = file.to_owned();
-    Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
+    let (file, wrap_s) = (file.to_owned(), Some(WRAP_S));
+    Ok(Recording { file, blocks, warnings, wrap_s, firmware, ..Recording::default() })
 }
 
 /// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of
@@ -199,6 +200,8 @@ struct Reader<'a> {
     skipped: Vec<String>,
     /// Angles of rows without a unit.
     open: Vec<String>,
+    /// The drone's firmware, as the log names it.
+    firmware: Option<String>,
 }
 
 impl Reader<'_> {
@@ -213,11 +216,15 @@ impl Reader<'_> {
                     continue;
                 }
                 Node::Object(inner) if is_metadata(&name) && !inner.contains_key("time") => {
+                    inner.iter().for_each(|(key, value)| self.firmware(key, value));
                     continue;
                 }
                 Node::Object(inner) => inner,
                 Node::Missing => continue,
-                Node::Text(_) | Node::Number(_) if is_metadata(&name) => continue,
+                value @ (Node::Text(_) | Node::Number(_)) if is_metadata(&name) => {
+                    self.firmware(&key, &value);
+                    continue;
+                }
                 value => {
                     self.skipped.push(format!("{name} ({})", value.text()));
                     continue;
@@ -235,6 +242,13 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Keeps the drone's firmware, where a member names it.
+    fn firmware(&mut self, key: &str, value: &Node) {
+        if let (Node::Text(name), "firmware" | "firmware_version") = (value, key) {
+            self.firmware.get_or_insert_with(|| name.clone());
+        }
     }
 
     /// Adds a block of columns.
@@ -350,8 +364,9 @@ impl Reader<'_> {
 /// Whether a member says of a log whose it is and when it was made, which changes nothing: those of
 /// the course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
-    const NAMES: [&str; 13] = [
+    const NAMES: [&str; 14] = [
         "noctograph",
+        "firmware",
         "start_time",
         "end_time",
         "uri",

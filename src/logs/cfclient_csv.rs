@@ -3,6 +3,7 @@
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
 
+use super::firmware;
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
 use noctograph_core::error::Result;
@@ -33,6 +34,7 @@ pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) ->
     let name = std::path::Path::new(file).file_stem().unwrap_or_default();
     let name = name.to_string_lossy().into_owned();
     let blocks = vec![Block { name, time_s, columns, ..Block::default() }];
-    let file = recording.to_owned();
-    Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
+    let (file, firmware) = (recording.to_owned(), firmware::in_comments(text));
+    let wrap_s = Some(WRAP_S);
+    Ok(Recording { file, blocks, warnings, wrap_s, firmware, ..Recording::default() })
 }

@@ -1,7 +1,8 @@
 //! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
 
+use super::ImportOptions;
 use super::recording::{Block, Clock, Pace, Recording};
-use noctograph_core::crazyflie::SLOW_CLOCK;
+use noctograph_core::crazyflie::{Release, SLOW_CLOCK};
 use noctograph_core::statistics::median;
 
 /// A clock that falls by more than this without a wrap was restarted.
@@ -11,9 +12,7 @@ const RESTART_S: f64 = 1.0;
 const LATEST_S: f64 = 1e12;
 
 /// Puts every block in rising order of time and all blocks on one axis of true seconds.
-///
-/// `clock_ratio`: seconds of the drone's clock per true second.
-pub(super) fn settle(recording: &mut Recording, clock_ratio: f64) {
+pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) {
     let Recording { blocks, wrap_s, warnings, .. } = recording;
     for block in &mut *blocks {
         let wrap_s = wrap_s.filter(|_| block.clock == Clock::Drone);
@@ -23,9 +22,7 @@ pub(super) fn settle(recording: &mut Recording, clock_ratio: f64) {
     if let Some(wrap_s) = *wrap_s {
         join_wraps(blocks, wrap_s);
     }
-    if recording.pace == Pace::Microseconds && clock_ratio == 1.0 {
-        warn_of_slow_clock(recording);
-    }
+    let clock_ratio = options.clock_ratio.unwrap_or_else(|| rate(recording, options.firmware));
     for block in recording.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
         for time_s in &mut block.time_s {
             *time_s /= clock_ratio;
@@ -149,29 +146,60 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     }
 }
 
-/// Warns where a block with a period of whole milliseconds arrives 1.2 % too fast.
-fn warn_of_slow_clock(recording: &mut Recording) {
-    const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
-    let period_s = |block: &Block| {
-        let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let middle_s = median(steps.iter().copied())?;
-        let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
-        let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
-        (steps.len() >= 50).then_some(mean_s)
-    };
-    let slow = |period_s: f64| {
-        let ratios = PERIODS_S.iter().map(|nominal_s| period_s / nominal_s);
-        ratios.into_iter().find(|ratio| (ratio - SLOW_CLOCK).abs() < 0.004)
-    };
-    let found = recording.blocks.iter().find(|block| period_s(block).and_then(slow).is_some());
-    if let Some(block) = found {
-        let text = format!(
-            "block {}: the clock runs at 84/85 = {SLOW_CLOCK:.4} of true time, as in firmware \
-             up to and with release 2026.08; import with that clock ratio to have true seconds",
-            block.name,
-        );
-        recording.warnings.push(text);
+/// Seconds of the drone's clock per true second: of a log on the card as its stamps show, else as
+/// the firmware that it names has it, else as the scene's. What is mended or guessed is said.
+fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
+    if recording.pace != Pace::Microseconds {
+        return 1.0;
     }
+    let firmware = recording.firmware.as_deref();
+    let named = firmware.and_then(|firmware| Some((Release::of(firmware)?, firmware)));
+    let of_block = |block: &Block| Some((shown_rate(block)?, block.name.clone()));
+    let shown = recording.blocks.iter().find_map(of_block);
+    let (rate, is_said, why) = match (shown, named) {
+        (Some((rate, block)), None) => {
+            (rate, rate != 1.0, format!("as the period of block {block} shows"))
+        }
+        (Some((rate, block)), Some((release, firmware))) => {
+            let is_odd = rate != release.clock();
+            let odd = if is_odd { ", other than in firmware " } else { " and in firmware " };
+            let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
+            (rate, rate != 1.0 || is_odd, why)
+        }
+        (None, Some((release, firmware))) => {
+            let rate = release.clock();
+            (rate, rate != 1.0, format!("as that of firmware {firmware}, which flew"))
+        }
+        (None, None) => {
+            let release = assumed.unwrap_or(Release::MODELED);
+            let why = format!(
+                "as that of firmware {} (vehicle.firmware): a guess, since no period of the log \
+                 shows it and the log names no firmware",
+                release.name()
+            );
+            (release.clock(), true, why)
+        }
+    };
+    let runs = match rate {
+        1.0 => "is true".to_owned(),
+        _ => format!("runs at 84/85 = {SLOW_CLOCK:.4} of true time"),
+    };
+    let mended = if rate == 1.0 { "" } else { "; stretched to true seconds" };
+    recording.warnings.extend(is_said.then(|| format!("the drone's clock {runs}, {why}{mended}")));
+    rate
+}
+
+/// The rate that the stamps of a block show, where its period is one of whole milliseconds: the
+/// card is written by the ticks of the operating system, which are true, and stamped by the clock.
+fn shown_rate(block: &Block) -> Option<f64> {
+    const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
+    let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle_s = median(steps.iter().copied())?;
+    let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
+    let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
+    let is =
+        |rate: &f64| PERIODS_S.iter().any(|nominal_s| (mean_s / nominal_s - rate).abs() < 0.004);
+    [SLOW_CLOCK, 1.0].into_iter().find(is).filter(|_| steps.len() >= 50)
 }
 
 #[cfg(test)]
@@ -184,7 +212,7 @@ mod tests {
         let columns = vec![Column { name: "a".into(), values }];
         let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
         let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
-        settle(&mut recording, 1.0);
+        settle(&mut recording, &ImportOptions::default());
         let block = recording.blocks.pop().unwrap();
         (block.time_s, block.columns[0].values.clone(), recording.warnings.len())
     }
@@ -226,27 +254,64 @@ mod tests {
         let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
         let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
         let mut recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
-        settle(&mut recording, 1.0);
+        settle(&mut recording, &ImportOptions::default());
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
+    /// What is said of a log on the card with a period, and the time from its first stamp to its
+    /// last over that of the stamps.
+    fn on_card(period_s: f64, firmware: Option<&str>, options: &ImportOptions) -> (f64, String) {
+        // Stamps of events have no period.
+        let uneven = |i: u32| if period_s == 0.0 { 0.013 * libm::sqrt(f64::from(i)) } else { 0.0 };
+        let time_s = (0..200).map(|i| f64::from(i) * period_s + uneven(i)).collect();
+        let blocks = vec![Block { time_s, ..Block::default() }];
+        let firmware = firmware.map(str::to_owned);
+        let pace = Pace::Microseconds;
+        let mut log = Recording { blocks, pace, firmware, ..Recording::default() };
+        let stamped_s = log.blocks[0].time_s[199];
+        settle(&mut log, options);
+        (log.blocks[0].time_s[199] / stamped_s, log.warnings.join("\n"))
+    }
+
     #[test]
-    fn the_slow_microsecond_counter_is_detected_and_corrected() {
-        let log = |period_s: f64| {
-            let time_s = (0..200).map(|i| f64::from(i) * period_s).collect();
-            let blocks = vec![Block { time_s, ..Block::default() }];
-            let mut log = Recording { blocks, pace: Pace::Microseconds, ..Recording::default() };
-            settle(&mut log, 1.0);
-            log.warnings.join("\n")
-        };
-        // Whatever was measured, the ratio is the firmware's, and is said once.
-        let said = log(0.00988);
-        assert_eq!((said.matches("84/85").count(), said.matches("0.98").count()), (1, 1), "{said}");
-        assert!(said.contains("84/85 = 0.9882"), "{said}");
-        assert_eq!(log(0.01), "");
-        let blocks = vec![Block { time_s: vec![84.0, 168.0], ..Block::default() }];
-        let mut slow = Recording { blocks, ..Recording::default() };
-        settle(&mut slow, SLOW_CLOCK);
-        assert!((slow.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", slow.blocks[0].time_s);
+    fn the_clock_of_a_card_is_that_which_its_stamps_show() {
+        let options = ImportOptions::default();
+        let (stretched, said) = on_card(0.00988, None, &options);
+        assert!(
+            (stretched - 85.0 / 84.0).abs() < 1e-12 && said.contains("84/85 = 0.9882"),
+            "{said}"
+        );
+        assert_eq!(on_card(0.01, None, &options), (1.0, String::new()));
+        assert_eq!(on_card(0.01, Some("2027.01"), &options), (1.0, String::new()));
+        let (stretched, said) = on_card(0.01, Some("2025.12"), &options);
+        assert!(stretched == 1.0 && said.contains("other than in firmware 2025.12"), "{said}");
+        let told = ImportOptions { clock_ratio: Some(1.0), ..options };
+        assert_eq!(on_card(0.00988, None, &told), (1.0, String::new()), "as told");
+    }
+
+    #[test]
+    fn without_a_period_the_release_decides_and_a_guess_is_said() {
+        let with = |firmware| ImportOptions { firmware, ..ImportOptions::default() };
+        let (stretched, said) = on_card(0.0, Some("2025.12"), &with(None));
+        assert!(stretched > 1.01 && said.contains("firmware 2025.12, which flew"), "{said}");
+        let newest = Some(Release::After2026_08);
+        let (stretched, said) = on_card(0.0, Some("2025.12"), &with(newest));
+        assert!(stretched > 1.01 && said.contains("2025.12"), "the log knows better: {said}");
+        let (stretched, said) = on_card(0.0, None, &with(newest));
+        assert!(stretched == 1.0 && said.contains("is true") && said.contains("a guess"), "{said}");
+        let (stretched, said) = on_card(0.0, None, &with(None));
+        assert!(stretched > 1.01 && said.contains("2026.08 (vehicle.firmware): a guess"), "{said}");
+    }
+
+    #[test]
+    fn a_radio_log_is_stamped_by_true_ticks() {
+        let block = Block { time_s: vec![84.0, 168.0], ..Block::default() };
+        let firmware = Some("2025.12".to_owned());
+        let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
+        settle(&mut log, &ImportOptions::default());
+        assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
+        let told = ImportOptions { clock_ratio: Some(SLOW_CLOCK), ..ImportOptions::default() };
+        settle(&mut log, &told);
+        assert!((log.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", log.blocks[0].time_s);
     }
 }

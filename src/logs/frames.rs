@@ -2,8 +2,9 @@
 //!
 //! The format says them, or an option, or the flight: a drone takes off from the floor along one
 //! axis, and never comes below it. Where z does so, it is up. Where it does not, and the drone
-//! would be below the floor or on it, another axis that does so is up; where two do, or none,
-//! nothing is turned, and a warning says so.
+//! would be below the floor or on it, another axis that does so is up. Where none does, z is taken
+//! to point up all the same, and a warning says that it is a guess; where two do, the log is
+//! refused.
 
 use super::recording::{Block, Recording, names};
 use super::{Axes, ImportOptions};
@@ -111,8 +112,12 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
+    let guess = |seen: &str| {
+        Ok((Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess"))))
+    };
+    let unseen = "no axis shows a take-off or a landing straight along it";
     if !(is_below || is_flat) {
-        return none;
+        return guess(unseen);
     }
     let down = takes_off(&rows, 2, -1.0);
     let y_up = takes_off(&rows, 1, 1.0);
@@ -133,13 +138,9 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
             Ok((Axes::YUp, Some(why)))
         }
         (false, false) if is_below => {
-            let doubt = format!(
-                "most of the flight is below zero (z = {middle_m:.2} m): z is taken to point up all the \
-                 same, not down"
-            );
-            Ok((Axes::Auto, Some(doubt)))
+            guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)"))
         }
-        (false, false) => none,
+        (false, false) => guess(unseen),
     }
 }
 
@@ -210,7 +211,24 @@ mod tests {
     fn a_flight_above_a_low_origin_or_in_the_air_is_not_turned() {
         let low = |[x, y, z]: [f64; 3]| [x, y, z - 1.5];
         assert_eq!(settled(flight(low), Axes::Auto), ([1.0, 0.1, -0.5], 0), "an origin on a table");
-        let mut shuttle = flight(|[x, _, z]| [x, z, 0.8]);
-        assert_eq!(settled(std::mem::take(&mut shuttle), Axes::Auto).1, 0, "to and fro along y");
+    }
+
+    #[test]
+    fn where_no_axis_shows_a_take_off_the_guess_is_said() {
+        let said = |to: &dyn Fn([f64; 3]) -> [f64; 3], axes| {
+            let mut log = flight(to);
+            settle(&mut log, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
+            (log.blocks[0].columns[2].values[40], log.warnings.join("\n"))
+        };
+        // It drifts as it takes off and lands, along y; z is toward the viewer.
+        let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
+        let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
+        for to in [&drifts as &dyn Fn([f64; 3]) -> [f64; 3], &shuttles] {
+            let (z_m, warning) = said(to, Axes::Auto);
+            assert!(z_m < 1.0 && warning.contains("z is taken to point up"), "{z_m}: {warning}");
+            assert!(warning.contains("a guess"), "{warning}");
+            assert_eq!(said(to, Axes::ZUp).1, "", "as told");
+        }
+        assert_eq!(said(&drifts, Axes::YUp), (1.0, String::new()), "as told");
     }
 }

@@ -39,6 +39,7 @@ pub mod identify;
 
 use std::path::Path;
 
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, Limit, decoded, files_in, plain_text};
 use noctograph_core::flight::{Flight, Quantity};
@@ -47,6 +48,7 @@ use noctograph_core::settings::{Described, settings};
 mod ae483_json;
 mod cfclient_csv;
 mod clock;
+mod firmware;
 mod foreign;
 mod frames;
 mod gathered;
@@ -91,9 +93,12 @@ settings! {
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;
-        /// Seconds of the drone's clock per true second: 1, or 84/85 for µSD logs of firmware up to
-        /// and with release 2026.08 (a warning states when a log looks like one).
-        clock_ratio: f64 = 1.0, in 0.5..=2.0;
+        /// Release of the drone's firmware where the log names none, as the scene has it
+        /// (`vehicle.firmware`).
+        firmware: Option<Release> = None;
+        /// Seconds of the drone's clock per true second. By default 1; of a µSD log what its
+        /// stamps show, else what the release has: 84/85 up to and with 2026.08.
+        clock_ratio: Option<f64> = None, in 0.5..=2.0;
         /// Treatment of a µSD log whose CRC does not match.
         damaged: Damaged = Damaged::Refuse;
         /// Time between two rows of a table without times.
@@ -195,6 +200,8 @@ pub struct OnClock {
     /// the numbers of a plain CSV file. `None` where the log has a clock of its own: the firmware's
     /// counter since the drone was switched on, or an imported log, whose zero is lost.
     pub zero_stamp_s: Option<f64>,
+    /// The drone's firmware, where the log names it.
+    pub firmware: Option<String>,
 }
 
 /// Imports a log as [`import`] does, and keeps the zero of its clock.
@@ -207,8 +214,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     let name = path.display().to_string();
     if path.is_dir() {
         let budget = Budget::of(&name, HINT);
-        let (flight, _) = flight(folder(path, &name, &budget)?, options, &budget)?;
-        return Ok(OnClock { flight, zero_stamp_s: None });
+        return on_own_clock(folder(path, &name, &budget)?, options, &budget);
     }
     on_clock(&read(path)?, &name, options)
 }
@@ -232,7 +238,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
-        OnClock { flight, zero_stamp_s: Some(0.0) }
+        OnClock { flight, zero_stamp_s: Some(0.0), firmware: None }
     } else {
         parse(bytes, file, options)?
     };
@@ -279,16 +285,23 @@ fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
             Format::Plain => return plain(&text, file, options, &budget),
         }
     };
-    let (flight, _) = flight(recording?, options, &budget)?;
-    Ok(OnClock { flight, zero_stamp_s: None })
+    on_own_clock(recording?, options, &budget)
+}
+
+/// A recording on a clock of its own.
+fn on_own_clock(recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
+    let firmware = recording.firmware.clone();
+    let (flight, _) = flight(recording, options, budget)?;
+    Ok(OnClock { flight, zero_stamp_s: None, firmware })
 }
 
 /// Imports a plain table; its stamps may be those of a clock that others share.
 fn plain(text: &[u8], file: &str, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
-    let recording = plain_csv::read(text, file, options, budget)?;
-    let shared = recording.is_stamped;
+    let mut recording = plain_csv::read(text, file, options, budget)?;
+    let (shared, firmware) = (recording.is_stamped, firmware::in_comments(text));
+    recording.firmware.clone_from(&firmware);
     let (flight, zero_s) = flight(recording, options, budget)?;
-    Ok(OnClock { flight, zero_stamp_s: shared.then_some(zero_s) })
+    Ok(OnClock { flight, zero_stamp_s: shared.then_some(zero_s), firmware })
 }
 
 fn flight(
@@ -300,7 +313,8 @@ fn flight(
     // An event that never came has no claim to the names of its variables.
     recording.blocks.retain(|block| !block.time_s.is_empty());
     recording.name_apart();
-    clock::settle(&mut recording, options.clock_ratio);
+    recording.warnings.extend(firmware::doubt(&recording, options.firmware));
+    clock::settle(&mut recording, options);
     frames::settle(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();

@@ -47,10 +47,6 @@ pub(super) fn flight(
     budget
         .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    if !unlogged.is_empty() {
-        let names: Vec<&str> = unlogged.iter().map(|quantity| quantity.name()).collect();
-        warnings.push(format!("not in the log: {}; set to zero", names.join(", ")));
-    }
     let samples: Vec<FlightSample> =
         axis.stamps_s.iter().map(|&stamp_s| sample(&found, options, stamp_s, &axis)).collect();
     warnings.extend(warn_of_held_values(&found, options, &axis));
@@ -59,7 +55,9 @@ pub(super) fn flight(
     check_numbers(&recording.file, &samples)?;
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
-    let warnings = recording.warnings.into_iter().chain(warnings).map(Warning::File).collect();
+    let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
+    let said = recording.warnings.into_iter().chain(warnings).map(Warning::File);
+    let warnings = said.chain(missing).collect();
     let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
     Ok((flight, axis.zero_s))
 }

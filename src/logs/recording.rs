@@ -23,6 +23,8 @@ pub(super) struct Recording {
     /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
     pub(super) pace: Pace,
+    /// The drone's firmware, as the log names it.
+    pub(super) firmware: Option<String>,
     /// Whether its stamps are those of a clock that other logs may share.
     pub(super) is_stamped: bool,
     /// Axes of the world of its plain columns, as far as the format says.
@@ -102,6 +104,7 @@ impl Recording {
     pub(super) fn extend(&mut self, other: Self) {
         self.blocks.extend(other.blocks);
         self.warnings.extend(other.warnings);
+        self.firmware = self.firmware.take().or(other.firmware);
     }
 
     /// Checks that there are no more variables than a log may have.

@@ -39,6 +39,35 @@ fn a_clock_ratio_stretches_the_drones_log_alone() {
 }
 
 #[test]
+fn an_import_says_which_firmware_flew_and_where_the_scene_has_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let stamps: Vec<u32> = (0..200).map(|i| 20 * i).collect();
+    let column = |rate: f64| {
+        let data: Vec<f64> = stamps.iter().map(|ms| rate * f64::from(*ms)).collect();
+        serde_json::json!({ "time": stamps, "data": data })
+    };
+    let mut log = serde_json::json!({ "noctograph": { "word": "NO", "firmware": "2025.12.1" } });
+    for (name, rate) in [("x", 1e-4), ("y", 2e-4), ("z", 3e-4)] {
+        log[format!("stateEstimate.{name}")] = column(rate);
+    }
+    std::fs::write(folder.path().join("log.json"), log.to_string()).unwrap();
+    std::fs::write(folder.path().join("log.csv"), format!("# firmware: 2025.12.1\n{}", table(1.0)))
+        .unwrap();
+    for log in ["log.json", "log.csv"] {
+        let said = |more: &[&str]| {
+            let found = run_json(folder.path(), &[&["import", log], more].concat());
+            assert_eq!(found["firmware"], "2025.12.1", "{log}: {found}");
+            found["warnings"].to_string()
+        };
+        let doubt = "vehicle.firmware = \\\"2026.04\\\" is its model";
+        let of_another = said(&[]);
+        assert!(of_another.contains(doubt), "{log}: {of_another}");
+        let of_its_own = said(&["--set", "vehicle.firmware=2026.04"]);
+        assert!(!of_its_own.contains("firmware"), "{log}: {of_its_own}");
+    }
+}
+
+#[test]
 fn a_light_log_is_exposed_in_its_colors_without_a_word_and_a_bare_log_lit_all_along() {
     let folder = tempfile::tempdir().unwrap();
     let mut text = "# time,X,Y,Z,R,G,B\n".to_owned();

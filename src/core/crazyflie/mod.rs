@@ -2,10 +2,12 @@
 //! with its source: a file of `crazyflie-firmware`, in brackets, as of [`FIRMWARE_REVISION`].
 
 mod anchors;
+mod release;
 
 use nalgebra::Matrix4;
 
 pub use anchors::read_anchors;
+pub use release::Release;
 
 /// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release
 /// 2026.08: its files are the sources named here and in other rooms, and its C gave the numbers

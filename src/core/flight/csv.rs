@@ -160,8 +160,8 @@ impl Flight {
         } else {
             Vec::new()
         };
-        let warnings = unlogged.iter().map(|q| format!("no {} in the file: set to zero", q.name()));
-        let warnings = warnings.chain(odd).map(Warning::File).collect();
+        let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
+        let warnings = missing.into_iter().chain(odd.into_iter().map(Warning::File)).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
     }
 }

@@ -1,6 +1,9 @@
 //! Warnings of a flight.
 
+use std::collections::BTreeSet;
 use std::fmt;
+
+use super::Quantity;
 
 /// What one should know of a flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +18,8 @@ pub enum Warning {
     Unseen(f64),
     /// The host was silent for so long that the motors stopped, at so many seconds.
     HostSilent(f64),
+    /// Quantities that its file lacks, which are zeros in the samples.
+    Unlogged(BTreeSet<Quantity>),
     /// Of the file that it is from: what was left out, or taken as what.
     File(String),
 }
@@ -32,6 +37,10 @@ impl fmt::Display for Warning {
             Self::Unseen(s) => write!(f, "fewer than two base stations saw the drone for {s:.2} s"),
             Self::HostSilent(s) => {
                 write!(f, "no setpoint came for 2 s and the motors stopped at {s:.1} s")
+            }
+            Self::Unlogged(quantities) => {
+                let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
+                write!(f, "not in the log: {}; set to zero", names.join(", "))
             }
             Self::File(text) => f.write_str(text),
         }

@@ -279,7 +279,7 @@ mod tests {
         ) {
             let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
             let stretch = Stretch::new(&plan).unwrap();
-            let worst_m = stretch.worst_m(&trajectory.polynomials());
+            let worst_m = stretch.checked_m(&trajectory.polynomials());
             let [max_m_s, max_m_s2] = stretch.limits();
             // The end of a piece is off by half a millisecond at most.
             let late_m = 0.0005 * max_m_s;
@@ -300,11 +300,40 @@ mod tests {
         let plan = noor();
         let trajectory = Compressed::encode(&plan, 0.002).unwrap();
         let (bytes, stretch) = (trajectory.to_bytes().len(), Stretch::new(&plan).unwrap());
-        let worst_m = stretch.worst_m(&trajectory.polynomials());
+        let worst_m = stretch.checked_m(&trajectory.polynomials());
         assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
         let [max_m_s, max_m_s2] = stretch.limits();
         let [v, a] = sampled(&trajectory);
         assert!(v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2, "{v} m/s, {a} m/s²");
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_the_bytes_at_each_of_the_drones_milliseconds() {
+        let plan = noor();
+        let bytes = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
+        let trajectory = Compressed::from_bytes(&bytes).unwrap();
+        let stretch = Stretch::new(&plan).unwrap();
+        // De Casteljau's way from point to point, which `motion` does not go.
+        let on_curve = |mut points: Vec<Vector3<f64>>, share: f64| {
+            while points.len() > 1 {
+                points = points.windows(2).map(|pair| pair[0].lerp(&pair[1], share)).collect();
+            }
+            points[0]
+        };
+        let (mut start_s, mut worst_m) = (0.0, 0.0_f64);
+        for (duration_s, points_m) in trajectory.curves() {
+            let steps = (1000.0 * duration_s).round();
+            for step in (0..).map(f64::from).take_while(|step| *step <= steps) {
+                let at_m = on_curve(points_m.to_vec(), step / steps);
+                let design_m = stretch.position_m(start_s + duration_s * step / steps);
+                worst_m = worst_m.max((at_m - design_m).norm());
+            }
+            start_s += duration_s;
+        }
+        let said_m = stretch.worst_m(&trajectory.polynomials());
+        assert!((said_m - worst_m).abs() < 1e-9, "{said_m} m said, {worst_m} m by the bytes");
+        let checked_m = stretch.checked_m(&trajectory.polynomials());
+        assert!(said_m > checked_m + 5e-5, "{said_m} m, and {checked_m} m where it was checked");
     }
 
     #[test]

@@ -82,14 +82,7 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
     let commands: Vec<(f64, f64)> =
         changes.map(|row| (plan.setpoints[row].time_s, lit[row])).collect();
-    let setpoints = plan.setpoints.iter().map(|setpoint| Setpoint {
-        time_s: on_grid(setpoint.time_s / rate),
-        velocity_m_s: (setpoint.velocity_m_s * rate).map(on_grid),
-        acceleration_m_s2: (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid),
-        ..*setpoint
-    });
-    let paced = Plan { setpoints: setpoints.collect(), ..plan };
-    with_commands(&paced, lit, &commands, Between::Design)
+    with_commands(&plan.paced(rate), lit, &commands, Between::Design)
 }
 
 /// The plan with other light commands: `(sent at, level)` in rising order. Rows are added where a

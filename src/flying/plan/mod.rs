@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use noctograph_core::error::Result;
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::strokes::Strokes;
 
 pub mod csv;
@@ -93,6 +94,17 @@ impl Plan {
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
+    }
+
+    /// The plan, lights and all, by a clock of a rate, in true seconds a second.
+    #[must_use]
+    pub fn paced(mut self, rate: f64) -> Self {
+        for setpoint in &mut self.setpoints {
+            setpoint.time_s = on_grid(setpoint.time_s / rate);
+            setpoint.velocity_m_s = (setpoint.velocity_m_s * rate).map(on_grid);
+            setpoint.acceleration_m_s2 = (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid);
+        }
+        self
     }
 
     /// The position that is sent with a setpoint.
@@ -208,8 +220,8 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
     let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
     let plan = match options.trajectory_clock {
-        1.0 => plan,
-        rate => light_timing::on_trajectory_clock(plan, rate),
+        None | Some(1.0) => plan,
+        Some(rate) => light_timing::on_trajectory_clock(plan, rate),
     };
     match Vector3::from(options.mean_error_m) {
         none if none == Vector3::zeros() => plan,

@@ -29,11 +29,11 @@ settings! {
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
-        /// Rate of the clock that paces the setpoints, in true seconds per second: 1 for a host
-        /// that sends them, 84/85 for a trajectory on board of firmware up to and with release
-        /// 2026.08 (`usec_time.c`; `vehicle.firmware`), while light commands from the host keep
-        /// true time.
-        trajectory_clock: f64 = 1.0, in 0.9..=1.1;
+        /// Rate of the clock that paces the setpoints, in true seconds per second, while light
+        /// commands from the host keep true time. By default 1 where the host sends them, and of a
+        /// trajectory on board (`radio.setpoints`) that of `vehicle.firmware`: 84/85 up to and with
+        /// release 2026.08 (`usec_time.c`).
+        trajectory_clock: Option<f64> = None, in 0.9..=1.1;
         /// Heading of the nose from take-off to landing, from world x toward y: the drone is put
         /// down so. Headlights shine along it; at -π/2 they face the audience, one beside the
         /// other.

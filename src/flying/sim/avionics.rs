@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
-use super::options::{ControllerKind, EstimatorKind, Setpoints};
+use super::options::{ControllerKind, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
 use super::recorder::Snapshot;
 use crate::plan::Plan;
@@ -48,17 +48,35 @@ pub struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
-    /// Whether the firmware's own setpoint is flown, since the host is silent.
-    levels_out: bool,
+    /// The setpoint from which the firmware lands by itself, where those before are of another
+    /// kind.
+    lands_from: Option<usize>,
+    kind: Kind,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
 }
 
+/// Kinds of setpoints that the firmware tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Those of the host.
+    Sent,
+    /// The firmware's own since the host is silent.
+    Level,
+    /// The firmware's own landing, after those of another kind.
+    Landing,
+}
+
+/// Time after the last letter at which an exported script tells the firmware to land, s: a run-out,
+/// and the lamps are dark.
+const LANDS_AFTER_S: f64 = 0.5;
+
 impl Avionics {
-    /// The onboard system of a drone that starts at rest, where the fleet says, with a heading.
-    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, yaw_rad: f64) -> Result<Self> {
+    /// The onboard system of a drone that starts at rest, where the fleet says, with a plan.
+    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
+        let yaw_rad = plan.yaw_rad;
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
@@ -84,7 +102,11 @@ impl Avionics {
             link: Link::new(&actual.radio, seed, drone.index),
             streamed: actual.radio.setpoints == Setpoints::Streamed,
             stopped_s: None,
-            levels_out: false,
+            lands_from: match believed.controller.setpoints {
+                SetpointKind::FullState => landing(plan),
+                SetpointKind::Position => None,
+            },
+            kind: Kind::Sent,
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
@@ -156,11 +178,15 @@ impl Avionics {
         };
         let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
         let mut estimate = self.estimate;
-        let levels_out = self.silent_s(time_s) > LEVEL_OUT_S;
-        if std::mem::replace(&mut self.levels_out, levels_out) != levels_out {
+        let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
+            true => Kind::Level,
+            false if self.lands_from.is_some_and(|row| flown >= row) => Kind::Landing,
+            false => Kind::Sent,
+        };
+        if std::mem::replace(&mut self.kind, kind) != kind {
             self.controller.change_mode(&ahead(&estimate, self.yaw_rad));
         }
-        if levels_out {
+        if kind == Kind::Level {
             level_out(&mut estimate, &mut reference);
         }
         if let Estimator::Altitude(filters) = &self.estimator {
@@ -296,6 +322,14 @@ impl Avionics {
             .chain(self.sensors.warnings())
             .collect()
     }
+}
+
+/// The setpoint of a plan at which an exported script hands over to the firmware's own landing.
+fn landing(plan: &Plan) -> Option<usize> {
+    let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
+    let written_s = plan.setpoints.get(last + 1)?.time_s;
+    let lands_s = written_s + LANDS_AFTER_S - TIME_TOLERANCE_S;
+    Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
 }
 
 /// A state as if the heading that is held were that of world x, for which controllers are designed.

@@ -158,7 +158,7 @@ impl Rig {
                 start_m(plan, &drone.actual.floor),
             )
             .facing(plan.yaw_rad),
-            avionics: Avionics::new(drone, fleet, plan.yaw_rad)?,
+            avionics: Avionics::new(drone, fleet, plan)?,
             recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
             n_ticks,
             tick_s: 1.0 / f64::from(rates.control_hz),

@@ -43,7 +43,7 @@ pub use fly::{fly, fly_fleet};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
     EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, LqrOptions,
-    LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions, RateOptions, Setpoints,
-    Share, SimOptions, SweepAttitude,
+    LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions, RateOptions,
+    SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
 };
 pub use session::Session;

@@ -32,7 +32,7 @@ pub use self::mixer::Mixer;
 pub use self::model::{Motion, at, attitude, position, rate, velocity};
 pub(crate) use self::model::{State, Vehicle, Wrench, motion_derivative};
 pub use self::options::{
-    AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts, Release,
+    AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
     VehicleOptions,
 };
 pub use self::plant::{Plant, PlantOptions};

@@ -1,5 +1,6 @@
 //! Settings of the drone, its battery and the air around it.
 
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
@@ -18,7 +19,7 @@ settings! {
     /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
         /// Release of the Crazyflie's firmware.
-        firmware: Release = Release::R2026_08;
+        firmware: Release = Release::MODELED;
         /// Mass with battery and decks.
         mass_kg: f64 = 0.0351, in 1e-3..=100.0;
         /// Principal moments of inertia about body x, y, z.
@@ -73,18 +74,6 @@ settings! {
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
         /// Height of the propellers above the floor when the drone stands on it.
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
-    }
-
-    /// A release of the Crazyflie's firmware, where they differ in what is flown.
-    pub enum Release {
-        /// From 2023.11 to 2026.04: the controller keeps its integrals when the host falls silent.
-        "2026.04" => R2026_04,
-        /// 2026.08: all loops of `pid` begin anew when the kind of setpoint changes, as it does
-        /// when the drone levels out after an outage of the radio, and back (`controller_pid.c`).
-        /// Its clock, as that of all before, is slow by 1 in 85.
-        "2026.08" => R2026_08,
-        /// After 2026.08: as 2026.08, with a clock that is right.
-        "after-2026.08" => After2026_08,
     }
 
     /// A model of the ground effect: thrust near the floor over thrust far from it, at the same
@@ -213,13 +202,6 @@ settings! {
         torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5], in 0.0..=10.0;
         /// Correlation time of that torque.
         torque_time_s: f64 = 1.5, in 1e-2..=1e4;
-    }
-}
-
-impl Release {
-    /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
-    pub(crate) fn resets_loops(self) -> bool {
-        self != Self::R2026_04
     }
 }
 

@@ -16,7 +16,7 @@ use noctograph_core::settings::{Described, settings};
 use noctograph_flying::plan::PlanOptions;
 use noctograph_flying::sensors::SensorOptions;
 use noctograph_flying::sim::{
-    ControllerOptions, ObserverOptions, RadioOptions, RateOptions, SimOptions,
+    ControllerOptions, ObserverOptions, RadioOptions, RateOptions, Setpoints, SimOptions,
 };
 use noctograph_flying::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
@@ -247,6 +247,15 @@ impl Scene {
             return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
         }
         letters::write(&self.word, &self.letters)
+    }
+
+    /// Rate of the clock that paces the setpoints, in true seconds a second: as
+    /// `plan.trajectory_clock` says, else of a trajectory on board that of the drone's firmware.
+    #[must_use]
+    pub fn trajectory_clock(&self) -> f64 {
+        let on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
+        let own = if on_board { self.vehicle.firmware.clock() } else { 1.0 };
+        self.plan.trajectory_clock.unwrap_or(own)
     }
 
     /// The simulator's part of the scene.

@@ -25,6 +25,18 @@ impl Shoot {
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
     }
 
+    /// The same as it is flown by the clock of the scene's firmware, by which the exported script
+    /// paces the lights, too.
+    #[must_use]
+    pub fn by_its_clock(mut self) -> Self {
+        let rate = self.scene.vehicle.firmware.clock();
+        for Planned { plan, ends } in &mut self.plans {
+            *plan = std::mem::take(plan).paced(rate);
+            ends.iter_mut().for_each(|end| end.time_s /= rate);
+        }
+        self
+    }
+
     /// The plans as a show has them: the same trajectories, whose light begins and ends where the
     /// strokes of the file do. No lamp and no controller stands between the two in a viewer.
     ///

@@ -13,8 +13,8 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Warning};
 use noctograph_flying::plan::feedforward::{feedforward, learn};
 use noctograph_flying::plan::{
-    Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd, fleet, stroke_ends,
-    time_lights,
+    Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
+    stroke_ends, time_lights,
 };
 use noctograph_flying::sim::{Drone, SimOptions, fly};
 use noctograph_letters::Strokes;
@@ -38,7 +38,8 @@ pub struct Planned {
 ///
 /// As [`fleet`], [`step_responses`] and [`fly`].
 pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
-    let plans = fleet(strokes, &scene.plan)?;
+    let trajectory_clock = Some(scene.trajectory_clock());
+    let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
     let follows_design = scene.controller.kind.follows_design();
     let inverse = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };

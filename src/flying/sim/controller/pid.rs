@@ -267,7 +267,8 @@ fn angles(state: &State) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{Release, at};
+    use crate::vehicle::at;
+    use noctograph_core::crazyflie::Release;
 
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
         let mut cascade = PidCascade::new(&SimOptions::default());

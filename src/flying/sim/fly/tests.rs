@@ -3,10 +3,15 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::*;
+use crate::plan::PlanOptions;
 use crate::sensors::Positioning;
-use crate::sim::{ControllerKind, EstimatorKind, RadioOptions, Setpoints, SimOptions};
+use crate::sim::{
+    ControllerKind, EstimatorKind, RadioOptions, SetpointKind, Setpoints, SimOptions,
+};
 use crate::vehicle::{FloorStep, Gusts};
+use noctograph_core::crazyflie::Release;
 use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
+use noctograph_letters::{LetterOptions, write};
 
 /// Setpoints `(time, x, z)` with a light on all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {
@@ -232,6 +237,31 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
     options.radio = RadioOptions::default();
     let at_once = flown(&hover, &options, 1).unwrap();
     assert!(at_once.samples == on_board.samples && at_once.lights != on_board.lights);
+}
+
+#[test]
+fn a_landing_after_full_states_drops_by_more_than_a_decimeter_since_release_2026_08() {
+    let strokes = write("I", &LetterOptions::default()).unwrap();
+    let written = crate::plan::plan(&strokes, &PlanOptions::even()).unwrap();
+    let last = written.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some()).unwrap();
+    let written_s = written.setpoints[last + 1].time_s;
+    let landed = |firmware: Release, setpoints: SetpointKind| {
+        let mut options = SimOptions::cf21();
+        (options.controller.kind, options.observer.kind) =
+            (ControllerKind::Pid, EstimatorKind::Ekf);
+        options.sensors.positioning = Positioning::Sweeps;
+        (options.vehicle.firmware, options.controller.setpoints) = (firmware, setpoints);
+        flown(&written, &options, 1).unwrap()
+    };
+    let by_position = landed(Release::R2026_08, SetpointKind::Position);
+    let by_state = landed(Release::R2026_08, SetpointKind::FullState);
+    let pairs = || by_position.samples.iter().zip(&by_state.samples);
+    let drop_m = pairs().map(|(a, b)| a.position_m.z - b.position_m.z).fold(0.0, f64::max);
+    assert!((0.12..0.18).contains(&drop_m), "{drop_m} m, as the firmware's own code beside it");
+    let first = pairs().find(|(a, b)| a != b).unwrap().0.time_s;
+    assert!(first >= written_s + 0.5, "the letter is whole: {first} s, written by {written_s} s");
+    let before = landed(Release::R2026_04, SetpointKind::FullState);
+    assert!(before.samples == by_position.samples, "no release before empties the loops");
 }
 
 #[test]

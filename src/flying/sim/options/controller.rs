@@ -19,6 +19,18 @@ settings! {
             for "controller.kind" = "altitude";
         /// The firmware's cascade of PID loops.
         pid: PidOptions = PidOptions::default(), for "controller.kind" = "pid";
+        /// What the host sends while the drone writes (`--mode` of the exported script).
+        setpoints: SetpointKind = SetpointKind::Position, for "controller.kind" = "pid";
+    }
+
+    /// A kind of setpoint, as the firmware tells them apart.
+    pub enum SetpointKind {
+        /// Positions. The firmware's own landing is of the same kind.
+        "position" => Position,
+        /// Positions, velocities and accelerations, of which the cascade flies the positions. The
+        /// landing is of another kind: since release 2026.08 all loops begin anew at it, and the
+        /// drone drops by 12 to 18 cm.
+        "full-state" => FullState,
     }
 
     /// A controller.

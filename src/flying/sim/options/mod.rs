@@ -11,7 +11,7 @@ mod radio;
 pub use self::altitude::AltitudeOptions;
 pub use self::controller::{
     AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
-    PidOptions,
+    PidOptions, SetpointKind,
 };
 pub use self::observer::{
     CooperativeOptions, EkfOptions, EstimatorKind, FirmwareOptions, HorizontalForce,

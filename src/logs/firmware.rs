@@ -1,0 +1,78 @@
+//! The release of the drone's firmware, where a log names one.
+//!
+//! Exported scripts write it into their logs (`noctograph.firmware`); other JSON may have it as
+//! `firmware` or `firmware_version`, tables in a comment before their head (`# firmware: 2026.08`).
+//! A log on the card and one of cfclient name none.
+
+use super::recording::Recording;
+use noctograph_core::crazyflie::Release;
+
+/// Lines before a table's head that are read for it.
+const LINES: usize = 100;
+/// What is read of a line.
+const BYTES: usize = 200;
+
+/// The firmware that a comment before a table's head names.
+pub(super) fn in_comments(text: &[u8]) -> Option<String> {
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let lines = text.split(|byte| matches!(byte, b'\n' | b'\r')).take(LINES);
+    let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
+    comments.into_iter().find_map(|line| {
+        let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
+        let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
+        let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
+        let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
+        let named = words.iter().find(|word| Release::of(word).is_some());
+        named
+            .or(words.iter().find(|word| word.starts_with(|c: char| c.is_ascii_hexdigit())))
+            .map(|word| (*word).to_owned())
+    })
+}
+
+/// What one should know of the firmware that flew, where `assumed` is that of the scene.
+pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
+    let (named, assumed) = (recording.firmware.as_ref()?, assumed?);
+    let assumed_name = assumed.name();
+    match Release::of(named) {
+        Some(flown) if flown == assumed => None,
+        Some(flown) => Some(format!(
+            "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it is \
+             \"{assumed_name}\"",
+            flown.name(),
+        )),
+        None => Some(format!(
+            "firmware {named} is no release: it is taken for {assumed_name} (vehicle.firmware)"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comment_before_the_head_names_the_firmware() {
+        for (text, firmware) in [
+            ("# firmware: 2025.12\nt,x,y,z\n", Some("2025.12")),
+            ("\u{feff}% drone 7\n% Firmware release = 2026.08.1\nt,x\n", Some("2026.08.1")),
+            ("# firmware 2a18fc29 of mine\nt,x\n", Some("2a18fc29")),
+            ("# firmware\nt,x\n", None),
+            ("t,x,firmware\n0,1,2026.08\n", None),
+        ] {
+            assert_eq!(in_comments(text.as_bytes()).as_deref(), firmware, "{text}");
+        }
+    }
+
+    #[test]
+    fn another_release_than_the_scenes_and_none_at_all_are_said() {
+        let doubt = |firmware: &str, assumed| {
+            let firmware = Some(firmware.to_owned());
+            doubt(&Recording { firmware, ..Recording::default() }, assumed)
+        };
+        let scene = Some(Release::R2026_08);
+        assert_eq!(doubt("2026.08", scene), None);
+        assert_eq!(doubt("2025.12", None), None, "without a scene");
+        assert!(doubt("2025.12", scene).unwrap().contains("vehicle.firmware = \"2026.04\""));
+        assert!(doubt("2a18fc29", scene).unwrap().contains("no release"));
+    }
+}
