@@ -56,8 +56,8 @@ fn map(
         for gain in GAINS {
             let found = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
             let [best, worst] = found.range;
-            let fled = 100.0 * found.fled_frac;
-            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {fled:.0} %)", found.median);
+            let diverged = 100.0 * found.diverged_frac;
+            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {diverged:.0} %)", found.median);
             left.push(json!({ "gain": gain, "share_left": found }));
         }
         row
@@ -65,7 +65,7 @@ fn map(
     let gains = GAINS.map(|gain| format!("|gain {gain}>23")).concat();
     let text = format!(
         "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
-         writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n{}",
+         writing, without noise: median of {STARTS} starts (best to worst; diverged)\n\n{}",
         table(&format!("error, m<8{gains}"), rows)
     );
     (text, left)

@@ -22,10 +22,10 @@ use noctograph_core::statistics::median;
 /// Span of the ranges that are looked at together; more where a link is measured less than three
 /// times in it.
 const SPAN_S: f64 = 1.0;
-/// χ² up to which another place fits as well: three standard deviations.
-const AS_GOOD: f64 = 9.0;
-/// A place that is nearer than this is no other place.
-const ELSEWHERE_M: f64 = 0.25;
+/// Largest χ² of an ambiguous solution: three standard deviations.
+const MAX_CHI_SQUARED: f64 = 9.0;
+/// Least distance between two solutions.
+const MIN_SEPARATION_M: f64 = 0.25;
 /// How far along the worst direction a fit starts.
 const ALONG_M: f64 = 1.0;
 /// Most spans of a log that are looked at.
@@ -167,13 +167,13 @@ fn elsewhere(
         let (cost, other_m) = fit(anchors_m, ranges, from);
         let is_outside =
             options.room.is_some_and(|room| room.holds_all(places_m) && !room.holds_all(&other_m));
-        if cost > AS_GOOD || is_outside {
+        if cost > MAX_CHI_SQUARED || is_outside {
             continue;
         }
         for drone in &heard {
             let at = |p: &DVector<f64>| p.fixed_rows::<3>(3 * drone).into_owned();
             let apart_m = (at(&other_m) - at(places_m)).norm();
-            if apart_m > ELSEWHERE_M {
+            if apart_m > MIN_SEPARATION_M {
                 let before_m = found.entry(*drone).or_default();
                 *before_m = before_m.max(apart_m);
             }

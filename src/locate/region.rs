@@ -12,8 +12,8 @@ use noctograph_core::statistics::median;
 
 /// Steps per second of the observer, as on board.
 const RATE_HZ: f64 = 100.0;
-/// An estimate this far beyond its start error has fled.
-const FLED: f64 = 3.0;
+/// Error at the end by that at the start, from which an observer has diverged.
+const DIVERGED: f64 = 3.0;
 /// Eigenvalue of the information, relative to the largest, below which a direction is unseen.
 const UNSEEN: f64 = 1e-9;
 
@@ -27,7 +27,7 @@ pub struct ShareLeft {
     /// The same, the best of the starts and the worst.
     pub range: [f64; 2],
     /// Share of the starts that ended more than three times as far.
-    pub fled_frac: f64,
+    pub diverged_frac: f64,
 }
 
 /// How well measurements fix the six coordinates at the start of a flight.
@@ -78,13 +78,13 @@ pub fn share_left(
         shares.push(run(observer, &path, duration_s, off) / error_m);
     }
     shares.sort_by(f64::total_cmp);
-    let fled = shares.iter().filter(|share| **share > FLED || share.is_nan()).count();
-    let fled_frac = fled as f64 / f64::from(n.max(1));
+    let diverged = shares.iter().filter(|share| **share > DIVERGED || share.is_nan()).count();
+    let diverged_frac = diverged as f64 / f64::from(n.max(1));
     ShareLeft {
         error_m,
         median: median(shares.iter().copied()).unwrap_or(0.0),
         range: [shares.first(), shares.last()].map(|share| share.copied().unwrap_or(0.0)),
-        fled_frac,
+        diverged_frac,
     }
 }
 

@@ -79,7 +79,7 @@ impl Inertial {
     }
 
     /// Turns it, level, from world x toward y.
-    pub fn face(&mut self, yaw_rad: f64) {
+    pub fn set_yaw(&mut self, yaw_rad: f64) {
         self.attitude = Turned::facing(yaw_rad);
         self.world_from_body = self.attitude.matrix();
     }

@@ -54,20 +54,20 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
     };
-    let mut found: Vec<Dealt> = Vec::new();
+    let mut found: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
-        found.extend(Dealt::new(strokes, whole_letters, options, style)?);
+        found.extend(Assignment::new(strokes, whole_letters, options, style)?);
     }
-    let first = found.into_iter().min_by_key(|dealt| dealt.end);
-    let dealt = first.ok_or_else(|| Error::Infeasible {
+    let first = found.into_iter().min_by_key(|assignment| assignment.end);
+    let assignment = first.ok_or_else(|| Error::Infeasible {
         what: "two drones come too close to each other, however long one waits".to_owned(),
         hint: "share the word among fewer drones, or write it larger".into(),
     })?;
-    dealt.plans(options, style)
+    assignment.plans(options, style)
 }
 
 /// The shares of all drones, with the routes that they may take and those that they do.
-struct Dealt {
+struct Assignment {
     homes_m: Vec<f64>,
     routes: Vec<Vec<Route>>,
     starts: Vec<Start>,
@@ -75,7 +75,7 @@ struct Dealt {
     end: usize,
 }
 
-impl Dealt {
+impl Assignment {
     /// `None` where the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
@@ -148,8 +148,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut best: Option<(usize, Vec<Start>)> = None;
     let mut meetings = Meetings { routes, known: HashMap::new() };
     for _ in 0..2 * routes.len() {
-        let dealt = dealt(routes, &order, &mut meetings);
-        let last = match dealt {
+        let last = match assigned(routes, &order, &mut meetings) {
             Ok(starts) => {
                 let ends = starts.iter().enumerate().map(|(at, start)| start.end(&routes[at]));
                 let (end, last) = ends.zip(0..).max().expect("one drone at least");
@@ -170,7 +169,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
 }
 
 /// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
-fn dealt(
+fn assigned(
     routes: &[Vec<Route>],
     order: &[usize],
     meetings: &mut Meetings<'_>,

@@ -83,7 +83,7 @@ impl Avionics {
         let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         let mut estimator = estimator(believed, settled_m, fleet, seed)?;
-        estimator.face(yaw_rad);
+        estimator.set_yaw(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
             estimator,

@@ -24,9 +24,9 @@ pub(in crate::sim) struct Altitude {
 }
 
 impl Altitude {
-    /// Learns how its nose was put down.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
-        self.horizontal.face(yaw_rad);
+    /// Sets the initial yaw.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+        self.horizontal.set_yaw(yaw_rad);
     }
 
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {

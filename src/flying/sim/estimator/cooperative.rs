@@ -275,10 +275,10 @@ impl Cooperative {
         }
     }
 
-    /// Learns how its nose was put down.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
-        self.own.face(yaw_rad);
-        self.alone.face(yaw_rad);
+    /// Sets the initial yaw.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+        self.own.set_yaw(yaw_rad);
+        self.alone.set_yaw(yaw_rad);
     }
 
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {

@@ -117,9 +117,9 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m) }
     }
 
-    /// Learns how its nose was put down.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
-        self.motion.face(yaw_rad);
+    /// Sets the initial yaw.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+        self.motion.set_yaw(yaw_rad);
     }
 
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {

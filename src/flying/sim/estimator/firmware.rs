@@ -105,8 +105,8 @@ impl Firmware {
         }
     }
 
-    /// Learns how its nose was put down.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
+    /// Sets the initial yaw.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
         self.attitude = Turned::facing(yaw_rad);
         self.world_from_body = self.attitude.matrix();
     }

@@ -55,8 +55,8 @@ impl Observer {
         })
     }
 
-    /// Learns how its nose was put down.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
+    /// Sets the initial yaw.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
         self.heading_rad = yaw_rad;
         self.measured_m = turned(&self.measured_m, -yaw_rad);
         self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);

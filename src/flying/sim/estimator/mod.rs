@@ -47,14 +47,14 @@ pub(super) enum Estimator {
 }
 
 impl Estimator {
-    /// Learns how its nose was put down, from world x toward y, before the first update.
-    pub(super) fn face(&mut self, yaw_rad: f64) {
+    /// Sets the initial yaw, from world x toward y, before the first update.
+    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
         match self {
-            Self::Luenberger(observer) => observer.face(yaw_rad),
-            Self::Firmware(filter) => filter.face(yaw_rad),
-            Self::Ekf(filter) => filter.face(yaw_rad),
-            Self::Altitude(filters) => filters.face(yaw_rad),
-            Self::Cooperative(filter) => filter.face(yaw_rad),
+            Self::Luenberger(observer) => observer.set_yaw(yaw_rad),
+            Self::Firmware(filter) => filter.set_yaw(yaw_rad),
+            Self::Ekf(filter) => filter.set_yaw(yaw_rad),
+            Self::Altitude(filters) => filters.set_yaw(yaw_rad),
+            Self::Cooperative(filter) => filter.set_yaw(yaw_rad),
             Self::Truth(body) => *body = body.facing(yaw_rad),
         }
     }
