@@ -2,7 +2,9 @@
 //!
 //! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the
 //! cases of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and
-//! Cyrillic and Greek letters of the shape of a Latin one.
+//! Cyrillic and Greek letters of the shape of a Latin one. A Latin letter that the net was not
+//! trained on (Ł, ø, æ, þ) also counts as what the net takes a faultless drawing of it for
+//! ([`super::judge::Expected::learn`]).
 
 use unicode_normalization::UnicodeNormalization;
 
@@ -60,6 +62,18 @@ fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
 
+/// Latin letters of their own, and the letters whose shape is near theirs, the nearest first.
+const OTHER_LETTERS: [(&str, &str); 8] = [
+    ("ßẞ", "B"),
+    ("ÆæǼǽ", "AE"),
+    ("Œœ", "OE"),
+    ("Þþ", "P"),
+    ("Ŋŋ", "N"),
+    ("Əə", "E"),
+    ("Ŧŧ", "T"),
+    ("ĸ", "K"),
+];
+
 /// Sharp s, small and capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
 
@@ -72,8 +86,10 @@ pub(super) fn latin(character: char) -> Option<char> {
     if character == 'ν' {
         return Some('v');
     }
-    if SHARP_S.contains(&character) {
-        return Some('B');
+    if let Some((_, near)) = other_letter(character) {
+        let nearest = near.chars().next()?;
+        let is_small = character.is_lowercase() && !SHARP_S.contains(&character);
+        return Some(if is_small { nearest.to_ascii_lowercase() } else { nearest });
     }
     let capital = character.to_uppercase().next()?;
     let Some(shape) = SHAPES.iter().find(|shape| shape.contains(capital)) else {
@@ -84,6 +100,25 @@ pub(super) fn latin(character: char) -> Option<char> {
     Some(if character.is_lowercase() { shape.to_ascii_lowercase() } else { shape })
 }
 
+fn other_letter(character: char) -> Option<&'static (&'static str, &'static str)> {
+    OTHER_LETTERS.iter().find(|(letters, _)| letters.contains(character))
+}
+
+/// The two letters of a ligature, in its case.
+pub(super) fn ligature(character: char) -> Option<[char; 2]> {
+    let (_, near) = other_letter(character)?;
+    let mut letters = near.chars().map(|letter| match character.is_lowercase() {
+        true => letter.to_ascii_lowercase(),
+        false => letter,
+    });
+    Some([letters.next()?, letters.next()?])
+}
+
+/// Whether a character is a Latin letter that the net was not trained on.
+pub(super) fn is_untrained(character: char) -> bool {
+    has_mark(character) || other_letter(character).is_some()
+}
+
 /// The class of a character of the net.
 pub(super) fn class_of(character: char) -> Option<usize> {
     CHARACTERS.iter().position(|known| char::from(*known) == character).map(|at| at + 1)
@@ -92,10 +127,13 @@ pub(super) fn class_of(character: char) -> Option<usize> {
 /// The classes that count as a character; `None` for one that the net does not know. A letter with
 /// a mark may also be no letter to the net: it was trained without marks.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
-    let mark = if has_mark(character) { NO_LETTER } else { 0 };
+    let mark = if is_untrained(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
         // Who does not know the sharp s takes it for one of these.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
+        _ if let Some((_, near)) = other_letter(character) => {
+            set_of(near) | set_of(&near.to_ascii_lowercase())
+        }
         'O' | 'o' | '0' => set_of("Oo0"),
         'I' | 'i' | '1' => set_of("Iil1"),
         'l' => set_of("Iil1L"),
@@ -181,12 +219,13 @@ mod tests {
             let first = classes.next().unwrap();
             assert!(first != 0 && classes.all(|other| other & !NO_LETTER == first), "{same}");
         }
-        for foreign in "ЖΩ漢!-.⇧æ".chars() {
+        for foreign in "ЖΩ漢!-.⇧".chars() {
             assert_eq!(classes_of(foreign), None, "{foreign}");
         }
         assert_eq!((latin('é'), latin('ν'), latin('Ø')), (Some('e'), Some('v'), Some('O')));
         assert_eq!((latin('ế'), latin('Ợ'), latin('ư')), (Some('e'), Some('O'), Some('u')));
-        assert_eq!((latin('ן'), latin('ə')), (None, None));
+        assert_eq!((latin('ן'), latin('ə'), latin('Œ')), (None, Some('e'), Some('O')));
+        assert_eq!((ligature('œ'), ligature('ß')), (Some(['o', 'e']), None));
     }
 
     #[test]

@@ -15,6 +15,12 @@ pub(super) struct Choice {
 }
 
 impl Choice {
+    /// The choice between a pair of letters and others: that of its less certain one.
+    pub(super) fn and(&self, second: &Self) -> Self {
+        let worse = if self.p <= second.p { self } else { second };
+        Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
+    }
+
     /// What is likeliest in the place, and its share; `None`: no letter.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);

@@ -13,11 +13,11 @@ use super::judge::Judgment;
 use super::mending::{Mending, mend};
 use super::overlay::Marks;
 use super::page::LetterPage;
-use super::plane::{Grid, Placed};
+use super::plane::Placed;
 use super::raster::Raster;
-use super::reader::{Reader, Seen, draw};
+use super::reader::{Reader, Seen};
 use super::sketch::Sketch;
-use super::strip::{CAP_PX, Strip};
+use super::strip::Strip;
 use super::verdict::Verdict;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
@@ -220,13 +220,7 @@ impl Reader {
     /// Letters that look like other ones even where they are drawn without fault, or that do so a
     /// little and are read as these in the photo.
     fn flaws_of_design(&self, verdict: &Verdict, found: &mut Vec<Found>) {
-        let drawn = |grid: &Grid| {
-            let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
-            let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
-            Strip::drawn(grid.width, light)
-        };
-        let drawn = self.lines.iter().map(|grid| Columns::of(&drawn(grid)));
-        let choices = self.expected.choices(&Columns::joined(drawn));
+        let choices = self.expected.choices(&self.drawn_columns());
         for (index, choice) in self.expected.indices.iter().zip(choices) {
             let letter = &verdict.letters[*index];
             let rival = choice.others.first();

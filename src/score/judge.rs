@@ -3,7 +3,10 @@
 
 use std::ops::Range;
 
-use super::alphabet::{BLANK, Classes, NO_LETTER, classes_of, in_case_of, names, seen_as, spells};
+use super::alphabet::{
+    BLANK, Classes, NO_LETTER, classes_of, in_case_of, is_untrained, ligature, names, seen_as,
+    spells,
+};
 use super::calibration::readability;
 use super::choice::Choice;
 use super::columns::Columns;
@@ -19,6 +22,10 @@ const LEAST_SHARE: f64 = 0.001;
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
+/// Least share of a letter in a faultless drawing of one that the net was not trained on, from
+/// which it counts as it.
+const LEAST_TAKEN: f64 = 0.02;
+
 /// Letters to either side that decide what is seen in the place of one.
 const NEAR: usize = 4;
 
@@ -30,7 +37,8 @@ const N_FREE: usize = 2;
 
 /// A word that columns are expected to show, without its punctuation.
 pub(super) struct Expected {
-    /// Index of each judged character in the word.
+    /// Index of each judged character in the word; twice that of a ligature (æ, œ) that the net
+    /// reads as two letters.
     pub(super) indices: Vec<usize>,
     characters: Vec<char>,
     /// The classes that count as each character.
@@ -78,6 +86,57 @@ impl Judgment {
 }
 
 impl Expected {
+    /// Takes for a Latin letter that the net was not trained on also what the net takes it for in
+    /// the columns of a faultless drawing: people read it by an alphabet that the net lacks.
+    pub(super) fn learn(&mut self, drawn: &Columns) {
+        for at in (0..self.characters.len()).rev() {
+            if let Some(pair) = ligature(self.characters[at]) {
+                self.split(at, pair, drawn);
+            }
+        }
+        let choices = self.choices(drawn);
+        for ((character, classes), choice) in
+            self.characters.iter().zip(&mut self.classes).zip(choices)
+        {
+            if is_untrained(*character) {
+                let taken = choice.others.iter().filter(|(_, p)| *p >= LEAST_TAKEN);
+                *classes |= taken.fold(0, |set, (other, _)| set | seen_as(*other));
+            }
+        }
+    }
+
+    /// Takes a ligature for its two letters, where a faultless drawing shows them.
+    fn split(&mut self, at: usize, pair: [char; 2], drawn: &Columns) {
+        let mut apart = self.classes.clone();
+        let pair_classes = pair.map(seen_as);
+        apart.splice(at..=at, pair_classes);
+        if drawn.ln_p(&apart) > drawn.ln_p(&self.classes) {
+            self.classes = apart;
+            self.characters.splice(at..=at, pair);
+            self.indices.insert(at, self.indices[at]);
+            self.digits.insert(at, false);
+            self.line_ends.iter_mut().filter(|end| **end > at).for_each(|end| *end += 1);
+        }
+    }
+
+    /// One choice for each judged character of the word: both letters of a ligature have to be
+    /// right.
+    pub(super) fn by_character(&self, choices: Vec<Choice>) -> Vec<Choice> {
+        let mut merged: Vec<(usize, Choice)> = Vec::new();
+        for (index, choice) in self.indices.iter().zip(choices) {
+            match merged.last_mut().filter(|(last, _)| last == index) {
+                Some((_, first)) => *first = first.and(&choice),
+                None => merged.push((*index, choice)),
+            }
+        }
+        merged.into_iter().map(|(_, choice)| choice).collect()
+    }
+
+    /// Whether a letter is one that the net was not trained on.
+    pub(super) fn is_untrained(&self) -> bool {
+        self.characters.iter().any(|character| is_untrained(*character))
+    }
+
     pub(super) fn new(strokes: &Strokes) -> Self {
         let characters = || strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
         let known = || characters().filter_map(|(at, c)| Some((at, c, classes_of(c)?)));
@@ -178,6 +237,17 @@ impl Expected {
         likeliest.filter(|odds| odds.ln_odds > 0.0)
     }
 
+    /// Whether a free reading is the expected word.
+    fn is_spelled(&self, text: &str, word: &str) -> bool {
+        let is_same = |((read, character), classes): ((char, &char), &Classes)| {
+            let is_taken = is_untrained(*character) && seen_as(read) & classes != 0;
+            is_taken || spells(&read.to_string(), &character.to_string())
+        };
+        let same_length = text.chars().count() == self.characters.len();
+        spells(text, word)
+            || same_length && text.chars().zip(&self.characters).zip(&self.classes).all(is_same)
+    }
+
     /// The likeliest other word: with one letter replaced, or as a free reading has it.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let word: String = self.characters.iter().collect();
@@ -193,7 +263,8 @@ impl Expected {
         let free = search(columns, &all, &all).into_iter();
         // Light beside a word that is no letter makes no other word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
-        let free = free.filter(|text| !text.is_empty() && !spells(text, &word)).take(N_FREE);
+        let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
+        let free = free.take(N_FREE);
         let free = free.map(|text| {
             let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
             let last = self.characters.len() - 1;

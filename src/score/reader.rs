@@ -108,7 +108,7 @@ impl Reader {
             length_h * PEN_H * f64::from(PX_PER_H) * f64::from(PX_PER_H)
         };
         let lines = strokes.lines();
-        Ok(Self {
+        let mut reader = Self {
             options: options.clone(),
             strokes: strokes.clone(),
             home,
@@ -122,7 +122,22 @@ impl Reader {
             lines: lines.into_iter().map(|line| strip_grid(&strokes.glyphs[line])).collect(),
             pages: strokes.glyphs.iter().map(|glyph| LetterPage::new(&glyph.cell)).collect(),
             ink_px: strokes.glyphs.iter().map(ink_px).collect(),
-        })
+        };
+        if reader.expected.is_untrained() {
+            let drawn = reader.drawn_columns();
+            reader.expected.learn(&drawn);
+        }
+        Ok(reader)
+    }
+
+    /// What the net makes of a faultless drawing of the word.
+    pub(super) fn drawn_columns(&self) -> Columns {
+        let drawn = |grid: &Grid| {
+            let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
+            let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
+            Columns::of(&Strip::drawn(grid.width, light))
+        };
+        Columns::joined(self.lines.iter().map(drawn))
     }
 
     /// Reads a photo.
@@ -246,6 +261,7 @@ impl Reader {
         let has_other_length = judgment.has_other_length();
         let Judgment { choices, rival, readability } = judgment;
         let reads_other_length = reading.is_clear() && reading.letters.len() != choices.len();
+        let choices = self.expected.by_character(choices);
         let read = self.spelled(&choices);
         let mut choices = choices.iter();
         let letter = |glyph: &Glyph| match classes_of(glyph.character) {

@@ -65,6 +65,22 @@ fn accents_count_as_their_letters_and_punctuation_is_not_judged() {
     assert!(verdict.letters[2].p > Some(0.5), "{verdict:?}");
 }
 
+/// Which the net was not trained on: they count as what it takes a faultless drawing of them for, a
+/// ligature as its two letters.
+#[test]
+fn latin_letters_of_other_languages_are_read() {
+    for name in ["Łucja", "Søren", "Þór", "Kjær", "Cœur", "Ægir"] {
+        let strokes = simplex(name);
+        let verdict = Shot::of(&strokes).verdict(&strokes);
+        assert!(is_read(&verdict) && verdict.read == name, "{name}: {verdict:?}");
+        assert_eq!(verdict.letters.len(), name.chars().count(), "{name}");
+    }
+    // What the drawing does not show is read as before.
+    let strokes = simplex("Kjær");
+    let verdict = Shot::of(&simplex("Kjar")).verdict(&strokes);
+    assert!(!verdict.legible && !is_read(&verdict), "{verdict:?}");
+}
+
 #[test]
 fn the_teams_faults_leave_every_letter_right() {
     let noor = word("NOOR");
