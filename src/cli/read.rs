@@ -27,7 +27,7 @@ pub(super) struct ReadArgs {
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
-    let reading = read(&photo);
+    let reading = read(&photo).of_writing();
     if reading.text.is_empty() {
         let report = Report::new("no writing found\n".into(), &reading);
         return Ok(report.with_outcome(Outcome::NotLegible));

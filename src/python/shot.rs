@@ -211,5 +211,7 @@ pub(super) fn score<'py>(
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    run(py, &Stop::default(), move || Ok(noctograph::score::read(&photo::read(&path)?).text))
+    run(py, &Stop::default(), move || {
+        Ok(noctograph::score::read(&photo::read(&path)?).of_writing().text)
+    })
 }

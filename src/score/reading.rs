@@ -42,8 +42,14 @@ const EVEN: f64 = 0.5;
 /// second on one core. What is noise has many lines of many columns.
 const MOST_COLUMNS: usize = 12_000;
 
+/// Least mean share of the letters of writing, and least share of a letter alone: a heart is read as
+/// letters of less, a moon as an U of 0.67. Of 84 photographs that were blurred, dimmed, turned,
+/// scaled and compressed at random, the 77 that were read right have 0.68 and more.
+const LEAST_WRITING: f64 = 0.67;
+const LEAST_LETTER: f64 = 0.85;
+
 /// Text of a photo.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
     /// The text, line by line, with spaces where the gaps are wide; empty where nothing is written.
     pub text: String,
@@ -66,6 +72,15 @@ pub struct ReadLetter {
 }
 
 impl Reading {
+    /// The same where it is clear enough to be writing, and nothing else.
+    #[must_use]
+    pub fn of_writing(self) -> Self {
+        let seen = |letter: &ReadLetter| if letter.letter == '?' { 0.0 } else { letter.p };
+        let sum: f64 = self.letters.iter().map(seen).sum();
+        let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
+        if sum >= least * self.letters.len() as f64 { self } else { Self::default() }
+    }
+
     /// Whether letters are read, and read clearly on average.
     pub(super) fn is_clear(&self) -> bool {
         is_clear(&self.letters)

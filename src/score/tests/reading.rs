@@ -72,3 +72,44 @@ fn two_lines_small_letters_and_accents_are_read_blindly() {
         assert_eq!(read(&Shot::of(&simplex(shown)).photo()).text, text);
     }
 }
+
+/// Stars of several kinds. A triangle and a ring are letters to a net that knows no other shape.
+#[test]
+fn shapes_are_no_writing() {
+    let noor = simplex("NOOR");
+    let [left, bottom, right, top] = noor.bounds_m();
+    let middle = [0.5 * (left + right), 0.5 * (bottom + top)];
+    let radius_m = 0.5 * (top - bottom);
+    let ring = |n: u32, turns: f64, radius: &dyn Fn(f64) -> [f64; 2]| -> Vec<Move> {
+        let at = |k: u32| {
+            let part = f64::from(k) / f64::from(n);
+            let [across, up] = radius(part);
+            let angle_rad = turns * core::f64::consts::TAU * part;
+            let (sin, cos) = (libm::sin(angle_rad), libm::cos(angle_rad));
+            [middle[0] + radius_m * across * sin, middle[1] + radius_m * up * cos]
+        };
+        let moves = (0..n).map(|k| (at(k), at(k + 1)));
+        moves.map(|(from_m, to_m)| Move { from_m, to_m, lit: true, pace: 1.0 }).collect()
+    };
+    let star = |part: f64| {
+        if ((10.0 * part).round() as u32).is_multiple_of(2) { [1.0; 2] } else { [0.4; 2] }
+    };
+    let shapes = [
+        ring(10, 1.0, &star),
+        ring(7, 3.0, &|_| [1.0; 2]),
+        ring(9, 4.0, &|_| [1.0; 2]),
+        ring(5, 2.0, &|_| [1.0; 2]),
+        ring(12, 5.0, &|_| [1.0; 2]),
+    ];
+    let is_writing = |moves: Vec<Move>| {
+        let mut strokes = noor.clone();
+        strokes.glyphs.truncate(1);
+        strokes.glyphs[0].moves = moves;
+        let shot = Shot { camera: camera(&noor, 480, 0.0), ..Shot::of(&strokes) };
+        let reading = read(&shot.photo()).of_writing();
+        !reading.text.is_empty()
+    };
+    let n = shapes.into_iter().map(is_writing).filter(|is| *is).count();
+    assert_eq!(n, 0, "of 5 stars");
+    assert!(!read(&Shot::of(&noor).photo()).of_writing().text.is_empty());
+}
