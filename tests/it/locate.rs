@@ -131,7 +131,9 @@ fn arguments<'a>(n: usize, more: &[&'a str]) -> Vec<&'a str> {
     } else {
         &["--reference", "true-1.csv", "--reference", "true-2.csv"]
     };
-    let all = [&["locate"], logs, references, &["--anchors", "anchors.yaml"], &SIGMA, more];
+    // The references fly in the air, where nothing tells which axis is up.
+    let told = &["--anchors", "anchors.yaml", "--axes", "z-up"];
+    let all = [&["locate"], logs, references, told, &SIGMA, more];
     all.concat()
 }
 

@@ -207,6 +207,19 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
 }
 
 #[test]
+fn a_scene_with_its_trajectory_on_board_is_exported_as_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let exported = |more: &[&str]| {
+        let to = ["export", "I", "--to", "cflib", "--mode", "trajectory", "-o", "i.py"];
+        assert_eq!(run(at, &[&to[..], more].concat()).0, 0);
+        script(&at.join("i.py")).1["trajectory"]["hex"].clone()
+    };
+    let on_board = ["--set", "radio.drones=1", "--set", "radio.setpoints=on-board"];
+    assert_eq!(exported(&[]), exported(&on_board), "its clock paces it once, on board");
+}
+
+#[test]
 fn check_and_export_count_the_same_entries_of_the_timing_memory() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -12,7 +12,11 @@ use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kin
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
-    ("vehicle.firmware", "outages of the radio of more than 0.5 s"),
+    (
+        "vehicle.firmware",
+        "outages of the radio of more than 0.5 s, landings after full states, the clock of µSD logs \
+         and of trajectories on board",
+    ),
     ("air.downwash", "drones that are planned above each other"),
     ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the firmware's filter believes"),
     ("sensors.lighthouse.panes_m", "`coverage`, and sweeps where the pane reflects enough"),

@@ -178,11 +178,11 @@ mod tests {
     use super::*;
     use crate::scene::Preset;
     use crate::shoot::Shoot;
+    use noctograph_core::crazyflie::Release;
     use noctograph_core::flight::tracking::{Part, track};
     use noctograph_export::lights::{Command, commands};
-    use noctograph_flying::plan::PlanOptions;
     use noctograph_flying::sensors::SensorOptions;
-    use noctograph_flying::sim::{ControllerKind, EstimatorKind};
+    use noctograph_flying::sim::{ControllerKind, EstimatorKind, Setpoints};
     use noctograph_flying::vehicle::Gusts;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_picture::light::{Deck, RingColor, RingEffect};
@@ -277,6 +277,27 @@ mod tests {
                 reds.reverse();
             }
             assert!(reds.windows(2).all(|pair| pair[0] > pair[1]), "{lamp}: {reds:?}");
+        }
+    }
+
+    #[test]
+    fn a_trajectory_on_board_is_paced_by_the_clock_of_the_drones_firmware() {
+        let lasts_s = |setpoints, firmware, trajectory_clock| {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            (scene.radio.drones, scene.radio.setpoints) = (1, setpoints);
+            (scene.vehicle.firmware, scene.plan.trajectory_clock) = (firmware, trajectory_clock);
+            plan(&scene, &noor()).unwrap().swap_remove(0).plan.duration_s()
+        };
+        let sent_s = lasts_s(Setpoints::Streamed, Release::R2026_08, None);
+        for (firmware, told, rate) in [
+            (Release::R2026_04, None, 84.0 / 85.0),
+            (Release::R2026_08, None, 84.0 / 85.0),
+            (Release::After2026_08, None, 1.0),
+            (Release::R2026_08, Some(1.0), 1.0),
+            (Release::R2026_08, Some(0.95), 0.95),
+        ] {
+            let on_board_s = lasts_s(Setpoints::OnBoard, firmware, told);
+            assert!((on_board_s * rate - sent_s).abs() < 1e-3, "{firmware:?}: {on_board_s} s");
         }
     }
 
