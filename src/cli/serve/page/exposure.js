@@ -1,0 +1,145 @@
+// The photograph as far as the lamp has come: its own pixels, let through along the lamp's path.
+//
+// A long exposure adds up light. What the trail does not cover (floor, walls) brightens with the
+// share of time; the trail itself is there as soon as the lamp has passed. The way of the lamp is
+// drawn into two small masks: all of it, and what has been flown. Forward, the second only grows.
+
+import { span } from "./replay.js";
+
+/** Width of the masks: soft edges need no more. */
+const MASK_WIDTH = 960;
+/** Widest photograph that is drawn. */
+const MOST_WIDTH = 1920;
+/** Half of the trail's light lies within this share of the photograph's width, and its bloom. */
+const TRAIL = 0.0085, BLOOM = 0.016;
+
+/** @param {number} width @param {number} height */
+function sheet(width, height) {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [width, height];
+  const pen = canvas.getContext("2d");
+  if (!pen) throw new Error("no canvas");
+  return { canvas, pen };
+}
+
+/**
+ * @param {HTMLImageElement} image decoded
+ * @param {Replay} replay
+ * @param {HTMLCanvasElement} canvas
+ */
+export function exposure(image, replay, canvas) {
+  const width = Math.min(MOST_WIDTH, image.naturalWidth), height = Math.round(width * image.naturalHeight / image.naturalWidth);
+  [canvas.width, canvas.height] = [width, height];
+  const pen = canvas.getContext("2d");
+  const scale = MASK_WIDTH / width, high = Math.round(height * scale);
+  const [whole, flown, mask] = [0, 1, 2].map(() => sheet(MASK_WIDTH, high));
+  const { begin, length } = span(replay);
+  const place = (/** @type {number} */ x, /** @type {number} */ y) => /** @type {[number, number]} */ ([x * MASK_WIDTH / 10_000, y * high / 10_000]);
+
+  for (const { pen: each } of [whole, flown]) {
+    Object.assign(each, { lineCap: "round", lineJoin: "round", shadowColor: "#000" });
+  }
+
+  /**
+   * Draws a part of the way, from a time to a time.
+   * @param {CanvasRenderingContext2D} into @param {number} from @param {number} to
+   */
+  function trace(into, from, to) {
+    for (const [thick, blur] of [[TRAIL, BLOOM], [BLOOM, 0.006]]) {
+      Object.assign(into, { lineWidth: thick * MASK_WIDTH, shadowBlur: blur * MASK_WIDTH });
+      for (const { at } of replay.strokes) {
+        if (at[0] > to || at[at.length - 3] < from) continue;
+        into.beginPath();
+        let begun = false;
+        for (let i = 0; i < at.length; i += 3) {
+          if (i + 3 < at.length && at[i + 3] < from) continue;
+          if (at[i] > to) {
+            // The lamp is between two points of the map.
+            const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
+            if (begun) into.lineTo(...place(at[i - 2] + share * (at[i + 1] - at[i - 2]), at[i - 1] + share * (at[i + 2] - at[i - 1])));
+            break;
+          }
+          const [x, y] = place(at[i + 1], at[i + 2]);
+          if (begun) into.lineTo(x, y);
+          else { into.moveTo(x, y); into.lineTo(x + 0.01, y); }
+          begun = true;
+        }
+        into.stroke();
+      }
+    }
+  }
+  trace(whole.pen, -Infinity, Infinity);
+  // Where the lamp will come, the wall is seen for now: a trail that is not yet there leaves no hole.
+  const wall = sheet(MASK_WIDTH, high);
+  wall.pen.drawImage(whole.canvas, 0, 0);
+  wall.pen.globalCompositeOperation = "source-in";
+  wall.pen.fillStyle = wallColor(image);
+  wall.pen.fillRect(0, 0, MASK_WIDTH, high);
+  let until = -Infinity;
+
+  /** Where the lamps are that shine at a time. @param {number} now */
+  function* lamps(now) {
+    for (const { at, rgb } of replay.strokes) {
+      if (at[0] > now || at[at.length - 3] < now) continue;
+      let i = 0;
+      while (i + 3 < at.length && at[i + 3] <= now) i += 3;
+      const share = i + 3 < at.length ? (now - at[i]) / Math.max(1, at[i + 3] - at[i]) : 0;
+      const next = i + 3 < at.length ? i + 3 : i;
+      yield { x: at[i + 1] + share * (at[next + 1] - at[i + 1]), y: at[i + 2] + share * (at[next + 2] - at[i + 2]), rgb };
+    }
+  }
+
+  /** Shows the share 0 … 1 of the exposure. */
+  return function show(/** @type {number} */ share) {
+    if (!pen) return;
+    const now = begin + share * length;
+    if (now < until) {
+      flown.pen.clearRect(0, 0, MASK_WIDTH, high);
+      until = -Infinity;
+    }
+    trace(flown.pen, until, now);
+    until = now;
+
+    // Light adds up linearly; the photograph's values are its root.
+    mask.pen.globalCompositeOperation = "copy";
+    mask.pen.fillStyle = `rgb(0 0 0 / ${share ** (1 / 2.2)})`;
+    mask.pen.fillRect(0, 0, MASK_WIDTH, high);
+    mask.pen.globalCompositeOperation = "destination-out";
+    mask.pen.drawImage(whole.canvas, 0, 0);
+    mask.pen.globalCompositeOperation = "source-over";
+    mask.pen.drawImage(flown.canvas, 0, 0);
+
+    pen.globalCompositeOperation = "copy";
+    pen.drawImage(mask.canvas, 0, 0, width, height);
+    pen.globalCompositeOperation = "source-in";
+    pen.drawImage(image, 0, 0, width, height);
+    pen.globalCompositeOperation = "destination-over";
+    pen.globalAlpha = share ** (1 / 2.2);
+    pen.drawImage(wall.canvas, 0, 0, width, height);
+    pen.globalAlpha = 1;
+    pen.globalCompositeOperation = "lighter";
+    for (const lamp of lamps(now)) glow(pen, lamp.x * width / 10_000, lamp.y * height / 10_000, width * 0.075, lamp.rgb);
+  };
+}
+
+/** The color of the room beside the light: of some places near the edge, the second darkest. @param {HTMLImageElement} image */
+function wallColor(image) {
+  const { pen } = sheet(5, 1);
+  [[0.04, 0.1], [0.5, 0.06], [0.96, 0.1], [0.04, 0.5], [0.96, 0.5]].forEach(([x, y], i) => pen.drawImage(image, x * image.naturalWidth, y * image.naturalHeight, 8, 8, i, 0, 1, 1));
+  const { data } = pen.getImageData(0, 0, 5, 1);
+  const colors = [0, 1, 2, 3, 4].map((i) => [...data.slice(4 * i, 4 * i + 3)]);
+  colors.sort((a, b) => a[0] + a[1] + a[2] - b[0] - b[1] - b[2]);
+  return `rgb(${colors[1].join(" ")})`;
+}
+
+/** The lamp itself, seen against the dark. @param {CanvasRenderingContext2D} pen @param {number} x @param {number} y @param {number} radius @param {number[]} rgb */
+function glow(pen, x, y, radius, rgb) {
+  // White light looks warm beside the dark; a colored lamp is white in its middle only.
+  const warm = rgb.every((value) => value > 200) ? [255, 196, 116] : rgb;
+  const halo = pen.createRadialGradient(x, y, 0, x, y, radius);
+  const stops = /** @type {[number, string][]} */ ([[0, "#fffdf6"], [0.06, "#fff6e4"], [0.1, `rgba(${warm}, 0.5)`],
+    [0.22, `rgba(${warm}, 0.2)`], [0.5, `rgba(${warm}, 0.07)`], [1, `rgba(${warm}, 0)`]]);
+  for (const [at, color] of stops) halo.addColorStop(at, color);
+  pen.fillStyle = halo;
+  pen.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+}
