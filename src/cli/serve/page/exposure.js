@@ -71,10 +71,9 @@ export function exposure(image, replay, canvas) {
   trace(whole.pen, -Infinity, Infinity);
   // Where the lamp will come, the wall is seen for now: a trail that is not yet there leaves no hole.
   const wall = sheet(MASK_WIDTH, high);
+  wall.pen.drawImage(wallOf(image, whole.canvas), 0, 0, MASK_WIDTH, high);
+  wall.pen.globalCompositeOperation = "destination-in";
   wall.pen.drawImage(whole.canvas, 0, 0);
-  wall.pen.globalCompositeOperation = "source-in";
-  wall.pen.fillStyle = wallColor(image);
-  wall.pen.fillRect(0, 0, MASK_WIDTH, high);
   let until = -Infinity;
 
   /** Where the lamps are that shine at a time. @param {number} now */
@@ -122,14 +121,17 @@ export function exposure(image, replay, canvas) {
   };
 }
 
-/** The color of the room beside the light: of some places near the edge, the second darkest. @param {HTMLImageElement} image */
-function wallColor(image) {
-  const { pen } = sheet(5, 1);
-  [[0.04, 0.1], [0.5, 0.06], [0.96, 0.1], [0.04, 0.5], [0.96, 0.5]].forEach(([x, y], i) => pen.drawImage(image, x * image.naturalWidth, y * image.naturalHeight, 8, 8, i, 0, 1, 1));
-  const { data } = pen.getImageData(0, 0, 5, 1);
-  const colors = [0, 1, 2, 3, 4].map((i) => [...data.slice(4 * i, 4 * i + 3)]);
-  colors.sort((a, b) => a[0] + a[1] + a[2] - b[0] - b[1] - b[2]);
-  return `rgb(${colors[1].join(" ")})`;
+/** The room without the trail, coarsely. @param {HTMLImageElement} image @param {HTMLCanvasElement} trail */
+function wallOf(image, trail) {
+  const around = sheet(trail.width, trail.height), coarse = sheet(16, 9);
+  around.pen.drawImage(image, 0, 0, trail.width, trail.height);
+  around.pen.globalCompositeOperation = "destination-out";
+  around.pen.drawImage(trail, 0, 0);
+  coarse.pen.imageSmoothingQuality = "high";
+  coarse.pen.drawImage(around.canvas, 0, 0, 16, 9);
+  // Drawn over itself, what is thin becomes full and keeps its color.
+  for (let i = 0; i < 6; i += 1) coarse.pen.drawImage(coarse.canvas, 0, 0);
+  return coarse.canvas;
 }
 
 /** The lamp itself, seen against the dark. @param {CanvasRenderingContext2D} pen @param {number} x @param {number} y @param {number} radius @param {number[]} rgb */

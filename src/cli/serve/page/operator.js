@@ -9,7 +9,7 @@ import { save } from "./save.js";
 import { number, preferred, putWords, sentence, speak, t } from "./words.js";
 
 /** Tabs, and the states of an entry that are in each. @type {[string, EntryState[]][]} */
-const TABS = [["waiting", ["waiting"]], ["approved", ["approved", "flying"]], ["flown", ["flown"]], ["not-shown", ["rejected", "withdrawn"]]];
+const TABS = [["waiting", ["waiting"]], ["approved", ["approved", "flying"]], ["flown", ["flown"]], ["not-shown", ["rejected"]]];
 
 /** @type {{ revision: number, paused: boolean, flying: string | null, entries: Entry[] }} */
 let queue = { revision: -1, paused: false, flying: null, entries: [] };
@@ -147,7 +147,7 @@ function actions(entry) {
   if (entry.state === "approved") return [action("fly", "F", "first", () => answer("fly")), action("back-to-waiting", "W", "second", () => answer("wait")), hide(entry), watch, gap, ...order];
   if (entry.state === "flying") return [action("flown", "F", "first", () => answer("flown")), hide(entry), watch];
   if (entry.state === "flown") return [hide(entry), action("fly-again", "F", "second", () => answer("fly")), watch];
-  return entry.state === "rejected" ? [action("back-to-waiting", "W", "second", () => answer("wait")), watch] : [watch];
+  return [action("back-to-waiting", "W", "second", () => answer("wait")), watch];
 }
 
 /** @param {Entry} entry */

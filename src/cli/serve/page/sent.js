@@ -1,8 +1,8 @@
 // After it was sent: what becomes of it, and how to take it home.
 
-import { get } from "./ask.js";
+import { get, post, Refused } from "./ask.js";
 import { make } from "./dom.js";
-import { state } from "./state.js";
+import { change, state } from "./state.js";
 import { becomes } from "./state-of.js";
 import { t } from "./words.js";
 import { about } from "./wish.js";
@@ -22,22 +22,36 @@ export function showSent(box, another) {
   again.onclick = another;
   // A kiosk leads nowhere: the phone takes it home.
   const keep = make("a", { className: "button first own", href: entryPage(sent.id), target: "_blank", rel: "noopener" }, t("keep"));
-  const row = make("div", { className: "row" }, ...(about.kiosk ? [] : [keep]), again);
+  const back = make("button", { type: "button", hidden: true }, t("take-back"));
+  back.onclick = async () => {
+    // Its own news is none.
+    shown = "";
+    const refused = await post(`entries/${sent.id}`, { do: "withdraw", visitor: state.visitor }).catch((error) => error);
+    if (refused instanceof Error) return showSent(box, another);
+    box.replaceChildren();
+    change({ mode: "word", sent: null });
+  };
+  const row = make("div", { className: "row" }, ...(about.kiosk ? [] : [keep]), again, back);
   box.replaceChildren(
     make("h2", {}, sent.title === null ? t("sent-drawing") : t("sent", { title: sent.title })),
     about_it, home, row);
-  follow(sent.id, about_it);
+  follow(sent.id, about_it, back);
 }
 
 let shown = "";
 
-/** Says what becomes of an entry, now and with all news. @param {string} id @param {HTMLElement} line */
-async function follow(id, line) {
+/** Says what becomes of an entry, now and with all news. @param {string} id @param {HTMLElement} line @param {HTMLElement} back */
+async function follow(id, line, back) {
   shown = id;
   const tell = async () => {
-    const entry = await get(`entries/${id}`).catch(() => null);
     if (shown !== id || !line.isConnected) return removeEventListener("news", tell);
+    const entry = await get(`entries/${id}`).catch((error) => error);
+    if (shown !== id) return;
+    if (entry instanceof Refused) line.textContent = t("entry-gone-why");
+    // A lost connection is said elsewhere.
+    if (entry instanceof Error) return;
     line.textContent = becomes(entry);
+    back.hidden = entry.state !== "waiting";
   };
   addEventListener("news", tell);
   line.textContent = t("state-waiting");

@@ -88,7 +88,7 @@ interface About {
   colors: { name: string; screen: [number, number, number]; "color-led": Wrgb; ring: Wrgb }[];
 }
 
-type EntryState = "waiting" | "approved" | "flying" | "flown" | "rejected" | "withdrawn";
+type EntryState = "waiting" | "approved" | "flying" | "flown" | "rejected";
 
 interface Entry {
   id: string;
