@@ -22,5 +22,6 @@ pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
+pub use staging::folder_in;
 pub use text::{PlainText, decoded, plain_text};
 pub use yaml::{Broken, Yaml, YamlEntry};
