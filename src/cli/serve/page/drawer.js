@@ -85,7 +85,7 @@ const part = (name, ...children) => make("fieldset", {}, make("legend", {}, t(na
 
 /** @param {typeof SLIDERS[number]} slider */
 function slider([key, word, unit, min, max, step]) {
-  const shown = make("output");
+  const shown = make("span", { className: "value" });
   const range = make("input", { type: "range", min: `${min}`, max: `${max}`, step: `${step}`, value: value(key) });
   const label = () => {
     shown.textContent = `${number(Number(range.value))} ${unit}`.trim();

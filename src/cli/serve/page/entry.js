@@ -101,6 +101,7 @@ async function begun() {
   if (entry) {
     photo.src = "photo.jpg";
     const [told] = await Promise.all([get("replay.json").catch(() => null), photo.decode().catch(() => {})]);
+    byId("frame").style.setProperty("--shape", `${photo.naturalWidth / photo.naturalHeight || 1.78}`);
     byId("frame").hidden = false;
     map = told;
     if (map?.strokes.length) {

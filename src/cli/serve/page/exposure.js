@@ -10,8 +10,8 @@ import { span } from "./replay.js";
 const MASK_WIDTH = 960;
 /** Widest photograph that is drawn. */
 const MOST_WIDTH = 1920;
-/** Half of the trail's light lies within this share of the photograph's width, and its bloom. */
-const TRAIL = 0.0085, BLOOM = 0.016;
+/** Widths of the trail and of its bloom, and of their soft edges, in shares of the photograph's width. */
+const TRAIL = { wide: 0.01, soft: 0.004 }, BLOOM = { wide: 0.022, soft: 0.03 };
 
 /** @param {number} width @param {number} height */
 function sheet(width, height) {
@@ -32,12 +32,12 @@ export function exposure(image, replay, canvas) {
   [canvas.width, canvas.height] = [width, height];
   const pen = canvas.getContext("2d");
   const scale = MASK_WIDTH / width, high = Math.round(height * scale);
-  const [whole, flown, mask] = [0, 1, 2].map(() => sheet(MASK_WIDTH, high));
+  const [whole, flown, wholeBloom, flownBloom, mask, bloom] = [0, 1, 2, 3, 4, 5].map(() => sheet(MASK_WIDTH, high));
   const { begin, length } = span(replay);
   const place = (/** @type {number} */ x, /** @type {number} */ y) => /** @type {[number, number]} */ ([x * MASK_WIDTH / 10_000, y * high / 10_000]);
 
-  for (const { pen: each } of [whole, flown]) {
-    Object.assign(each, { lineCap: "round", lineJoin: "round", shadowColor: "#000" });
+  for (const [{ pen: each }, { wide, soft }] of /** @type {const} */ ([[whole, TRAIL], [flown, TRAIL], [wholeBloom, BLOOM], [flownBloom, BLOOM]])) {
+    Object.assign(each, { lineCap: "round", lineJoin: "round", shadowColor: "#000", lineWidth: wide * MASK_WIDTH, shadowBlur: soft * MASK_WIDTH });
   }
 
   /**
@@ -45,35 +45,32 @@ export function exposure(image, replay, canvas) {
    * @param {CanvasRenderingContext2D} into @param {number} from @param {number} to
    */
   function trace(into, from, to) {
-    for (const [thick, blur] of [[TRAIL, BLOOM], [BLOOM, 0.006]]) {
-      Object.assign(into, { lineWidth: thick * MASK_WIDTH, shadowBlur: blur * MASK_WIDTH });
-      for (const { at } of replay.strokes) {
-        if (at[0] > to || at[at.length - 3] < from) continue;
-        into.beginPath();
-        let begun = false;
-        for (let i = 0; i < at.length; i += 3) {
-          if (i + 3 < at.length && at[i + 3] < from) continue;
-          if (at[i] > to) {
-            // The lamp is between two points of the map.
-            const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
-            if (begun) into.lineTo(...place(at[i - 2] + share * (at[i + 1] - at[i - 2]), at[i - 1] + share * (at[i + 2] - at[i - 1])));
-            break;
-          }
-          const [x, y] = place(at[i + 1], at[i + 2]);
-          if (begun) into.lineTo(x, y);
-          else { into.moveTo(x, y); into.lineTo(x + 0.01, y); }
-          begun = true;
+    for (const { at } of replay.strokes) {
+      if (at[0] > to || at[at.length - 3] < from) continue;
+      into.beginPath();
+      let begun = false;
+      for (let i = 0; i < at.length; i += 3) {
+        if (i + 3 < at.length && at[i + 3] < from) continue;
+        if (at[i] > to) {
+          // The lamp is between two points of the map.
+          const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
+          if (begun) into.lineTo(...place(at[i - 2] + share * (at[i + 1] - at[i - 2]), at[i - 1] + share * (at[i + 2] - at[i - 1])));
+          break;
         }
-        into.stroke();
+        const [x, y] = place(at[i + 1], at[i + 2]);
+        if (begun) into.lineTo(x, y);
+        else { into.moveTo(x, y); into.lineTo(x + 0.01, y); }
+        begun = true;
       }
+      into.stroke();
     }
   }
-  trace(whole.pen, -Infinity, Infinity);
+  for (const { pen: each } of [whole, wholeBloom]) trace(each, -Infinity, Infinity);
   // Where the lamp will come, the wall is seen for now: a trail that is not yet there leaves no hole.
   const wall = sheet(MASK_WIDTH, high);
-  wall.pen.drawImage(wallOf(image, whole.canvas), 0, 0, MASK_WIDTH, high);
+  wall.pen.drawImage(wallOf(image, wholeBloom.canvas), 0, 0, MASK_WIDTH, high);
   wall.pen.globalCompositeOperation = "destination-in";
-  wall.pen.drawImage(whole.canvas, 0, 0);
+  wall.pen.drawImage(wholeBloom.canvas, 0, 0);
   let until = -Infinity;
 
   /** Where the lamps are that shine at a time. @param {number} now */
@@ -93,10 +90,10 @@ export function exposure(image, replay, canvas) {
     if (!pen) return;
     const now = begin + share * length;
     if (now < until) {
-      flown.pen.clearRect(0, 0, MASK_WIDTH, high);
+      for (const { pen: each } of [flown, flownBloom]) each.clearRect(0, 0, MASK_WIDTH, high);
       until = -Infinity;
     }
-    trace(flown.pen, until, now);
+    for (const { pen: each } of [flown, flownBloom]) trace(each, until, now);
     until = now;
 
     // Light adds up linearly; the photograph's values are its root.
@@ -104,33 +101,56 @@ export function exposure(image, replay, canvas) {
     mask.pen.fillStyle = `rgb(0 0 0 / ${share ** (1 / 2.2)})`;
     mask.pen.fillRect(0, 0, MASK_WIDTH, high);
     mask.pen.globalCompositeOperation = "destination-out";
-    mask.pen.drawImage(whole.canvas, 0, 0);
+    mask.pen.drawImage(wholeBloom.canvas, 0, 0);
+    // The bloom of what was flown, but not the trail that comes beside it.
+    bloom.pen.globalCompositeOperation = "copy";
+    bloom.pen.drawImage(flownBloom.canvas, 0, 0);
+    bloom.pen.globalCompositeOperation = "destination-out";
+    bloom.pen.drawImage(whole.canvas, 0, 0);
     mask.pen.globalCompositeOperation = "source-over";
+    mask.pen.drawImage(bloom.canvas, 0, 0);
     mask.pen.drawImage(flown.canvas, 0, 0);
 
     pen.globalCompositeOperation = "copy";
     pen.drawImage(mask.canvas, 0, 0, width, height);
     pen.globalCompositeOperation = "source-in";
     pen.drawImage(image, 0, 0, width, height);
-    pen.globalCompositeOperation = "destination-over";
-    pen.globalAlpha = share ** (1 / 2.2);
-    pen.drawImage(wall.canvas, 0, 0, width, height);
-    pen.globalAlpha = 1;
+    // Where the lamp has not been, the wall.
+    bloom.pen.globalCompositeOperation = "copy";
+    bloom.pen.drawImage(wall.canvas, 0, 0);
+    bloom.pen.globalCompositeOperation = "destination-out";
+    bloom.pen.drawImage(flownBloom.canvas, 0, 0);
     pen.globalCompositeOperation = "lighter";
+    pen.globalAlpha = share ** (1 / 2.2);
+    pen.drawImage(bloom.canvas, 0, 0, width, height);
+    pen.globalAlpha = 1;
     for (const lamp of lamps(now)) glow(pen, lamp.x * width / 10_000, lamp.y * height / 10_000, width * 0.075, lamp.rgb);
   };
 }
 
-/** The room without the trail, coarsely. @param {HTMLImageElement} image @param {HTMLCanvasElement} trail */
+/** The room without the trail, coarsely: each part as what is around the trail there. @param {HTMLImageElement} image @param {HTMLCanvasElement} trail */
 function wallOf(image, trail) {
-  const around = sheet(trail.width, trail.height), coarse = sheet(16, 9);
-  around.pen.drawImage(image, 0, 0, trail.width, trail.height);
+  const [across, down, fine] = [8, 5, 8];
+  const around = sheet(across * fine, down * fine), coarse = sheet(across, down);
+  around.pen.drawImage(image, 0, 0, across * fine, down * fine);
   around.pen.globalCompositeOperation = "destination-out";
-  around.pen.drawImage(trail, 0, 0);
-  coarse.pen.imageSmoothingQuality = "high";
-  coarse.pen.drawImage(around.canvas, 0, 0, 16, 9);
-  // Drawn over itself, what is thin becomes full and keeps its color.
-  for (let i = 0; i < 6; i += 1) coarse.pen.drawImage(coarse.canvas, 0, 0);
+  around.pen.drawImage(trail, 0, 0, across * fine, down * fine);
+  const { data } = around.pen.getImageData(0, 0, across * fine, down * fine);
+  const parts = Array.from({ length: across * down + 1 }, () => [0, 0, 0, 0]);
+  for (let i = 0; i < data.length; i += 4) {
+    if (data[i + 3] < 250) continue; // where the trail is, the values of the rest are lost
+    const x = (i / 4) % (across * fine), y = Math.floor(i / 4 / (across * fine));
+    for (const sum of [parts[Math.floor(y / fine) * across + Math.floor(x / fine)], parts[across * down]]) {
+      for (let k = 0; k < 3; k += 1) sum[k] += data[i + k];
+      sum[3] += 1;
+    }
+  }
+  const all = parts[across * down];
+  for (let i = 0; i < across * down; i += 1) {
+    const [r, g, b, n] = parts[i][3] ? parts[i] : all;
+    coarse.pen.fillStyle = `rgb(${[r, g, b].map((sum) => sum / Math.max(1, n)).join(" ")})`;
+    coarse.pen.fillRect(i % across, Math.floor(i / across), 1, 1);
+  }
   return coarse.canvas;
 }
 

@@ -124,6 +124,7 @@ async function putPhoto(entry) {
   photo.alt = entry.title === null ? t("alt-drawing") : t("alt", { title: entry.title });
   const told = /** @type {Replay | null} */ (await get(`entries/${entry.id}/replay.json`).catch(() => null));
   await photo.decode().catch(() => {});
+  frame.style.setProperty("--shape", `${photo.naturalWidth / photo.naturalHeight || 1.78}`);
   if (drawn !== entry.id || !told?.strokes.length) return bar.classList.add("idle");
   bar.classList.remove("idle");
   map = told;
