@@ -40,7 +40,6 @@ mod entries;
 mod guard;
 mod http;
 mod kept;
-#[path = "page/files.rs"]
 mod page;
 mod qr;
 mod queue;
