@@ -7,7 +7,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Error, sync_playwright
 
 PAGES = Path(__file__).resolve().parent.parent / "src/cli/serve/page"
 PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]
@@ -55,7 +55,12 @@ def until(page, expression, timeout_s=30, what=None):
     """Waits for an expression of the page to be true, and returns its value."""
     end = time.monotonic() + timeout_s
     while True:
-        value = page.evaluate(expression)
+        try:
+            value = page.evaluate(expression)
+        except Error as error:
+            if "context was destroyed" not in str(error):
+                raise
+            value = None  # the page is being loaded again
         if value:
             return value
         assert time.monotonic() < end, f"not within {timeout_s} s: {what or expression}; the page says {page.inner_text('body')[:300]!r}"

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 import urllib.request
+from itertools import chain
 from pathlib import Path
 
 from browser import *
@@ -482,6 +483,55 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         server.kill()
 
 
+def a_wall_whose_server_was_restarted_hangs_on(hall):
+    with tempfile.TemporaryDirectory() as gallery:
+        server = Server(PROGRAM, "--gallery", gallery)
+        page, _ = opened(hall.browser, server.page)
+        ready(page)
+        wall, _ = opened(hall.browser, f"{server.page}wall.html", reduced_motion="reduce")
+        for word in ["ANNA", "OTTO"]:
+            write(page, word)
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.get_by_text("Write another").click()
+            until(wall, f"document.querySelector('#wall').innerText.includes('{word}')", what=f"{word} on the wall")
+        assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
+        server.kill()
+        until(wall, "document.querySelector('#lost').textContent", 15, "the wall notices")
+        again = Server(PROGRAM, "--gallery", gallery)
+        try:
+            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", 30, "the wall after the restart")
+            host, _ = opened(hall.browser, again.operator)
+            host.wait_for_selector("#tabs button")
+            # An entry that is taken down is gone from the wall.
+            host.click("#tabs button:nth-child(1)")
+            host.wait_for_selector("#list button")
+            host.keyboard.press("r")
+            until(wall, "document.querySelectorAll('figure img').length === 1", 30, "one of two")
+        finally:
+            again.kill()
+
+
+def the_brand_is_the_makers(hall):
+    with tempfile.TemporaryDirectory() as brand:
+        Path(brand, "brand.toml").write_text('title = "Night of the Open Hall"\naccent = "#9ec1ff"\n[sentence]\nen = "Lamps that fly."\nde = "Lampen, die fliegen."\n[consent]\nen = "Shown tonight, gone tomorrow."\n')
+        Path(brand, "logo.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 60 20"><circle cx="10" cy="10" r="8" fill="#9ec1ff"/></svg>')
+        server = Server(PROGRAM, "--kiosk", "--brand", brand)
+        try:
+            page, trouble = opened(hall.browser, server.page, locale="de-DE", viewport=TABLET)
+            ready(page)
+            assert "Lampen, die fliegen." in page.inner_text("#start")
+            page.mouse.click(300, 300)
+            assert page.title() == "Night of the Open Hall"
+            assert page.get_attribute(".brand img", "alt") == "Night of the Open Hall"
+            assert page.evaluate("document.querySelector('.brand img').naturalWidth") > 0, "the logo is seen"
+            assert page.inner_text("#consent") == "Shown tonight, gone tomorrow.", "a sentence without the language is the English one"
+            assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--accent')").strip() == "#9ec1ff"
+            assert not trouble, trouble
+        finally:
+            server.kill()
+
+
 # ---------- Access ----------
 
 
@@ -524,6 +574,20 @@ def states(browser, server):
             other.context.close()
 
 
+def kiosk_states(browser, server):
+    page, _ = opened(browser, "about:blank", viewport=TABLET)
+    page.clock.install()
+    page.goto(server.page)
+    ready(page)
+    yield "start", page
+    page.mouse.click(300, 300)
+    page.fill("#word", "ANNA")
+    page.clock.run_for(2000)
+    page.clock.run_for(50_000)
+    page.wait_for_selector("#still:not([hidden])")
+    yield "still there", page
+
+
 def every_state_is_accessible_and_its_targets_are_large(hall):
     """axe-core finds nothing, nothing that is touched is smaller than 44 px, and nothing runs over."""
     small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
@@ -534,9 +598,9 @@ def every_state_is_accessible_and_its_targets_are_large(hall):
     }).map(e => `${e.outerHTML.slice(0, 90)} ${Math.round(e.getBoundingClientRect().width)} x ${Math.round(e.getBoundingClientRect().height)}`)"""
     faults = []
     with tempfile.TemporaryDirectory() as gallery:
-        server = Server(PROGRAM, "--gallery", gallery)
+        server, kiosk = Server(PROGRAM, "--gallery", gallery), Server(PROGRAM, "--kiosk")
         try:
-            for name, page in states(hall.browser, server):
+            for name, page in chain(states(hall.browser, server), kiosk_states(hall.browser, kiosk)):
                 found = page.evaluate(small)
                 faults += [f"{name}: a target is small: {target}" for target in found]
                 wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
@@ -549,6 +613,7 @@ def every_state_is_accessible_and_its_targets_are_large(hall):
                         faults.append(f"{name}: {fault}")
         finally:
             server.kill()
+            kiosk.kill()
     assert not faults, "\n".join(faults)
 
 

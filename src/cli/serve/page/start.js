@@ -26,9 +26,11 @@ export function startKiosk() {
   touched();
 }
 
-function touched() {
+/** Somebody is there. @param {Event} [event] */
+function touched(event) {
   idle = 0;
-  byId("still").hidden = true;
+  // What asks stays until its button is pressed, or something else is touched.
+  if (!(event?.target instanceof Node && byId("still").contains(event.target))) byId("still").hidden = true;
 }
 
 setInterval(() => {
@@ -44,7 +46,7 @@ function putStill(left) {
   const box = byId("still");
   if (box.hidden) {
     const here = make("button", { type: "button", className: "first" }, t("still-here"));
-    here.onclick = touched;
+    here.onclick = () => touched();
     box.replaceChildren(make("p", { id: "still-text" }), here);
     box.hidden = false;
   }
