@@ -8,7 +8,7 @@ import { t } from "./words.js";
 import { colorOf, letters } from "./wish.js";
 
 const frame = byId("frame"), marks = byId("marks");
-const photo = /** @type {HTMLImageElement} */ (byId("photo"));
+let photo = /** @type {HTMLImageElement} */ (byId("photo"));
 const light = /** @type {HTMLCanvasElement} */ (byId("light"));
 
 /** @type {((share: number) => void) | null} */
@@ -44,9 +44,10 @@ export async function hang(src, alt, replay, aspect, wanted) {
   next.src = src;
   await next.decode();
   if (!wanted()) return false;
-  photo.src = src;
-  photo.alt = alt;
-  await photo.decode().catch(() => {});
+  // What is decoded takes the place of what hung: nothing is decoded twice.
+  Object.assign(next, { id: "photo", alt });
+  photo.replaceWith(next);
+  photo = next;
   frame.style.setProperty("--shape", `${aspect}`);
   frame.hidden = false;
   [show, map] = [null, replay];
