@@ -332,6 +332,22 @@ def a_colored_word_shines_on_every_lamp(hall):
         shown(page)
 
 
+def what_was_not_read_for_haste_is_read_when_typing_rests(hall):
+    """Where many wait, the photograph of a keystroke comes without a verdict: none is made up."""
+    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+
+    def hasty(route):
+        response = route.fetch()
+        route.fulfill(response=response, json={**response.json(), "judged": False, "verdict": None})
+
+    page.route("**/live", hasty)
+    said = write(page, "OTTO")
+    assert "Reads" not in said and "seconds" in said, said
+    until(page, "document.querySelector('#verdict').textContent.startsWith('Reads as OTTO.')", 60, "the verdict of the large photograph")
+    assert not trouble, trouble
+
+
 def letters_have_colors_by_touch(hall):
     page, _ = opened(hall.browser, hall.page)
     ready(page)

@@ -59,7 +59,7 @@ async function wanted() {
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
-  if (sharp || !about.kiosk && about.home) resting = window.setTimeout(() => enlarge(about.home), REST_MS);
+  if (sharp || shot.judged === false || (!about.kiosk && about.home)) resting = window.setTimeout(() => enlarge(about.home), REST_MS);
 }
 
 /** @param {Shot} shot @param {Stroke[]} strokes @param {() => boolean} wanted */
@@ -82,6 +82,10 @@ async function enlarge(advice) {
   if (!large || large.error) return large;
   if (mine !== current() || !known.shot) return null;
   known.large = large;
+  if (known.shot.judged === false) {
+    known.shot = { ...known.shot, judged: true, verdict: large.letters ? large : null };
+    putMarks();
+  }
   putDesk();
   if (drawer) drawer.putShot(known);
   const keeps = strip.share < 1;
@@ -326,7 +330,7 @@ async function begun() {
   if (state.number < 1) state.number = Math.floor(Date.now() / 100) % 1e9;
   for (const [code, name] of Object.entries(LANGUAGES)) language.add(new Option(name, code));
   const spokenNow = document.documentElement.lang;
-  if (!(spokenNow in LANGUAGES)) language.add(new Option(spokenNow, spokenNow));
+  if (!(spokenNow in LANGUAGES)) language.add(new Option(new Intl.DisplayNames(spokenNow, { type: "language" }).of(spokenNow), spokenNow));
   language.value = spokenNow;
   document.documentElement.classList.toggle("kiosk", about.kiosk);
   area.style.setProperty("--fill", `${FILL}`);

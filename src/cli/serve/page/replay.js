@@ -24,7 +24,7 @@ export function replay(box, expose) {
   const dark = make("div", { className: "dark" }), lit = make("div", { className: "lit" });
   const range = make("input", { type: "range", min: "0", max: "1000", value: "1000" });
   const strip = make("div", { className: "strip" }, dark, lit, make("div", { className: "lamp" }), range);
-  const clock = make("output");
+  const clock = make("output", { dir: "auto" });
   box.append(play, strip, clock);
   let film = 0, seconds = 0, share = 1;
 

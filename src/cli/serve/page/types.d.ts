@@ -37,6 +37,8 @@ interface Shot {
   width: number;
   height: number;
   verdict: Verdict | null;
+  /** False where many wait: the photograph is small and was not read. */
+  judged?: boolean;
   flight_s: number;
   obstacles: Said[];
   warnings: Said[];

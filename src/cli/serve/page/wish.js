@@ -31,7 +31,7 @@ export const title = () => (state.opened || isDrawing() ? null : state.word.trim
 function lamp() {
   if (state.lamp && state.lamp !== "headlights") return state.lamp;
   if (state.opened || colors().every((color) => color === "white")) return "headlights";
-  return "color-led";
+  return about.deck === "led-ring" ? "ring" : "color-led";
 }
 
 /** The largest pad in the room, in meters, and its share of the photograph's sides. */
