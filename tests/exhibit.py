@@ -348,6 +348,25 @@ def what_was_not_read_for_haste_is_read_when_typing_rests(hall):
     assert not trouble, trouble
 
 
+def the_reason_of_not_legible_is_said(hall):
+    """All letters read, the word does not: the reason stands there, in words and without a share."""
+    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+
+    def unsure(route):
+        response = route.fetch()
+        shot = response.json()
+        shot["verdict"] = {**shot["verdict"], "legible": False, "readability": 0.5, "reason": "too_small"}
+        route.fulfill(response=response, json=shot)
+
+    page.route("**/live", unsure)
+    said = write(page, "HELLO")
+    assert "Not everybody could read it." in said and "too small in the photograph" in said, said
+    assert not re.search(r"%|0\.5|_", said), said
+    assert page.inner_text("#send") == "Send it as it is"
+    assert not trouble, trouble
+
+
 def letters_have_colors_by_touch(hall):
     page, _ = opened(hall.browser, hall.page)
     ready(page)

@@ -25,13 +25,18 @@ const setLost = (/** @type {boolean | "moved"} */ now) => {
 };
 
 /** @param {number} ms @param {AbortSignal} [signal] */
-export const sleep = (ms, signal) => new Promise((wake) => {
-  const timer = setTimeout(wake, ms);
-  signal?.addEventListener("abort", () => { clearTimeout(timer); wake(undefined); });
-});
+export const sleep = (ms, signal) =>
+  new Promise((wake) => {
+    const timer = setTimeout(wake, ms);
+    signal?.addEventListener("abort", () => {
+      clearTimeout(timer);
+      wake(undefined);
+    });
+  });
 
 /** Milliseconds before the next try: 1, 2, 4 … 10 s. */
-const pause = (/** @type {number} */ tries) => Math.min(LONGEST_PAUSE_MS, 500 * 2 ** Math.min(tries, 6));
+const pause = (/** @type {number} */ tries) =>
+  Math.min(LONGEST_PAUSE_MS, 500 * 2 ** Math.min(tries, 6));
 
 /** What went wrong when the server said nothing that can be read. @type {Said} */
 const UNKNOWN = { key: "not-possible", text: "this cannot be done" };
@@ -50,13 +55,21 @@ export class Refused extends Error {
  * @param {string} route @param {unknown} body @param {AbortSignal} [signal]
  */
 export async function post(route, body, signal) {
-  return told(await fetch(route, {
-    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body), signal,
-  }));
+  return told(
+    await fetch(route, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify(body),
+      signal,
+    }),
+  );
 }
 
 /** Gets the JSON of a route. */
-export async function get(/** @type {string} */ route, /** @type {AbortSignal} */ signal = new AbortController().signal) {
+export async function get(
+  /** @type {string} */ route,
+  /** @type {AbortSignal} */ signal = new AbortController().signal,
+) {
   return told(await fetch(route, { signal, cache: "no-store" }));
 }
 
@@ -64,7 +77,11 @@ export async function get(/** @type {string} */ route, /** @type {AbortSignal} *
 async function told(response) {
   setLost(false);
   const json = await response.json().catch(() => null);
-  if (!response.ok) throw new Refused(json?.error ?? { ...UNKNOWN, key: response.status === 503 ? "busy" : UNKNOWN.key }, response.status);
+  if (!response.ok)
+    throw new Refused(
+      json?.error ?? { ...UNKNOWN, key: response.status === 503 ? "busy" : UNKNOWN.key },
+      response.status,
+    );
   return json;
 }
 
@@ -100,7 +117,11 @@ export async function ask(route, wish, tellBusy = () => {}) {
     signal.addEventListener("abort", end);
     const timer = setTimeout(end, route === "live" ? LIVE_MS : LARGE_MS);
     try {
-      const answer = await post(route, { ...wish, visitor: state.visitor, number: mine.number }, ends.signal);
+      const answer = await post(
+        route,
+        { ...wish, visitor: state.visitor, number: mine.number },
+        ends.signal,
+      );
       if (mine !== newest) return null;
       tellBusy(false);
       if (!answer?.stopped) return answer;

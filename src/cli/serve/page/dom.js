@@ -52,7 +52,8 @@ const ICONS = {
   undo: "M9 6 4.5 10.5 9 15M5 10.5h9a5 5 0 0 1 0 10h-3",
   redo: "m15 6 4.5 4.5L15 15m4-4.5h-9a5 5 0 0 0 0 10h3",
   rub: "m4 14 9-9 7 7-8 8H9zM8.5 9.5l7 7M12 20h8",
-  paint: "M12 3.5c3.5 4.200 5.5 7.200 5.5 10a5.5 5.5 0 0 1-11 0c0-2.800 2-5.800 5.5-10zM12 16.5a2.5 2.5 0 0 0 2.5-2.5",
+  paint:
+    "M12 3.5c3.5 4.2 5.5 7.2 5.5 10a5.5 5.5 0 0 1-11 0c0-2.8 2-5.800 5.5-10zM12 16.5a2.5 2.5 0 0 0 2.5-2.5",
   move: "M12 3v18M3 12h18M9.5 5.5 12 3l2.5 2.5m-5 13L12 21l2.5-2.5m-9-9L3 12l2.5 2.5m13-5L21 12l-2.5 2.5",
   close: "m6 6 12 12M18 6 6 18",
   keys: "M3 7h18v10H3zM7 11h.01M11 11h.01M15 11h.01M8 14h8",
@@ -81,10 +82,16 @@ export function putIcons(root = document) {
   }
 }
 
-/** Loads a style sheet before what it styles is shown. @param {string} href @returns {Promise<void>} */
+/**
+ * Loads a style sheet before what it styles is shown.
+ * @param {string} href
+ * @returns {Promise<void>}
+ */
 export function style(href) {
   if (document.querySelector(`link[href="${href}"]`)) return Promise.resolve();
   const link = make("link", { rel: "stylesheet", href });
   document.head.append(link);
-  return new Promise((done) => { link.onload = link.onerror = () => done(); });
+  return new Promise((done) => {
+    link.onload = link.onerror = () => done();
+  });
 }

@@ -9,14 +9,16 @@ import { save } from "./save.js";
 import { becomes } from "./state-of.js";
 import { day, LANGUAGES, preferred, putWords, sentence, speak, t } from "./words.js";
 
-const photo = /** @type {HTMLImageElement} */ (byId("photo")), light = /** @type {HTMLCanvasElement} */ (byId("light"));
+const photo = /** @type {HTMLImageElement} */ (byId("photo")),
+  light = /** @type {HTMLCanvasElement} */ (byId("light"));
 /** @type {Entry | null} */
 let entry = null;
 /** @type {Replay | null} */
 let map = null;
 /** @type {((share: number) => void) | null} */
 let show = null;
-let maker = "Noctograph", logo = false;
+let maker = "Noctograph",
+  logo = false;
 
 const strip = replay(byId("replay"), (share) => {
   light.hidden = share >= 1 || !map;
@@ -41,7 +43,13 @@ function put() {
   keep.onclick = () => save("photo.png", file()).catch(() => {});
   const print = make("button", { type: "button", className: "second" }, t("print-card"));
   print.onclick = () => window.print();
-  byId("acts").replaceChildren(keep, ...(navigator.canShare?.({ files: [new File([], "a.png", { type: "image/png" })] }) ? [sharing()] : []), print);
+  byId("acts").replaceChildren(
+    keep,
+    ...(navigator.canShare?.({ files: [new File([], "a.png", { type: "image/png" })] })
+      ? [sharing()]
+      : []),
+    print,
+  );
   putCard();
 }
 
@@ -50,7 +58,9 @@ function sharing() {
   button.onclick = async () => {
     const blob = await (await fetch("photo.png")).blob();
     // A visitor who changes the mind has not failed.
-    await navigator.share({ files: [new File([blob], file(), { type: "image/png" })], title: name() }).catch(() => {});
+    await navigator
+      .share({ files: [new File([blob], file(), { type: "image/png" })], title: name() })
+      .catch(() => {});
   };
   return button;
 }
@@ -59,11 +69,30 @@ function sharing() {
 function putCard() {
   if (!entry) return;
   byId("card").replaceChildren(
-    make("div", { className: "photo" }, make("div", { className: "frame" }, make("img", { src: "photo.jpg", alt: "" }))),
-    make("div", { className: "foot" },
-      make("div", {}, make("h2", {}, make("bdi", {}, name())), make("p", {}, t("card", { n: Math.round(entry.flight_s) })), make("p", {}, day(entry.made))),
-      make("div", { className: "maker" }, logo ? make("img", { src: "brand/logo.svg", alt: maker }) : maker, make("span", {}, t("card-scan"))),
-      make("img", { src: "qr.svg", alt: "" })));
+    make(
+      "div",
+      { className: "photo" },
+      make("div", { className: "frame" }, make("img", { src: "photo.jpg", alt: "" })),
+    ),
+    make(
+      "div",
+      { className: "foot" },
+      make(
+        "div",
+        {},
+        make("h2", {}, make("bdi", {}, name())),
+        make("p", {}, t("card", { n: Math.round(entry.flight_s) })),
+        make("p", {}, day(entry.made)),
+      ),
+      make(
+        "div",
+        { className: "maker" },
+        logo ? make("img", { src: "brand/logo.svg", alt: maker }) : maker,
+        make("span", {}, t("card-scan")),
+      ),
+      make("img", { src: "qr.svg", alt: "" }),
+    ),
+  );
 }
 
 async function load() {
@@ -95,13 +124,25 @@ async function begun() {
   const language = /** @type {HTMLSelectElement} */ (byId("language"));
   for (const [code, own] of Object.entries(LANGUAGES)) language.add(new Option(own, code));
   language.value = document.documentElement.lang;
-  language.onchange = async () => { await speak(language.value); if (entry) put(); else load(); };
-  onLost((lost) => { byId("lost").textContent = lost === true ? t("lost") : ""; });
+  language.onchange = async () => {
+    await speak(language.value);
+    if (entry) put();
+    else load();
+  };
+  onLost((lost) => {
+    byId("lost").textContent = lost === true ? t("lost") : "";
+  });
   await load();
   if (entry) {
     photo.src = "photo.jpg";
-    const [told] = await Promise.all([get("replay.json").catch(() => null), photo.decode().catch(() => {})]);
-    byId("frame").style.setProperty("--shape", `${photo.naturalWidth / photo.naturalHeight || 1.78}`);
+    const [told] = await Promise.all([
+      get("replay.json").catch(() => null),
+      photo.decode().catch(() => {}),
+    ]);
+    byId("frame").style.setProperty(
+      "--shape",
+      `${photo.naturalWidth / photo.naturalHeight || 1.78}`,
+    );
     byId("frame").hidden = false;
     map = told;
     if (map?.strokes.length) {

@@ -10,8 +10,11 @@ import { span } from "./replay.js";
 const MASK_WIDTH = 960;
 /** Widest photograph that is drawn. */
 const MOST_WIDTH = 1920;
-/** Widths of the trail and of its bloom, and of their soft edges, in shares of the photograph's width. */
-const TRAIL = { wide: 0.01, soft: 0.004 }, BLOOM = { wide: 0.022, soft: 0.03 };
+/**
+ * Widths of the trail and its bloom, and of their soft edges: shares of the photograph's width.
+ */
+const TRAIL = { wide: 0.01, soft: 0.004 },
+  BLOOM = { wide: 0.022, soft: 0.03 };
 
 /** @param {number} width @param {number} height */
 function sheet(width, height) {
@@ -28,16 +31,32 @@ function sheet(width, height) {
  * @param {HTMLCanvasElement} canvas
  */
 export function exposure(image, replay, canvas) {
-  const width = Math.min(MOST_WIDTH, image.naturalWidth), height = Math.round(width * image.naturalHeight / image.naturalWidth);
+  const width = Math.min(MOST_WIDTH, image.naturalWidth),
+    height = Math.round((width * image.naturalHeight) / image.naturalWidth);
   [canvas.width, canvas.height] = [width, height];
   const pen = canvas.getContext("2d");
-  const scale = MASK_WIDTH / width, high = Math.round(height * scale);
-  const [whole, flown, wholeBloom, flownBloom, mask, bloom] = [0, 1, 2, 3, 4, 5].map(() => sheet(MASK_WIDTH, high));
+  const scale = MASK_WIDTH / width,
+    high = Math.round(height * scale);
+  const [whole, flown, wholeBloom, flownBloom, mask, bloom] = [0, 1, 2, 3, 4, 5].map(() =>
+    sheet(MASK_WIDTH, high),
+  );
   const { begin, length } = span(replay);
-  const place = (/** @type {number} */ x, /** @type {number} */ y) => /** @type {[number, number]} */ ([x * MASK_WIDTH / 10_000, y * high / 10_000]);
+  const place = (/** @type {number} */ x, /** @type {number} */ y) =>
+    /** @type {[number, number]} */ ([(x * MASK_WIDTH) / 10_000, (y * high) / 10_000]);
 
-  for (const [{ pen: each }, { wide, soft }] of /** @type {const} */ ([[whole, TRAIL], [flown, TRAIL], [wholeBloom, BLOOM], [flownBloom, BLOOM]])) {
-    Object.assign(each, { lineCap: "round", lineJoin: "round", shadowColor: "#000", lineWidth: wide * MASK_WIDTH, shadowBlur: soft * MASK_WIDTH });
+  for (const [{ pen: each }, { wide, soft }] of /** @type {const} */ ([
+    [whole, TRAIL],
+    [flown, TRAIL],
+    [wholeBloom, BLOOM],
+    [flownBloom, BLOOM],
+  ])) {
+    Object.assign(each, {
+      lineCap: "round",
+      lineJoin: "round",
+      shadowColor: "#000",
+      lineWidth: wide * MASK_WIDTH,
+      shadowBlur: soft * MASK_WIDTH,
+    });
   }
 
   /**
@@ -54,19 +73,28 @@ export function exposure(image, replay, canvas) {
         if (at[i] > to) {
           // The lamp is between two points of the map.
           const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
-          if (begun) into.lineTo(...place(at[i - 2] + share * (at[i + 1] - at[i - 2]), at[i - 1] + share * (at[i + 2] - at[i - 1])));
+          if (begun)
+            into.lineTo(
+              ...place(
+                at[i - 2] + share * (at[i + 1] - at[i - 2]),
+                at[i - 1] + share * (at[i + 2] - at[i - 1]),
+              ),
+            );
           break;
         }
         const [x, y] = place(at[i + 1], at[i + 2]);
         if (begun) into.lineTo(x, y);
-        else { into.moveTo(x, y); into.lineTo(x + 0.01, y); }
+        else {
+          into.moveTo(x, y);
+          into.lineTo(x + 0.01, y);
+        }
         begun = true;
       }
       into.stroke();
     }
   }
   for (const { pen: each } of [whole, wholeBloom]) trace(each, -Infinity, Infinity);
-  // Where the lamp will come, the wall is seen for now: a trail that is not yet there leaves no hole.
+  // Where the lamp will come, the wall is seen for now: a coming trail leaves no hole.
   const wall = sheet(MASK_WIDTH, high);
   wall.pen.drawImage(wallOf(image, wholeBloom.canvas), 0, 0, MASK_WIDTH, high);
   wall.pen.globalCompositeOperation = "destination-in";
@@ -81,7 +109,11 @@ export function exposure(image, replay, canvas) {
       while (i + 3 < at.length && at[i + 3] <= now) i += 3;
       const share = i + 3 < at.length ? (now - at[i]) / Math.max(1, at[i + 3] - at[i]) : 0;
       const next = i + 3 < at.length ? i + 3 : i;
-      yield { x: at[i + 1] + share * (at[next + 1] - at[i + 1]), y: at[i + 2] + share * (at[next + 2] - at[i + 2]), rgb };
+      yield {
+        x: at[i + 1] + share * (at[next + 1] - at[i + 1]),
+        y: at[i + 2] + share * (at[next + 2] - at[i + 2]),
+        rgb,
+      };
     }
   }
 
@@ -124,14 +156,20 @@ export function exposure(image, replay, canvas) {
     pen.globalAlpha = share ** (1 / 2.2);
     pen.drawImage(bloom.canvas, 0, 0, width, height);
     pen.globalAlpha = 1;
-    for (const lamp of lamps(now)) glow(pen, lamp.x * width / 10_000, lamp.y * height / 10_000, width * 0.075, lamp.rgb);
+    for (const lamp of lamps(now))
+      glow(pen, (lamp.x * width) / 10_000, (lamp.y * height) / 10_000, width * 0.075, lamp.rgb);
   };
 }
 
-/** The room without the trail, coarsely: each part as what is around the trail there. @param {HTMLImageElement} image @param {HTMLCanvasElement} trail */
+/**
+ * The room without the trail, coarsely: each part as what is around the trail there.
+ * @param {HTMLImageElement} image
+ * @param {HTMLCanvasElement} trail
+ */
 function wallOf(image, trail) {
   const [across, down, fine] = [8, 5, 8];
-  const around = sheet(across * fine, down * fine), coarse = sheet(across, down);
+  const around = sheet(across * fine, down * fine),
+    coarse = sheet(across, down);
   around.pen.drawImage(image, 0, 0, across * fine, down * fine);
   around.pen.globalCompositeOperation = "destination-out";
   around.pen.drawImage(trail, 0, 0, across * fine, down * fine);
@@ -139,8 +177,12 @@ function wallOf(image, trail) {
   const parts = Array.from({ length: across * down + 1 }, () => [0, 0, 0, 0]);
   for (let i = 0; i < data.length; i += 4) {
     if (data[i + 3] < 250) continue; // where the trail is, the values of the rest are lost
-    const x = (i / 4) % (across * fine), y = Math.floor(i / 4 / (across * fine));
-    for (const sum of [parts[Math.floor(y / fine) * across + Math.floor(x / fine)], parts[across * down]]) {
+    const x = (i / 4) % (across * fine),
+      y = Math.floor(i / 4 / (across * fine));
+    for (const sum of [
+      parts[Math.floor(y / fine) * across + Math.floor(x / fine)],
+      parts[across * down],
+    ]) {
       for (let k = 0; k < 3; k += 1) sum[k] += data[i + k];
       sum[3] += 1;
     }
@@ -154,13 +196,26 @@ function wallOf(image, trail) {
   return coarse.canvas;
 }
 
-/** The lamp itself, seen against the dark. @param {CanvasRenderingContext2D} pen @param {number} x @param {number} y @param {number} radius @param {number[]} rgb */
+/**
+ * The lamp itself, seen against the dark.
+ * @param {CanvasRenderingContext2D} pen
+ * @param {number} x
+ * @param {number} y
+ * @param {number} radius
+ * @param {number[]} rgb
+ */
 function glow(pen, x, y, radius, rgb) {
   // White light looks warm beside the dark; a colored lamp is white in its middle only.
   const warm = rgb.every((value) => value > 200) ? [255, 196, 116] : rgb;
   const halo = pen.createRadialGradient(x, y, 0, x, y, radius);
-  const stops = /** @type {[number, string][]} */ ([[0, "#fffdf6"], [0.06, "#fff6e4"], [0.1, `rgba(${warm}, 0.5)`],
-    [0.22, `rgba(${warm}, 0.2)`], [0.5, `rgba(${warm}, 0.07)`], [1, `rgba(${warm}, 0)`]]);
+  const stops = /** @type {[number, string][]} */ ([
+    [0, "#fffdf6"],
+    [0.06, "#fff6e4"],
+    [0.1, `rgba(${warm}, 0.5)`],
+    [0.22, `rgba(${warm}, 0.2)`],
+    [0.5, `rgba(${warm}, 0.07)`],
+    [1, `rgba(${warm}, 0)`],
+  ]);
   for (const [at, color] of stops) halo.addColorStop(at, color);
   pen.fillStyle = halo;
   pen.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);

@@ -1,11 +1,15 @@
-// A file in place of a word: a drawing as it is, a picture as a JPEG on white that fits into a request.
+// A file in place of a word: a drawing as it is, a picture as a JPEG that fits into a request.
 
 const MOST_SIDE = 1200;
 const MOST_BASE64 = 180_000;
 /** Most characters of a drawing: what a request may hold, less the rest of it. */
 const MOST_TEXT = 240_000;
 
-/** Reads a file; null if it is neither drawing nor picture. @param {File} file @returns {Promise<Opened | null>} */
+/**
+ * Reads a file; null if it is neither drawing nor picture.
+ * @param {File} file
+ * @returns {Promise<Opened | null>}
+ */
 export async function opened(file) {
   const kind = file.name.split(".").pop()?.toLowerCase();
   try {
@@ -29,6 +33,8 @@ async function jpeg(file) {
   pen.fillStyle = "#fff";
   pen.fillRect(0, 0, canvas.width, canvas.height);
   pen.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
-  const texts = [0.9, 0.7, 0.5, 0.3].map((quality) => canvas.toDataURL("image/jpeg", quality).split(",")[1]);
+  const texts = [0.9, 0.7, 0.5, 0.3].map(
+    (quality) => canvas.toDataURL("image/jpeg", quality).split(",")[1],
+  );
   return texts.find((text) => text.length < MOST_BASE64) ?? texts[texts.length - 1];
 }

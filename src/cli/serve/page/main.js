@@ -26,9 +26,21 @@ const language = /** @type {HTMLSelectElement} */ (byId("language"));
 const verdict = byId("verdict");
 const strip = replay(byId("replay"), stage.expose);
 
-/** What is known of the newest wish. @type {{ shot: Shot | null, large: Large | null, error: Said | null, refused: Said | null, busy: boolean, cut: number }} */
+/**
+ * What is known of the newest wish.
+ * @typedef {object} Known
+ * @property {Shot | null} shot
+ * @property {Large | null} large
+ * @property {Said | null} error why there is no photograph
+ * @property {Said | null} refused why it was not sent
+ * @property {boolean} busy whether many wait
+ * @property {number} cut letters that did not fit
+ */
+/** @type {Known} */
 const known = { shot: null, large: null, error: null, refused: null, busy: false, cut: 0 };
-let asked = "", resting = 0, sending = false;
+let asked = "",
+  resting = 0,
+  sending = false;
 
 /* ---------- Photographs ---------- */
 
@@ -38,7 +50,8 @@ function aspect() {
   return rounded(area.clientWidth / Math.max(1, area.clientHeight));
 }
 // A few shapes, so that visitors at alike tablets share photographs.
-const rounded = (/** @type {number} */ value) => Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
+const rounded = (/** @type {number} */ value) =>
+  Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
 
 /** Asks for the photograph of what is wished now, if that is another one. */
 async function wanted() {
@@ -53,18 +66,24 @@ async function wanted() {
   stage.dim(true);
   putDesk();
   const strokes = isDrawing() ? seen(state.sketch) : [];
-  const shot = await ask("live", wishes, (busy) => { known.busy = busy; putDesk(); });
+  const shot = await ask("live", wishes, (busy) => {
+    known.busy = busy;
+    putDesk();
+  });
   if (!shot || mine !== current()) return;
   if (shot.error) return failed(shot.error);
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
-  if (sharp || shot.judged === false || (!about.kiosk && about.home)) resting = window.setTimeout(() => enlarge(about.home), REST_MS);
+  if (sharp || shot.judged === false || (!about.kiosk && about.home))
+    resting = window.setTimeout(() => enlarge(about.home), REST_MS);
 }
 
 /** @param {Shot} shot @param {Stroke[]} strokes @param {() => boolean} wanted */
 async function shown(shot, strokes, wanted) {
-  const hung = await stage.hang(shot.photo, alt(), shot.replay, shot.width / shot.height, wanted).catch(() => false);
+  const hung = await stage
+    .hang(shot.photo, alt(), shot.replay, shot.width / shot.height, wanted)
+    .catch(() => false);
   if (!hung) return;
   known.shot = shot;
   stage.dim(false);
@@ -90,7 +109,17 @@ async function enlarge(advice) {
   if (drawer) drawer.putShot(known);
   const keeps = strip.share < 1;
   const still = () => known.large === large;
-  if (await stage.hang(`photos/${large.id}/photo.jpg`, alt(), large.replay, known.shot.width / known.shot.height, still).catch(() => false)) {
+  if (
+    await stage
+      .hang(
+        `photos/${large.id}/photo.jpg`,
+        alt(),
+        large.replay,
+        known.shot.width / known.shot.height,
+        still,
+      )
+      .catch(() => false)
+  ) {
     strip.load(large.replay, large.flight_s, keeps);
     main.dataset.large = large.id;
   }
@@ -117,13 +146,17 @@ function failed(error) {
 
 function putMarks() {
   const { shot } = known;
-  stage.mark(title() !== null && state.mode !== "sent" ? shot?.boxes : [], shot?.verdict?.letters ?? []);
+  stage.mark(
+    title() !== null && state.mode !== "sent" ? shot?.boxes : [],
+    shot?.verdict?.letters ?? [],
+  );
 }
 
 /* ---------- The desk ---------- */
 
 /** The state that is seen. */
-const seenState = () => (state.mode !== "word" ? state.mode : isEmpty() || known.error ? "empty" : "word");
+const seenState = () =>
+  state.mode !== "word" ? state.mode : isEmpty() || known.error ? "empty" : "word";
 
 /** Why it cannot be sent; "" if it can. */
 function hindrance() {
@@ -133,7 +166,9 @@ function hindrance() {
 
 function putDesk() {
   main.dataset.state = seenState();
-  for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-in]"))) {
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (
+    document.querySelectorAll("[data-in]")
+  )) {
     part.hidden = !part.dataset.in?.split(" ").includes(seenState());
   }
   if (word.value.trim() !== state.word.trim()) word.value = state.word;
@@ -141,7 +176,9 @@ function putDesk() {
   const unread = known.shot?.verdict && !known.shot.verdict.legible;
   for (const id of ["send", "send-drawing"]) {
     byId(id).setAttribute("aria-disabled", `${hindrance() !== "" || sending}`);
-    byId(id).textContent = t(sending ? "sending" : unread && id === "send" ? "send-anyway" : "send");
+    byId(id).textContent = t(
+      sending ? "sending" : unread && id === "send" ? "send-anyway" : "send",
+    );
   }
   say(verdict, spoken());
   say(byId("left"), spokenOnPad());
@@ -158,7 +195,10 @@ function spoken() {
   if (wrong) return ofError(wrong);
   if (isEmpty()) return { first: t("empty") };
   const stop = known.large?.stops[0];
-  if (known.shot) return stop ? { first: sentence("stops", stop), then: t("way-flight-impossible") } : ofShot(known.shot);
+  if (known.shot)
+    return stop
+      ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
+      : ofShot(known.shot);
   return { first: t(known.busy ? "busy" : "looking") };
 }
 
@@ -166,19 +206,26 @@ function spoken() {
 function spokenOnPad() {
   const { shot } = known;
   if (isEmpty()) return { first: t("pad-empty") };
-  if (!shot || known.refused || known.error || obstacle(shot) || known.large?.stops.length) return spoken();
+  if (!shot || known.refused || known.error || obstacle(shot) || known.large?.stops.length)
+    return spoken();
   return ofLength(shot.flight_s, BATTERY_S);
 }
 
 /* ---------- Sending ---------- */
 
-/** Does something again until the connection is there. @template T @param {() => Promise<T>} work @returns {Promise<T>} */
+/**
+ * Does something again until the connection is there.
+ * @template T
+ * @param {() => Promise<T>} work
+ * @returns {Promise<T>}
+ */
 async function insist(work) {
   for (let tries = 0; ; tries += 1) {
     try {
       return await work();
     } catch (error) {
-      if (error instanceof Refused && !(error.status === 503 && error.said.key === "busy")) throw error;
+      if (error instanceof Refused && !(error.status === 503 && error.said.key === "busy"))
+        throw error;
       await sleep(Math.min(5000, 500 * 2 ** tries));
     }
   }
@@ -190,11 +237,24 @@ async function send() {
   clearTimeout(resting);
   putDesk();
   try {
-    const large = known.large ?? await enlarge(false);
+    const large = known.large ?? (await enlarge(false));
     if (large?.error) throw new Refused(large.error);
     if (!large || large.stops.length) return;
-    const entry = await insist(() => post("entries", { visitor: state.visitor, photo: large.id, language: document.documentElement.lang }));
-    change({ mode: "sent", sent: { id: entry.id, number: entry.number, page: entry.page, title: title(), photo: large.id } });
+    const entry = await insist(() =>
+      post("entries", {
+        visitor: state.visitor,
+        photo: large.id,
+        language: document.documentElement.lang,
+      }),
+    );
+    change({
+      mode: "sent",
+      sent: {
+        id: entry.id,
+        number: entry.number,
+        title: title(),
+      },
+    });
     strip.run();
     byId("sent").focus({ preventScroll: true });
   } catch (error) {
@@ -209,7 +269,15 @@ async function send() {
 /** Another one: the same visitor at an own device, another one at the kiosk. */
 function another() {
   history.replaceState(null, "", ".");
-  change({ mode: "word", word: "", sketch: emptySketch(), opened: null, painted: [], color: "white", sent: null });
+  change({
+    mode: "word",
+    word: "",
+    sketch: emptySketch(),
+    opened: null,
+    painted: [],
+    color: "white",
+    sent: null,
+  });
   pad?.setTool("draw");
   word.focus({ preventScroll: true });
 }
@@ -217,17 +285,35 @@ function another() {
 /* ---------- What is touched ---------- */
 
 word.oninput = () => {
-  const most = about.limits.letters, typed = [...word.value];
+  const most = about.limits.letters,
+    typed = [...word.value];
   known.cut = Math.max(0, typed.length - most);
   if (known.cut) word.value = typed.slice(0, most).join("");
-  change({ word: word.value, opened: null, sketch: emptySketch(), painted: state.painted.slice(0, typed.length) });
+  change({
+    word: word.value,
+    opened: null,
+    sketch: emptySketch(),
+    painted: state.painted.slice(0, typed.length),
+  });
 };
-byId("desk").onsubmit = (event) => { event.preventDefault(); word.blur(); };
+byId("desk").onsubmit = (event) => {
+  event.preventDefault();
+  word.blur();
+};
 byId("send").onclick = send;
 byId("send-drawing").onclick = send;
-byId("draw").onclick = () => { history.pushState("pad", "", "#pad"); draws(); };
-byId("type").onclick = () => { if (history.state === "pad") history.back(); else types(); };
-addEventListener("popstate", () => { if (location.hash === "#pad") draws(); else if (state.mode === "pad") types(); });
+byId("draw").onclick = () => {
+  history.pushState("pad", "", "#pad");
+  draws();
+};
+byId("type").onclick = () => {
+  if (history.state === "pad") history.back();
+  else types();
+};
+addEventListener("popstate", () => {
+  if (location.hash === "#pad") draws();
+  else if (state.mode === "pad") types();
+});
 
 async function draws() {
   change({ mode: "pad", word: "", painted: [], opened: null });
@@ -250,9 +336,15 @@ function types() {
   word.focus({ preventScroll: true });
 }
 
-byId("opened-close").onclick = () => { change({ opened: null }); word.focus(); };
+byId("opened-close").onclick = () => {
+  change({ opened: null });
+  word.focus();
+};
 const as = /** @type {HTMLSelectElement} */ (byId("opened-as"));
-as.onchange = () => { if (state.opened) change({ opened: { ...state.opened, as: /** @type {Opened["as"]} */ (as.value) } }); };
+as.onchange = () => {
+  if (state.opened)
+    change({ opened: { ...state.opened, as: /** @type {Opened["as"]} */ (as.value) } });
+};
 
 language.onchange = async () => {
   await speak(language.value);
@@ -283,7 +375,10 @@ async function openFile(/** @type {File | undefined} */ file) {
   }
 }
 addEventListener("open-file", (event) => openFile(/** @type {CustomEvent} */ (event).detail));
-addEventListener("dragover", (event) => { event.preventDefault(); main.classList.toggle("dropping", !about.kiosk); });
+addEventListener("dragover", (event) => {
+  event.preventDefault();
+  main.classList.toggle("dropping", !about.kiosk);
+});
 addEventListener("dragleave", () => main.classList.remove("dropping"));
 addEventListener("drop", (event) => {
   event.preventDefault();
@@ -296,11 +391,14 @@ addEventListener("drop", (event) => {
 watch((changed) => {
   if (changed.has("language") || changed.has("mode") || changed.has("sent")) putSaid();
   if (changed.has("color") || changed.has("lamp") || changed.has("language")) {
-    for (const box of document.querySelectorAll(".lights")) putLights(box, box.getAttribute("data-of") ?? "");
+    for (const box of document.querySelectorAll(".lights"))
+      putLights(box, box.getAttribute("data-of") ?? "");
   }
   if (changed.has("sketch") || changed.has("mode")) pad?.putSketch();
-  if (changed.has("word") && !changed.has("language")) known.cut &&= word.value.length >= about.limits.letters ? known.cut : 0;
-  if (known.shot && (changed.has("painted") || changed.has("mode") || changed.has("language"))) putMarks();
+  if (changed.has("word") && !changed.has("language"))
+    known.cut &&= word.value.length >= about.limits.letters ? known.cut : 0;
+  if (known.shot && (changed.has("painted") || changed.has("mode") || changed.has("language")))
+    putMarks();
   putDesk();
   wanted();
 });
@@ -308,10 +406,12 @@ watch((changed) => {
 /** What does not depend on the photograph. */
 function putSaid() {
   putBrand(about);
-  byId("consent").textContent = ofMaker(about.brand.consent) || t(about.wall === "open" ? "consent-open" : "consent");
+  byId("consent").textContent =
+    ofMaker(about.brand.consent) || t(about.wall === "open" ? "consent-open" : "consent");
   strip.words();
   pad?.putSketch();
-  if (state.sent && state.mode === "sent") import("./sent.js").then(({ showSent }) => showSent(byId("sent"), another));
+  if (state.sent && state.mode === "sent")
+    import("./sent.js").then(({ showSent }) => showSent(byId("sent"), another));
 }
 
 onLost((lost) => {
@@ -321,16 +421,24 @@ onLost((lost) => {
 let resizing = 0;
 new ResizeObserver(() => {
   clearTimeout(resizing);
-  resizing = window.setTimeout(() => { if (about && !isDrawing() && state.mode !== "pad") wanted(); }, 300);
+  resizing = window.setTimeout(() => {
+    if (about && !isDrawing() && state.mode !== "pad") wanted();
+  }, 300);
 }).observe(area);
 
 async function begun() {
-  const [told] = await Promise.all([insist(() => get("about.json")), insist(() => speak(preferred(state.language)).catch(() => speak("en")))]);
+  const [told] = await Promise.all([
+    insist(() => get("about.json")),
+    insist(() => speak(preferred(state.language)).catch(() => speak("en"))),
+  ]);
   learn(told);
   if (state.number < 1) state.number = Math.floor(Date.now() / 100) % 1e9;
   for (const [code, name] of Object.entries(LANGUAGES)) language.add(new Option(name, code));
   const spokenNow = document.documentElement.lang;
-  if (!(spokenNow in LANGUAGES)) language.add(new Option(new Intl.DisplayNames(spokenNow, { type: "language" }).of(spokenNow), spokenNow));
+  if (!(spokenNow in LANGUAGES))
+    language.add(
+      new Option(new Intl.DisplayNames(spokenNow, { type: "language" }).of(spokenNow), spokenNow),
+    );
   language.value = spokenNow;
   document.documentElement.classList.toggle("kiosk", about.kiosk);
   area.style.setProperty("--fill", `${FILL}`);
@@ -341,13 +449,18 @@ async function begun() {
   else if (location.hash === "#pad") state.mode = "pad";
   if (state.mode === "pad") await openPad();
   change({ language: state.language, color: state.color, mode: state.mode });
-  if (about.kiosk) await Promise.all([import("./start.js"), style("start.css")]).then(([{ startKiosk }]) => startKiosk());
+  if (about.kiosk)
+    await Promise.all([import("./start.js"), style("start.css")]).then(([{ startKiosk }]) =>
+      startKiosk(),
+    );
   else if (state.mode === "word") word.focus({ preventScroll: true });
   follow((_, restarted) => {
-    if (restarted) { asked = ""; wanted(); }
+    if (restarted) {
+      asked = "";
+      wanted();
+    }
     dispatchEvent(new Event("news"));
   });
   document.body.dataset.ready = "true";
 }
 begun();
-

@@ -21,18 +21,32 @@ export function span({ strokes }) {
  */
 export function replay(box, expose) {
   const play = make("button", { type: "button" });
-  const dark = make("div", { className: "dark" }), lit = make("div", { className: "lit" });
+  const dark = make("div", { className: "dark" }),
+    lit = make("div", { className: "lit" });
   const range = make("input", { type: "range", min: "0", max: "1000", value: "1000" });
-  const strip = make("div", { className: "strip" }, dark, lit, make("div", { className: "lamp" }), range);
+  const strip = make(
+    "div",
+    { className: "strip" },
+    dark,
+    lit,
+    make("div", { className: "lamp" }),
+    range,
+  );
   const clock = make("output", { dir: "auto" });
   box.append(play, strip, clock);
-  let film = 0, seconds = 0, share = 1;
+  let film = 0,
+    seconds = 0,
+    share = 1;
 
   function put(/** @type {number} */ now) {
     share = now;
     strip.style.setProperty("--p", `${100 * share}%`);
     range.value = `${Math.round(1000 * share)}`;
-    const all = Math.round(seconds), text = share >= 1 ? t("seconds", { n: all }) : t("clock", { now: Math.round(share * seconds), all });
+    const all = Math.round(seconds),
+      text =
+        share >= 1
+          ? t("seconds", { n: all })
+          : t("clock", { now: Math.round(share * seconds), all });
     if (clock.textContent !== text) {
       clock.textContent = text;
       range.setAttribute("aria-valuetext", text);
@@ -65,13 +79,19 @@ export function replay(box, expose) {
     film = requestAnimationFrame(step);
   }
   play.onclick = () => (film ? stop() : run());
-  range.oninput = () => { stop(); put(Number(range.value) / 1000); };
+  range.oninput = () => {
+    stop();
+    put(Number(range.value) / 1000);
+  };
   pressed(false);
 
   return {
     run,
     stop,
-    words: () => { pressed(film > 0); put(share); },
+    words: () => {
+      pressed(film > 0);
+      put(share);
+    },
     /** A new photograph: whole, unless it is one more of the same. */
     load(/** @type {Replay} */ map, /** @type {number} */ flight_s, keeps = false) {
       if (!keeps) stop();
@@ -79,14 +99,16 @@ export function replay(box, expose) {
       const { begin, length } = span(map);
       const bars = map.strokes.map(({ at }) => {
         const bar = make("i");
-        bar.style.left = `${100 * (at[0] - begin) / length}%`;
-        bar.style.width = `${100 * (at[at.length - 3] - at[0]) / length}%`;
+        bar.style.left = `${(100 * (at[0] - begin)) / length}%`;
+        bar.style.width = `${(100 * (at[at.length - 3] - at[0])) / length}%`;
         return bar;
       });
       dark.replaceChildren(...bars);
       lit.replaceChildren(...bars.map((bar) => bar.cloneNode()));
       put(keeps ? share : 1);
     },
-    get share() { return share; },
+    get share() {
+      return share;
+    },
   };
 }

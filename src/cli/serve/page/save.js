@@ -6,7 +6,11 @@ import { make } from "./dom.js";
 /** Saves what a route gives. @param {string} route @param {string} name */
 export async function save(route, name) {
   const response = await fetch(route);
-  if (!response.ok) throw new Refused((await response.json().catch(() => null))?.error ?? { key: "not-possible", text: "" }, response.status);
+  if (!response.ok)
+    throw new Refused(
+      (await response.json().catch(() => null))?.error ?? { key: "not-possible", text: "" },
+      response.status,
+    );
   const link = make("a", { href: URL.createObjectURL(await response.blob()), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);

@@ -35,7 +35,10 @@ export function seen(/** @type {Sketch} */ sketch) {
 export function written(sketch, rgb) {
   const [width, height] = sketch.page;
   const strokes = seen(sketch);
-  const every = Math.max(1, Math.ceil(strokes.reduce((sum, stroke) => sum + stroke.points.length, 0) / MOST_POINTS));
+  const every = Math.max(
+    1,
+    Math.ceil(strokes.reduce((sum, stroke) => sum + stroke.points.length, 0) / MOST_POINTS),
+  );
   let late = 0;
   const lines = strokes.map(({ points }) => {
     const kept = points.filter((_, i) => i % every === 0 || i === points.length - 1);
@@ -47,10 +50,13 @@ export function written(sketch, rgb) {
     });
   });
   return JSON.stringify({
-    strokes: lines, y: "down", canvas: [0, 0, width, height],
+    strokes: lines,
+    y: "down",
+    canvas: [0, 0, width, height],
     ...(rgb && { colors: strokes.map((stroke) => rgb(stroke.color)) }),
   });
 }
 
-const clamp = (/** @type {number} */ value, /** @type {number} */ most) => Math.min(most, Math.max(0, value));
+const clamp = (/** @type {number} */ value, /** @type {number} */ most) =>
+  Math.min(most, Math.max(0, value));
 const rounded = (/** @type {number} */ value) => Math.round(10 * value) / 10;

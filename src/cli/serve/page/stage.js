@@ -7,7 +7,8 @@ import { change, state } from "./state.js";
 import { t } from "./words.js";
 import { colorOf, letters } from "./wish.js";
 
-const frame = byId("frame"), marks = byId("marks");
+const frame = byId("frame"),
+  marks = byId("marks");
 let photo = /** @type {HTMLImageElement} */ (byId("photo"));
 const light = /** @type {HTMLCanvasElement} */ (byId("light"));
 
@@ -71,23 +72,42 @@ export const dim = (/** @type {boolean} */ waits) => frame.classList.toggle("wai
  */
 export function mark(boxes, read) {
   const written = boxes?.length ? letters() : [];
-  const focused = [...marks.querySelectorAll("button")].indexOf(/** @type {HTMLButtonElement} */ (document.activeElement));
+  const focused = [...marks.querySelectorAll("button")].indexOf(
+    /** @type {HTMLButtonElement} */ (document.activeElement),
+  );
   marks.hidden = !written.length;
   marks.setAttribute("aria-label", t("letters"));
-  marks.replaceChildren(...written.flatMap((letter, i) => {
-    const box = boxes?.[i];
-    if (!box) return [];
-    const { best, expected } = read[i] ?? {};
-    const wrong = best !== undefined && best !== expected;
-    const color = t(colorOf(i));
-    const looks = best ? t("looks-like", { best }) : t("looks-like-nothing");
-    const button = make("button", { type: "button", tabIndex: i === Math.max(0, focused) ? 0 : -1, "aria-label": [`${letter}: ${color}`, wrong ? looks : ""].filter(Boolean).join(", ") });
-    button.onclick = () => next(i);
-    const item = make("li", { className: wrong ? "wrong" : "" }, button, ...(wrong ? [make("b", { "aria-hidden": "true" }, looks)] : []));
-    const [left, top, right, bottom] = box;
-    for (const [side, value] of Object.entries({ left, top, width: right - left, height: bottom - top })) item.style.setProperty(side, `${value / 100}%`);
-    return [item];
-  }));
+  marks.replaceChildren(
+    ...written.flatMap((letter, i) => {
+      const box = boxes?.[i];
+      if (!box) return [];
+      const { best, expected } = read[i] ?? {};
+      const wrong = best !== undefined && best !== expected;
+      const color = t(colorOf(i));
+      const looks = best ? t("looks-like", { best }) : t("looks-like-nothing");
+      const button = make("button", {
+        type: "button",
+        tabIndex: i === Math.max(0, focused) ? 0 : -1,
+        "aria-label": [`${letter}: ${color}`, wrong ? looks : ""].filter(Boolean).join(", "),
+      });
+      button.onclick = () => next(i);
+      const item = make(
+        "li",
+        { className: wrong ? "wrong" : "" },
+        button,
+        ...(wrong ? [make("b", { "aria-hidden": "true" }, looks)] : []),
+      );
+      const [left, top, right, bottom] = box;
+      for (const [side, value] of Object.entries({
+        left,
+        top,
+        width: right - left,
+        height: bottom - top,
+      }))
+        item.style.setProperty(side, `${value / 100}%`);
+      return [item];
+    }),
+  );
   if (focused >= 0) marks.querySelectorAll("button")[focused]?.focus();
 }
 
@@ -105,6 +125,8 @@ marks.onkeydown = (event) => {
   const buttons = [...marks.querySelectorAll("button")];
   const now = buttons.indexOf(/** @type {HTMLButtonElement} */ (document.activeElement));
   const to = buttons[(now + step + buttons.length) % buttons.length];
-  buttons.forEach((button) => { button.tabIndex = button === to ? 0 : -1; });
+  buttons.forEach((button) => {
+    button.tabIndex = button === to ? 0 : -1;
+  });
   to?.focus();
 };

@@ -9,20 +9,26 @@ import { about, isEmpty } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, speak, t } from "./words.js";
 
 /** Without a touch for so long, the next visitor begins anew; it is said before. */
-const IDLE_S = 60, SAID_S = 10;
+const IDLE_S = 60,
+  SAID_S = 10;
 /** How long the newest photograph of the evening is written, and stands. */
-const WRITTEN_MS = 20_000, STANDS_MS = 20_000;
+const WRITTEN_MS = 20_000,
+  STANDS_MS = 20_000;
 
-const start = byId("start"), main = /** @type {HTMLElement} */ (document.querySelector("main"));
+const start = byId("start"),
+  main = /** @type {HTMLElement} */ (document.querySelector("main"));
 let idle = 0;
 
 /** Begins as a kiosk: at the start screen, unless somebody is in the middle of something. */
 export function startKiosk() {
   home = preferred("");
   if (isEmpty()) showStart();
-  for (const event of ["pointerdown", "keydown", "input", "wheel"]) addEventListener(event, touched, { capture: true });
+  for (const event of ["pointerdown", "keydown", "input", "wheel"])
+    addEventListener(event, touched, { capture: true });
   addEventListener("contextmenu", (event) => event.preventDefault());
-  addEventListener("news", () => { if (!start.hidden) putEvening(); });
+  addEventListener("news", () => {
+    if (!start.hidden) putEvening();
+  });
   touched();
 }
 
@@ -30,7 +36,8 @@ export function startKiosk() {
 function touched(event) {
   idle = 0;
   // What asks stays until its button is pressed, or something else is touched.
-  if (!(event?.target instanceof Node && byId("still").contains(event.target))) byId("still").hidden = true;
+  if (!(event?.target instanceof Node && byId("still").contains(event.target)))
+    byId("still").hidden = true;
 }
 
 setInterval(() => {
@@ -64,18 +71,44 @@ function over() {
 let home = "en";
 
 export async function showStart() {
-  const words = make("div", { className: "words" },
+  const words = make(
+    "div",
+    { className: "words" },
     make("h2", {}, t("start-title")),
     make("p", {}, ofMaker(about.brand.sentence) || t("start-sentence")),
-    make("span", { className: "begin", "aria-hidden": "true" }, t("start-touch")));
-  const whole = make("button", { type: "button", className: "whole", "aria-label": t("start-touch") });
+    make("span", { className: "begin", "aria-hidden": "true" }, t("start-touch")),
+  );
+  const whole = make("button", {
+    type: "button",
+    className: "whole",
+    "aria-label": t("start-touch"),
+  });
   whole.onclick = leave;
-  const tongues = make("nav", { className: "tongues", "aria-label": t("language") }, ...Object.entries(LANGUAGES).map(([code, name]) => {
-    const button = make("button", { type: "button", lang: code, "aria-pressed": `${code === document.documentElement.lang}` }, name);
-    button.onclick = async () => { await speak(code); /** @type {HTMLSelectElement} */ (byId("language")).value = code; state.language = code; showStart(); };
-    return button;
-  }));
-  start.replaceChildren(make("div", { className: "show" }), words, whole, make("div", { className: "evening", role: "group", "aria-label": t("evening") }), tongues);
+  const tongues = make(
+    "nav",
+    { className: "tongues", "aria-label": t("language") },
+    ...Object.entries(LANGUAGES).map(([code, name]) => {
+      const button = make(
+        "button",
+        { type: "button", lang: code, "aria-pressed": `${code === document.documentElement.lang}` },
+        name,
+      );
+      button.onclick = async () => {
+        await speak(code);
+        /** @type {HTMLSelectElement} */ (byId("language")).value = code;
+        state.language = code;
+        showStart();
+      };
+      return button;
+    }),
+  );
+  start.replaceChildren(
+    make("div", { className: "show" }),
+    words,
+    whole,
+    make("div", { className: "evening", role: "group", "aria-label": t("evening") }),
+    tongues,
+  );
   start.setAttribute("aria-label", t("start-title"));
   start.hidden = false;
   main.inert = true;
@@ -92,19 +125,29 @@ function leave() {
 
 /** Photographs of this evening: the newest large, written again and again; some more below. */
 async function putEvening() {
-  const wall = /** @type {{ photos: { key: string, title: string | null }[] } | null} */ (await get("wall").catch(() => null));
+  const wall = /** @type {{ photos: { key: string, title: string | null }[] } | null} */ (
+    await get("wall").catch(() => null)
+  );
   const photos = wall?.photos ?? [];
-  const show = start.querySelector(".show"), row = start.querySelector(".evening");
+  const show = start.querySelector(".show"),
+    row = start.querySelector(".evening");
   if (!show || !row || start.hidden) return;
-  const image = (/** @type {{ key: string, title: string | null }} */ { key, title }) => make("img", { src: `wall/${key}.jpg`, alt: title ?? t("drawing") });
-  row.replaceChildren(...photos.slice(1, 7).map((photo) => make("div", { className: "frame" }, image(photo))));
+  const image = (/** @type {{ key: string, title: string | null }} */ { key, title }) =>
+    make("img", { src: `wall/${key}.jpg`, alt: title ?? t("drawing") });
+  row.replaceChildren(
+    ...photos.slice(1, 7).map((photo) => make("div", { className: "frame" }, image(photo))),
+  );
   if (!photos.length) return show.replaceChildren(make("div", { className: "waiting" }));
   if (show.getAttribute("data-key") === photos[0].key) return;
   show.setAttribute("data-key", photos[0].key);
-  const first = image(photos[0]), canvas = make("canvas", { "aria-hidden": "true" });
+  const first = image(photos[0]),
+    canvas = make("canvas", { "aria-hidden": "true" });
   show.replaceChildren(make("div", { className: "frame" }, first, canvas));
   canvas.hidden = true;
-  const map = /** @type {Replay | null} */ (await get(`wall/${photos[0].key}.json`).catch(() => null));
+  const map = /** @type {Replay | null} */ (
+    await get(`wall/${photos[0].key}.json`).catch(() => null)
+  );
   await first.decode().catch(() => {});
-  if (map?.strokes.length && !start.hidden) loop(exposure(first, map, canvas), first, canvas, WRITTEN_MS, STANDS_MS);
+  if (map?.strokes.length && !start.hidden)
+    loop(exposure(first, map, canvas), first, canvas, WRITTEN_MS, STANDS_MS);
 }

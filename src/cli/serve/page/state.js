@@ -6,7 +6,9 @@ const KEY = "noctograph";
 
 const fresh = () => ({
   /** Random name of this visitor, and the number of the newest wish. */
-  visitor: Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) => part.toString(16).padStart(8, "0")).join(""),
+  visitor: Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) =>
+    part.toString(16).padStart(8, "0"),
+  ).join(""),
   number: 0,
   language: "",
   /** @type {"word" | "pad" | "sent"} */
@@ -25,7 +27,9 @@ const fresh = () => ({
   seed: 0,
   /** @type {Record<string, string>} settings that differ from the scene's */
   settings: {},
-  /** @type {{ id: string, number: number, page: string, title: string | null, photo: string } | null} */
+  /**
+   * @type {{ id: string, number: number, title: string | null } | null}
+   */
   sent: null,
 });
 
@@ -36,7 +40,9 @@ function restored() {
   const state = fresh();
   try {
     const kept = JSON.parse(sessionStorage.getItem(KEY) ?? "{}");
-    for (const key of Object.keys(state)) if (key in kept && typeof kept[key] === typeof Reflect.get(state, key)) Reflect.set(state, key, kept[key]);
+    for (const key of Object.keys(state))
+      if (key in kept && typeof kept[key] === typeof Reflect.get(state, key))
+        Reflect.set(state, key, kept[key]);
     // Null has the type of an object: these two may be either.
     state.opened ??= null;
     state.sent ??= null;
@@ -72,7 +78,9 @@ export function keep() {
     // Full (a large file was opened) or forbidden: the page works without.
     try {
       sessionStorage.setItem(KEY, JSON.stringify({ ...state, opened: null }));
-    } catch { /* forbidden */ }
+    } catch {
+      /* forbidden */
+    }
   }
 }
 

@@ -24,7 +24,10 @@ export function ofShot(shot) {
   const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
   const way = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
   if (!wrong && verdict.reason) {
-    return { first: t("unsure"), then: `${sentence("reasons", { key: verdict.reason.replace(/_/g, "-"), text: "" })} ${way}`.trim() };
+    return {
+      first: t("unsure"),
+      then: `${sentence("reasons", { key: verdict.reason.replace(/_/g, "-"), text: "" })} ${way}`.trim(),
+    };
   }
   return { first: read ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
 }
@@ -35,10 +38,22 @@ export function ofError(said) {
   return { first: sentence("errors", said), then: hasWord(way) ? t(way) : undefined };
 }
 
-/** Puts a sentence where it is read out; the same one again is no news. @param {HTMLElement} line @param {Spoken} spoken */
+/**
+ * Puts a sentence where it is read out; the same one again is no news.
+ * @param {HTMLElement} line
+ * @param {Spoken} spoken
+ */
 export function say(line, { first, then }) {
   if (line.textContent === [first, then].filter(Boolean).join(" ")) return;
-  line.replaceChildren(make("span", {}, ...(then ? [make("strong", {}, first), " ", make("span", { className: "then" }, then)] : [first])));
+  line.replaceChildren(
+    make(
+      "span",
+      {},
+      ...(then
+        ? [make("strong", {}, first), " ", make("span", { className: "then" }, then)]
+        : [first]),
+    ),
+  );
 }
 
 /** What is said of the length of a drawing. @param {number} seconds @param {number} battery_s */

@@ -8,22 +8,42 @@ import { loop } from "./loop.js";
 import { preferred, putWords, speak, t } from "./words.js";
 
 /** A newest photograph is written once, and hangs for a minute at least. */
-const HANGS_MS = 60_000, WRITTEN_MS = 20_000;
+const HANGS_MS = 60_000,
+  WRITTEN_MS = 20_000;
 const MOST = 7;
 
 /** @typedef {{ key: string, title: string | null, flight_s: number, flying: boolean }} Hung */
-const newest = byId("newest"), older = byId("older");
+const newest = byId("newest"),
+  older = byId("older");
 /** @type {Hung[]} */
 let photos = [];
-let since = 0, timer = 0;
+let since = 0,
+  timer = 0;
 
 /** @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
   const name = title ?? t("drawing");
-  return make("figcaption", {}, make("bdi", {}, name), ...(large ? [make("small", {}, flying ? t("flying-now") : t("seconds-of-light", { n: Math.round(flight_s) }))] : []));
+  return make(
+    "figcaption",
+    {},
+    make("bdi", {}, name),
+    ...(large
+      ? [
+          make(
+            "small",
+            {},
+            flying ? t("flying-now") : t("seconds-of-light", { n: Math.round(flight_s) }),
+          ),
+        ]
+      : []),
+  );
 }
 
-const image = (/** @type {Hung} */ { key, title }) => make("img", { src: `wall/${key}.jpg`, alt: title === null ? t("alt-drawing") : t("alt", { title }) });
+const image = (/** @type {Hung} */ { key, title }) =>
+  make("img", {
+    src: `wall/${key}.jpg`,
+    alt: title === null ? t("alt-drawing") : t("alt", { title }),
+  });
 
 /** Hangs the photographs: the newest is changed at most once a minute. */
 function hang() {
@@ -39,29 +59,41 @@ function hang() {
     put(first);
   } else if (first && first.key !== shown) timer = window.setTimeout(hang, wait);
   newest.hidden = !first;
-  if (!first) { newest.replaceChildren(); newest.dataset.key = ""; }
-  else if (first.key === shown) newest.querySelector("figcaption")?.replaceWith(caption(first, true));
+  if (!first) {
+    newest.replaceChildren();
+    newest.dataset.key = "";
+  } else if (first.key === shown)
+    newest.querySelector("figcaption")?.replaceWith(caption(first, true));
   const rest = photos.filter(({ key }) => key !== newest.dataset.key).slice(0, MOST - 1);
-  const known = new Map([...older.children].map((figure) => [/** @type {HTMLElement} */ (figure).dataset.key, figure]));
+  const known = new Map(
+    [...older.children].map((figure) => [/** @type {HTMLElement} */ (figure).dataset.key, figure]),
+  );
   older.replaceChildren(...rest.map((photo) => known.get(photo.key) ?? figure(photo)));
 }
 
 /** @param {Hung} photo */
 function figure(photo) {
-  const hung = make("figure", {}, make("div", { className: "frame" }, image(photo)), caption(photo, false));
+  const hung = make(
+    "figure",
+    {},
+    make("div", { className: "frame" }, image(photo)),
+    caption(photo, false),
+  );
   hung.dataset.key = photo.key;
   return hung;
 }
 
 /** Hangs a photograph large, and writes it once. @param {Hung} photo */
 async function put(photo) {
-  const whole = image(photo), light = make("canvas", { "aria-hidden": "true" });
+  const whole = image(photo),
+    light = make("canvas", { "aria-hidden": "true" });
   light.hidden = true;
   newest.dataset.key = photo.key;
   newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
   const map = /** @type {Replay | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
   await whole.decode().catch(() => {});
-  if (map?.strokes.length && newest.dataset.key === photo.key) loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
+  if (map?.strokes.length && newest.dataset.key === photo.key)
+    loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
 }
 
 async function begun() {
@@ -70,13 +102,21 @@ async function begun() {
   putWords(document);
   putBrand(about);
   const code = make("img", { src: "qr.svg", alt: t("code-of-page") });
-  byId("invite").replaceChildren(make("div", { className: "code" }, code), make("p", {}, t("write-yours"), make("small", {}, t("write-where"))));
-  onLost((lost) => { byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : ""; });
+  byId("invite").replaceChildren(
+    make("div", { className: "code" }, code),
+    make("p", {}, t("write-yours"), make("small", {}, t("write-where"))),
+  );
+  onLost((lost) => {
+    byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : "";
+  });
   follow(async (_, restarted) => {
     // After a restart the page itself may be another one.
     if (restarted) return location.reload();
     const told = await get("wall").catch(() => null);
-    if (told) { photos = told.photos; hang(); }
+    if (told) {
+      photos = told.photos;
+      hang();
+    }
   });
 }
 begun();

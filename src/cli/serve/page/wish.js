@@ -10,7 +10,9 @@ const LENSES = { a6400: "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm
 
 /** @type {About} */
 export let about;
-export const learn = (/** @type {About} */ told) => { about = told; };
+export const learn = (/** @type {About} */ told) => {
+  about = told;
+};
 
 /** Letters that have a color of their own. */
 export const letters = () => [...state.word.replace(/\s/g, "")];
@@ -41,7 +43,8 @@ export const FILL = 0.8;
 const NARROW = 1.3;
 
 /** A color of the lamps by its name. */
-const color = (/** @type {string} */ name) => about.colors.find((color) => color.name === name) ?? about.colors[0];
+const color = (/** @type {string} */ name) =>
+  about.colors.find((color) => color.name === name) ?? about.colors[0];
 
 /** A pad's width and height in meters, of a shape. */
 function canvas(/** @type {number} */ aspect) {
@@ -56,7 +59,9 @@ function subject() {
   // White is the lamp's own color, which is written as black.
   const own = lamp() === "color-led" ? "white" : "";
   const rgb = (/** @type {string} */ name) => (name === own ? [0, 0, 0] : color(name).screen);
-  return { drawing: { kind: "json", text: written(state.sketch, lamp() === "headlights" ? null : rgb) } };
+  return {
+    drawing: { kind: "json", text: written(state.sketch, lamp() === "headlights" ? null : rgb) },
+  };
 }
 
 /** @param {number} aspect @returns {Record<string, string>} */
@@ -79,16 +84,25 @@ function settings(aspect) {
   if (writes !== "headlights") {
     set["light.deck"] = DECKS[/** @type {keyof typeof DECKS} */ (writes)];
     set["plan.lights"] = JSON.stringify([writes]);
-    const wrgb = (/** @type {string} */ name) => (name === "white" && writes === "color-led" ? [255, 0, 0, 0]
-      : color(name)[/** @type {"ring"} */ (writes)]);
-    if (!state.opened && !isDrawing()) set["light.letters_wrgb"] = JSON.stringify(letters().map((_, i) => wrgb(colorOf(i))));
+    const wrgb = (/** @type {string} */ name) =>
+      name === "white" && writes === "color-led"
+        ? [255, 0, 0, 0]
+        : color(name)[/** @type {"ring"} */ (writes)];
+    if (!state.opened && !isDrawing())
+      set["light.letters_wrgb"] = JSON.stringify(letters().map((_, i) => wrgb(colorOf(i))));
   }
   if (state.body) set["camera.body"] = state.body;
-  if (state.body in LENSES) set["camera.lens"] = LENSES[/** @type {keyof typeof LENSES} */ (state.body)];
+  if (state.body in LENSES)
+    set["camera.lens"] = LENSES[/** @type {keyof typeof LENSES} */ (state.body)];
   return set;
 }
 
 /** The wish, for a photograph of a shape (width / height). */
 export function wish(/** @type {number} */ aspect) {
-  return { ...subject(), settings: settings(aspect), aspect, ...(state.room && { room: state.room }) };
+  return {
+    ...subject(),
+    settings: settings(aspect),
+    aspect,
+    ...(state.room && { room: state.room }),
+  };
 }

@@ -12,7 +12,9 @@ const RIGHT_TO_LEFT = ["ar", "fa", "he", "ur"];
 /** The language to begin with: the one that was chosen, or the browser's first that is there. */
 export function preferred(/** @type {string} */ chosen) {
   if (chosen) return chosen;
-  const known = navigator.languages.map((name) => name.slice(0, 2)).find((name) => name in LANGUAGES);
+  const known = navigator.languages
+    .map((name) => name.slice(0, 2))
+    .find((name) => name in LANGUAGES);
   return known ?? "en";
 }
 
@@ -46,7 +48,10 @@ export function putWords(/** @type {Document | Element} */ root) {
 }
 
 /** A phrase with its values; `n` chooses between one and several. */
-export function t(/** @type {string} */ key, /** @type {Record<string, string | number>} */ values = {}) {
+export function t(
+  /** @type {string} */ key,
+  /** @type {Record<string, string | number>} */ values = {},
+) {
   return worded(/** @type {Phrase | undefined} */ (table[key]) ?? key, values);
 }
 
@@ -65,7 +70,7 @@ export function sentence(group, said) {
 /** @param {Phrase} phrase @param {Record<string, string | number>} values */
 function worded(phrase, values) {
   const rule = new Intl.PluralRules(language).select(Number(values.n ?? 0));
-  const text = typeof phrase === "string" ? phrase : phrase[rule] ?? phrase.other ?? "";
+  const text = typeof phrase === "string" ? phrase : (phrase[rule] ?? phrase.other ?? "");
   return text.replace(/\{(\w+)\}/g, (_, name) => {
     const value = values[name];
     return typeof value === "number" ? number(value) : isolated(`${value ?? ""}`);
@@ -73,11 +78,13 @@ function worded(phrase, values) {
 }
 
 /** A number as the language writes it. */
-export const number = (/** @type {number} */ value) => new Intl.NumberFormat(language, { maximumFractionDigits: 2 }).format(value);
+export const number = (/** @type {number} */ value) =>
+  new Intl.NumberFormat(language, { maximumFractionDigits: 2 }).format(value);
 
 /** A foreign word that keeps its own direction within a sentence of the other. */
 function isolated(/** @type {string} */ text) {
-  const foreign = document.documentElement.dir === "rtl" || /[\u0590-\u08ff\ufb1d-\ufefc]/.test(text);
+  const foreign =
+    document.documentElement.dir === "rtl" || /[\u0590-\u08ff\ufb1d-\ufefc]/.test(text);
   return foreign ? `\u2068${text}\u2069` : text;
 }
 
