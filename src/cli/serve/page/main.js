@@ -389,6 +389,10 @@ addEventListener("drop", (event) => {
 /* ---------- All together ---------- */
 
 watch((changed) => {
+  if (changed.has("visitor")) {
+    known.cut = 0;
+    pad?.setTool("draw");
+  }
   if (changed.has("language") || changed.has("mode") || changed.has("sent")) putSaid();
   if (changed.has("color") || changed.has("lamp") || changed.has("language")) {
     for (const box of document.querySelectorAll(".lights"))

@@ -4,7 +4,7 @@ import { get } from "./ask.js";
 import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { loop, stopLoop } from "./loop.js";
-import { forget, state } from "./state.js";
+import { change, forget, state } from "./state.js";
 import { about, isEmpty } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, speak, t } from "./words.js";
 
@@ -65,7 +65,12 @@ function over() {
   byId("still").hidden = true;
   history.replaceState(null, "", ".");
   forget();
-  speak(home).then(showStart);
+  // The next visitor begins in the language of the tablet.
+  /** @type {HTMLSelectElement} */ (byId("language")).value = home;
+  speak(home).then(() => {
+    change({ language: "" });
+    showStart();
+  });
 }
 /** The hall's own language: that of the tablet. */
 let home = "en";
@@ -96,7 +101,7 @@ export async function showStart() {
       button.onclick = async () => {
         await speak(code);
         /** @type {HTMLSelectElement} */ (byId("language")).value = code;
-        state.language = code;
+        change({ language: code });
         showStart();
       };
       return button;
