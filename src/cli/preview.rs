@@ -21,7 +21,7 @@ use super::table::table;
 use super::{findings, movie, show, warn};
 use crate::error::Result;
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
@@ -46,7 +46,10 @@ pub(super) struct PreviewArgs {
     movie: Option<PathBuf>,
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
-    report: bool,
+    pub(super) report: bool,
+    /// Whether changes are flown where a word does not read: some thirty flights.
+    #[arg(skip = true)]
+    pub(super) with_remedies: bool,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -59,7 +62,19 @@ impl PreviewArgs {
     }
 }
 
+/// What a preview found, for a caller that shows it in its own way.
+pub(super) struct Seen<'a> {
+    pub(super) shot: &'a Shot,
+    pub(super) findings: &'a [Checked],
+    pub(super) remedies: &'a [Remedy],
+}
+
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
+    previewed(args, |_| ())
+}
+
+/// Previews, and shows what was found before it is told in words.
+pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Result<Report> {
     args.movie.as_deref().map_or(Ok(()), movie::check)?;
     let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
@@ -97,7 +112,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["backend"] = backend.into();
     json["adapter"] = adapter.as_str().into();
     json["photo_sha256"] = shot.file.as_deref().map(sha256).into();
-    let remedies = match verdict.filter(|verdict| !verdict.legible) {
+    let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
         _ => Vec::new(),
@@ -127,6 +142,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
             why.replacen(": ", " in the room: ", 1)
         )
     }));
+    seen(&Seen { shot: &shot, findings: &findings, remedies: &remedies });
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);

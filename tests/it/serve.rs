@@ -1,5 +1,5 @@
-//! `noctograph serve` over raw sockets: who is let in, what a visitor gets, and what the server
-//! survives. `tests/page` drives the page in a browser.
+//! `noctograph serve` over raw sockets: who is let in, what a visitor gets, what the operator does,
+//! and what the server survives. `tests/page` drives the page in a browser.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -15,24 +15,43 @@ use crate::cli::noctograph;
 struct Server {
     child: Child,
     port: u16,
-    /// Path of the page, with its token.
+    /// Path of the visitors' page, with its token.
     path: String,
+    /// Path of the operator's page.
+    operator: String,
+    /// Its temporary folder, unless it is given one.
+    _temporary: tempfile::TempDir,
 }
 
 impl Server {
     fn start(more: &[&str]) -> Self {
+        let temporary = tempfile::tempdir().unwrap();
+        let mut server = Self::start_in(temporary.path(), more);
+        server._temporary = temporary;
+        server
+    }
+
+    /// A server whose temporary files are in a folder.
+    fn start_in(temporary: &Path, more: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_noctograph"))
             .arg("serve")
             .args(more)
+            .env("TMPDIR", temporary)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let address = line.trim().rsplit(' ').next().unwrap().strip_prefix("http://127.0.0.1:");
-        let (port, path) = address.unwrap_or_else(|| panic!("{line}")).split_once('/').unwrap();
-        Self { child, port: port.parse().unwrap(), path: format!("/{path}") }
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut address = |name: &str| {
+            let line = lines.by_ref().map(Result::unwrap).find(|line| line.starts_with(name));
+            let line = line.unwrap_or_else(|| panic!("no line of {name}"));
+            let address = line.rsplit(' ').next().unwrap().to_owned();
+            let (port, path) =
+                address.rsplit_once("127.0.0.1:").unwrap().1.split_once('/').unwrap();
+            (port.parse().unwrap(), format!("/{path}"))
+        };
+        let ((port, path), (_, operator)) = (address("page"), address("operator"));
+        Self { child, port, path, operator, _temporary: tempfile::tempdir().unwrap() }
     }
 
     fn connect(&self) -> TcpStream {
@@ -52,28 +71,61 @@ impl Server {
         (head[9..12].parse().unwrap(), head, body)
     }
 
-    fn get(&self, route: &str) -> (u16, Vec<u8>) {
-        let host = format!("127.0.0.1:{}", self.port);
-        let request = format!("GET {}{route} HTTP/1.1\r\nHost: {host}\r\n\r\n", self.path);
-        let (status, _, body) = self.ask(request.as_bytes());
+    /// The answer at a path from the root.
+    fn at(&self, path: &str) -> (u16, Vec<u8>) {
+        let (status, _, body) = self.ask(&self.getting(path));
         (status, body)
     }
 
+    fn getting(&self, path: &str) -> Vec<u8> {
+        format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", self.port).into_bytes()
+    }
+
+    fn get(&self, route: &str) -> (u16, Vec<u8>) {
+        self.at(&format!("{}{route}", self.path))
+    }
+
+    fn json(&self, path: &str) -> Value {
+        let (status, body) = self.at(path);
+        assert_eq!(status, 200, "{path}: {}", String::from_utf8_lossy(&body));
+        serde_json::from_slice(&body).unwrap()
+    }
+
     fn post(&self, route: &str, body: &Value) -> (u16, Value) {
-        let (status, head, body) = self.ask(&self.posting(route, body));
+        self.post_at(&format!("{}{route}", self.path), body)
+    }
+
+    /// What the operator does.
+    fn operate(&self, route: &str, body: &Value) -> (u16, Value) {
+        self.post_at(&format!("{}{route}", self.operator), body)
+    }
+
+    fn post_at(&self, path: &str, body: &Value) -> (u16, Value) {
+        let (status, head, body) = self.ask(&self.posting(path, body));
         assert!(status != 503 || head.contains("Retry-After"), "{head}");
         (status, serde_json::from_slice(&body).unwrap_or(Value::Null))
     }
 
-    fn posting(&self, route: &str, body: &Value) -> Vec<u8> {
+    fn posting(&self, path: &str, body: &Value) -> Vec<u8> {
         let (body, host) = (body.to_string(), format!("127.0.0.1:{}", self.port));
         let head = format!(
-            "POST {}{route} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nSec-Fetch-Site: \
+            "POST {path} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nSec-Fetch-Site: \
              same-origin\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
-            self.path,
             body.len()
         );
         (head + &body).into_bytes()
+    }
+
+    /// Takes a large photo, and returns its name.
+    fn photo(&self, visitor: &str, text: &str) -> String {
+        let wish = json!({ "visitor": visitor, "word": text, "advice": false });
+        let (_, large) = self.post("photos", &wish);
+        large["id"].as_str().unwrap_or_else(|| panic!("{large}")).to_owned()
+    }
+
+    /// Sends a photo to be flown, and returns status and answer.
+    fn send(&self, visitor: &str, photo: &str) -> (u16, Value) {
+        self.post("entries", &json!({ "visitor": visitor, "photo": photo, "language": "en" }))
     }
 
     /// A figure of the server's process, such as `Threads` or `VmRSS` in kB.
@@ -82,17 +134,49 @@ impl Server {
         let line = status.lines().find_map(|line| line.strip_prefix(&format!("{name}:")));
         line.unwrap().split_whitespace().next().unwrap().parse().unwrap()
     }
-}
 
-impl Drop for Server {
-    fn drop(&mut self) {
+    fn kill(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
 fn word(word: &str) -> Value {
     json!({ "visitor": "me", "word": word })
+}
+
+/// The key of what was refused.
+fn key(answer: &Value) -> &str {
+    answer["error"]["key"].as_str().unwrap_or_default()
+}
+
+/// Processes whose parent is another.
+#[cfg(target_os = "linux")]
+fn children(parent: u32) -> Vec<u32> {
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let numbers = processes.filter_map(|it| it.file_name().to_str()?.parse::<u32>().ok());
+    let is_child = |number: &u32| {
+        let stat = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+        // The name in brackets may hold anything.
+        let mut after = stat.rsplit(") ").next().unwrap_or_default().split(' ');
+        after.next() != Some("Z") && after.next() == Some(&parent.to_string())
+    };
+    numbers.filter(is_child).collect()
+}
+
+/// Waits until something holds, for some seconds.
+fn soon(what: &str, mut holds: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !holds() {
+        assert!(begun.elapsed() < Duration::from_secs(15), "{what}");
+        std::thread::sleep(Duration::from_millis(30));
+    }
 }
 
 #[test]
@@ -115,11 +199,17 @@ fn only_a_page_of_this_server_is_let_in() {
         ("another machine's address", get(path, &format!("Host: 10.0.0.7:{port}\r\n")), 421),
         ("no host", get(path, ""), 421),
         ("no token", get("/", &own), 403),
+        ("the operator's page", get(&server.operator, &own), 200),
+        ("a wrong operator", get(&server.path.replace("/k/", "/o/"), &own), 403),
+        ("an entry by a guess", get(&server.path.replace("/k/", "/e/"), &own), 404),
+        ("an entry by a number", get("/e/1/", &own), 403),
         ("a wrong token", get("/k/0123456789abcdef0123456789abcdef/", &own), 403),
         ("a path upward", get(&format!("{path}../../etc/passwd"), &own), 404),
         ("the same, encoded", get(&format!("{path}photos%2f..%2f..%2fetc"), &own), 404),
         ("a photo that is not there", get(&format!("{path}photos/1/photo.png"), &own), 404),
         ("another method", format!("PUT {path} HTTP/1.1\r\n{own}\r\n").into_bytes(), 405),
+        ("the queue by a visitor", get(&format!("{path}queue.json"), &own), 404),
+        ("an export by a visitor", get(&format!("{path}export.zip"), &own), 404),
         ("no HTTP", b"\x16\x03\x01 hello\r\n\r\n".to_vec(), 400),
         ("a long head", get(path, &format!("{own}X: {}\r\n", "x".repeat(20_000))), 431),
         ("a foreign origin", post(&format!("{json}Origin: http://evil.example\r\n")), 403),
@@ -154,11 +244,12 @@ fn a_wish_reaches_no_file_and_no_flag() {
     let server = Server::start(&[]);
     let refused = |wish: Value, why: &str| {
         let (status, answer) = server.post("live", &wish);
-        let error = answer["error"].as_str().unwrap_or_default();
-        assert!(status == 200 && error.contains(why), "{wish}: {answer}");
+        let (key, text) = (key(&answer), answer["error"]["text"].as_str().unwrap_or_default());
+        assert!(status == 200 && (key == why || text.contains(why)), "{wish}: {answer}");
+        assert!(!text.contains("/noctograph") && !text.contains("/tmp"), "{text}");
     };
-    refused(word("ABCDEFGHIJKLMNOPQRSTUVWXYZ"), "26 letters, wanted at most 24");
-    refused(word("  "), "found nothing");
+    refused(word("ABCDEFGHIJKLMNOPQRSTUVWXYZ"), "word-long");
+    refused(word("  "), "word-empty");
     refused(json!({ "visitor": "v".repeat(99), "word": "A" }), "visitor");
     refused(json!({ "visitor": "me", "word": "A", "output": "/tmp/x" }), "output");
     for key in ["letters.drawing", "letters", "photo.background", "camera.width_px", "word"] {
@@ -169,11 +260,14 @@ fn a_wish_reaches_no_file_and_no_flag() {
     refused(json!({ "visitor": "me", "word": "A", "settings": { "seed": "1\n[light]" } }), "seed");
     refused(json!({ "visitor": "me", "word": "A", "room": "--help" }), "--room");
     let svg = json!({ "kind": "svg", "text": "<svg/>" });
-    refused(json!({ "visitor": "me", "drawing": svg }), "drawing");
+    refused(json!({ "visitor": "me", "drawing": svg }), "drawing-empty");
     refused(json!({ "visitor": "me", "drawing": { "kind": "../x", "text": "" } }), "variant");
     let mut deep = word("A");
     deep["settings"] = serde_json::from_str(&("[".repeat(100) + &"]".repeat(100))).unwrap();
-    refused(deep, "request");
+    refused(deep, "page-old");
+    refused(json!({ "visitor": "../x", "word": "A" }), "page-old");
+    refused(json!({ "visitor": "me", "word": "A", "aspect": 1e9 }), "page-old");
+    refused(word("A\u{1f600}"), "letter-missing");
 
     // Words that look like flags and files are words.
     for text in ["--help", "x.csv", "-o"] {
@@ -185,30 +279,139 @@ fn a_wish_reaches_no_file_and_no_flag() {
 #[test]
 fn a_visitor_gets_a_photo_and_its_files() {
     let server = Server::start(&[]);
-    let (_, live) = server.post("live", &word("OSLO"));
-    assert_eq!(live["verdict"]["read"], "OSLO", "{live}");
+    let mut wish = word("OSLO");
+    wish["number"] = 7.into();
+    let (_, live) = server.post("live", &wish);
+    assert_eq!((&live["verdict"]["read"], &live["number"]), (&json!("OSLO"), &json!(7)), "{live}");
     assert!(live["photo"].as_str().unwrap().starts_with("data:image/jpeg;base64,/9j/"), "a JPEG");
+    assert_eq!([&live["width"], &live["height"]], [960, 540]);
+    // The lamp comes to each letter's box, one after another.
+    let (strokes, boxes) = (&live["replay"]["strokes"], &live["boxes"]);
+    assert_eq!(boxes.as_array().unwrap().len(), 4);
+    for stroke in strokes.as_array().unwrap() {
+        let at: Vec<i64> = serde_json::from_value(stroke["at"].clone()).unwrap();
+        let letter = stroke["letter"].as_u64().unwrap() as usize;
+        let edges: Vec<i64> = serde_json::from_value(boxes[letter].clone()).unwrap();
+        let inside = |p: &[i64]| {
+            (edges[0] - 300..=edges[2] + 300).contains(&p[1])
+                && (edges[1] - 500..=edges[3] + 500).contains(&p[2])
+        };
+        assert!(at.chunks(3).all(inside), "letter {letter}: {edges:?} {at:?}");
+        assert!(at.chunks(3).is_sorted_by_key(|p| p[0]), "in order of time");
+    }
 
     let (_, large) = server.post("photos", &word("OSLO"));
-    assert_eq!((&large["id"], &large["read"]), (&json!(1), &json!("OSLO")), "{large}");
-    let (_, png) = server.get("photos/1/photo.png");
+    assert_eq!(large["read"], "OSLO", "{large}");
+    let id = large["id"].as_str().unwrap();
+    assert!(id.len() == 32, "not to be guessed: {id}");
+    let (_, png) = server.get(&format!("photos/{id}/photo.png"));
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o"];
     noctograph(folder.path()).args(typed).arg(".").assert().success();
     assert!(png == std::fs::read(folder.path().join("photo.png")).unwrap(), "the same bytes");
-    let begins = |route: &str, with: &[u8]| {
-        let (status, body) = server.get(route);
-        assert!(status == 200 && body.starts_with(with), "{route}: {status}");
+    let begins = |name: &str, with: &[u8]| {
+        let (status, body) = server.get(&format!("photos/{id}/{name}"));
+        assert!(status == 200 && body.starts_with(with), "{name}: {status}");
     };
-    begins("photos/1/plan.svg", b"<svg");
-    begins("photos/1/report.html", b"<!doctype html>");
-    begins("photos/1/flight.zip", b"PK\x03\x04");
+    begins("photo.jpg", &[0xff, 0xd8]);
+    begins("plan.svg", b"<svg");
+    begins("report.html", b"<!doctype html>");
+    begins("flight.zip", b"PK\x03\x04");
 
-    assert_eq!(server.post("wall", &json!({ "id": 2 })).0, 404, "no such photo");
-    assert_eq!(server.post("wall", &json!({ "id": 1 })).1, json!({ "number": 1 }));
-    let (_, wall) = server.get("wall");
-    assert_eq!(wall, br#"[{"number":1,"word":"OSLO"}]"#);
-    assert!(server.get("wall/1").1 == png, "the photo itself hangs there");
+    let tall = json!({ "visitor": "me", "word": "I", "aspect": 0.5 });
+    let (_, tall) = server.post("live", &tall);
+    assert_eq!([&tall["width"], &tall["height"]], [510, 1018], "the stage's own shape");
+}
+
+#[test]
+fn a_script_that_is_not_safe_is_refused_with_its_reason() {
+    let server = Server::start(&[]);
+    let large = json!({ "letters.cap_height_m": "1.2" });
+    let wish = json!({
+        "visitor": "me", "word": "MMM", "settings": large, "room": "4x3x2.5", "advice": false,
+    });
+    let (_, large) = server.post("photos", &wish);
+    let stops = large["stops"].as_array().unwrap_or_else(|| panic!("{large}"));
+    assert!(stops[0]["key"].as_str().unwrap().starts_with("stop-"), "{stops:?}");
+    let (status, body) =
+        server.get(&format!("photos/{}/flight.zip", large["id"].as_str().unwrap()));
+    let said: Value = serde_json::from_slice(&body).unwrap();
+    assert_eq!((status, key(&said)), (409, "not-safe"));
+    assert_eq!(said["error"]["values"]["stops"], large["stops"], "the reasons, as data");
+}
+
+/// Every lamp of the page shines alone, in color and in white.
+#[test]
+fn every_lamp_that_can_be_chosen_writes() {
+    let server = Server::start(&[]);
+    let about = server.json(&format!("{}about.json", server.path));
+    let red = about["colors"].as_array().unwrap().iter().find(|it| it["name"] == "red").unwrap();
+    for (deck, lamp) in
+        [("led-ring", "ring"), ("color-led", "color-led"), ("led-ring", "headlights")]
+    {
+        let mut settings = json!({ "light.deck": deck, "plan.lights": format!("[\"{lamp}\"]") });
+        if lamp != "headlights" {
+            settings["light.letters_wrgb"] = json!(json!([red[lamp]]).to_string());
+        }
+        let wish = json!({ "visitor": "me", "word": "LI", "settings": settings });
+        let (_, live) = server.post("live", &wish);
+        assert_eq!(
+            (&live["obstacles"], &live["verdict"]["read"]),
+            (&json!([]), &json!("LI")),
+            "{lamp}"
+        );
+        let rgb: [u8; 3] =
+            serde_json::from_value(live["replay"]["strokes"][0]["rgb"].clone()).unwrap();
+        let is_red = rgb[0] > 2 * rgb[1].max(rgb[2]);
+        assert_eq!(is_red, lamp != "headlights", "{lamp}: {rgb:?}");
+    }
+}
+
+/// The camera holds still while one draws on the pad, and a tap is a dot.
+#[test]
+fn the_pad_is_the_photograph() {
+    let server = Server::start(&[]);
+    let drawn = |strokes: Value| {
+        let text = json!({ "strokes": strokes, "canvas": [0, 0, 1600, 900] }).to_string();
+        let settings =
+            json!({ "letters.canvas_m": "[3.2, 1.8]", "camera.framing.fill_frac": "0.8" });
+        let drawing = json!({ "kind": "json", "text": text });
+        let wish = json!({ "visitor": "me", "drawing": drawing, "settings": settings });
+        let (_, live) = server.post("live", &wish);
+        let strokes = live["replay"]["strokes"].as_array().unwrap_or_else(|| panic!("{live}"));
+        strokes
+            .iter()
+            .map(|it| serde_json::from_value::<Vec<f64>>(it["at"].clone()).unwrap())
+            .collect::<Vec<_>>()
+    };
+    // Where a point of the pad is in the photo, in ten-thousandths.
+    let place = |x: f64, side: f64| 1e4 * (0.5 + 0.8 * (x / side - 0.5));
+    let near = |at: &[f64], [x, y]: [f64; 2], most: f64| {
+        (at[1] - place(x, 1600.0)).abs() < most && (at[2] - place(y, 900.0)).abs() < most
+    };
+    let line = json!([[400, 300], [1200, 300]]);
+    let alone = drawn(json!([line]));
+    assert!(near(&alone[0][..3], [400.0, 300.0], 150.0), "{:?}", &alone[0][..3]);
+    let both = drawn(json!([line, [[800, 800]]]));
+    assert!(near(&both[0][..3], [400.0, 300.0], 150.0), "it stays where it was");
+    let tap = both.last().unwrap();
+    assert!(tap.chunks(3).all(|at| near(at, [800.0, 800.0], 150.0)), "a dot: {tap:?}");
+}
+
+#[test]
+fn a_wish_that_arrives_after_a_newer_one_ends_nothing() {
+    let server = Server::start(&[]);
+    let numbered =
+        |number: u64, text: &str| json!({ "visitor": "me", "word": text, "number": number });
+    let mut newer = server.connect();
+    let path = format!("{}live", server.path);
+    newer.write_all(&server.posting(&path, &numbered(8, "LANTERNS"))).unwrap();
+    std::thread::sleep(Duration::from_millis(60));
+    let late = server.post("live", &numbered(7, "LANTERN")).1;
+    assert_eq!(late, json!({ "number": 7, "stopped": true }));
+    let mut answer = String::new();
+    newer.read_to_string(&mut answer).unwrap();
+    assert!(answer.contains("\"read\":\"LANTERNS\"") && answer.contains("\"number\":8"));
 }
 
 #[test]
@@ -241,9 +444,7 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
         let crowds: Vec<_> = (0..32).map(|n| scope.spawn(move || crowd(n))).collect();
         crowds.into_iter().flat_map(|crowd| crowd.join().unwrap()).collect()
     });
-    assert!(statuses.iter().all(|status| matches!(status, 200 | 503)), "{statuses:?}");
-    let done = statuses.iter().filter(|status| **status == 200).count();
-    assert!((1..statuses.len()).contains(&done), "{done} of {}: some wait", statuses.len());
+    assert!(statuses.iter().all(|status| *status == 200), "{statuses:?}");
     let begun = Instant::now();
     while server.figure("Threads") > threads && begun.elapsed() < Duration::from_secs(8) {
         std::thread::sleep(Duration::from_millis(50));
@@ -256,34 +457,294 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
     assert_eq!(server.post("live", &word("OSLO")).1["verdict"]["read"], "OSLO", "it lives on");
 }
 
+/// Confirmed entries are there after a kill at any moment, and none is there in part.
 #[test]
-fn a_gallery_survives_a_kill() {
+fn entries_survive_kills() {
     let folder = tempfile::tempdir().unwrap();
     let gallery = folder.path().join("gallery");
-    let flag = gallery.to_str().unwrap();
-    let mut server = Server::start(&["--gallery", flag]);
-    server.post("photos", &word("OSLO"));
-    assert_eq!(server.post("wall", &json!({ "id": 1 })).1, json!({ "number": 1 }));
-    // A visitor waits for a photo, and another hangs photos up, when the program is killed.
-    let mut waiting = server.connect();
-    waiting.write_all(&server.posting("photos", &word("KYOTO"))).unwrap();
-    let mut hanging: Vec<TcpStream> = (0..8).map(|_| server.connect()).collect();
-    for stream in &mut hanging {
-        stream.write_all(&server.posting("wall", &json!({ "id": 1 }))).unwrap();
+    let flags = ["--gallery", gallery.to_str().unwrap()];
+    let mut confirmed: Vec<String> = Vec::new();
+    let mut first = None;
+    for round in 0..6_u64 {
+        let mut server = Server::start(&flags);
+        let address = first.get_or_insert((server.path.clone(), server.operator.clone()));
+        assert_eq!(*address, (server.path.clone(), server.operator.clone()), "it stays the same");
+        let photo = server.photo("me", "I");
+        let path = format!("{}entries", server.path);
+        // Each is another visitor, who waits for nobody.
+        let mut sending: Vec<TcpStream> = (0..12).map(|_| server.connect()).collect();
+        for (n, stream) in sending.iter_mut().enumerate() {
+            let body = json!({ "visitor": format!("v{round}x{n}"), "photo": photo });
+            stream.write_all(&server.posting(&path, &body)).unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(45 * round));
+        server.kill();
+        for mut stream in sending {
+            let mut answer = String::new();
+            let _ = stream.read_to_string(&mut answer);
+            let body = answer.rsplit("\r\n\r\n").next().unwrap_or_default();
+            let told = serde_json::from_str::<Value>(body).unwrap_or_default();
+            confirmed.extend(told["id"].as_str().map(str::to_owned));
+        }
     }
-    std::thread::sleep(Duration::from_millis(5));
-    server.child.kill().unwrap();
-    server.child.wait().unwrap();
-    let photos = photos_in(&gallery);
-    assert!(!photos.is_empty() && photos.iter().all(|photo| *photo == photos[0]), "all are whole");
-    let again = Server::start(&["--gallery", flag]);
-    let wall: Value = serde_json::from_slice(&again.get("wall").1).unwrap();
-    assert_eq!(wall.as_array().unwrap().len(), photos.len());
+    let server = Server::start(&flags);
+    let queue = server.json(&format!("{}queue.json", server.operator));
+    let kept: Vec<&Value> = queue["entries"].as_array().unwrap().iter().collect();
+    assert!(!confirmed.is_empty() && confirmed.len() <= kept.len());
+    for id in &confirmed {
+        assert!(kept.iter().any(|entry| entry["id"] == **id), "{id} is lost");
+        let (status, png) = server.at(&format!("/e/{id}/photo.png"));
+        assert!(status == 200 && png.ends_with(b"IEND\xaeB\x60\x82"), "{id} is whole");
+    }
+    let mut numbers: Vec<u64> =
+        kept.iter().map(|entry| entry["number"].as_u64().unwrap()).collect();
+    let is_sorted = numbers.is_sorted();
+    numbers.dedup();
+    assert!(is_sorted && numbers.len() == kept.len(), "each has its own number");
+    // The next entry that is kept removes what a kill left.
+    server.send("late", &server.photo("late", "I"));
+    let names = std::fs::read_dir(&gallery).unwrap().flatten().map(|entry| entry.file_name());
+    assert!(names.into_iter().all(|name| !name.to_string_lossy().starts_with(".noctograph")));
 }
 
-/// The bytes of the photos in a folder.
-fn photos_in(folder: &Path) -> Vec<Vec<u8>> {
-    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let photos = paths.filter(|path| path.extension().is_some_and(|end| end == "png"));
-    photos.map(|path| std::fs::read(path).unwrap()).collect()
+#[test]
+fn the_operator_decides_what_hangs_and_what_flies() {
+    let server = Server::start(&["--network"]);
+    let photos = ["I", "LI"].map(|text| server.photo("me", text));
+    let (status, sent) = server.send("me", &photos[0]);
+    let id = sent["id"].as_str().unwrap().to_owned();
+    assert_eq!((status, &sent["number"]), (201, &json!(1)));
+    assert_eq!(server.send("me", &photos[0]), (200, sent.clone()), "sent twice, kept once");
+    let other = server.send("me", &photos[1]).1["id"].as_str().unwrap().to_owned();
+    let wall = || server.json(&format!("{}wall", server.path))["photos"].clone();
+    assert_eq!(wall(), json!([]), "nothing hangs that nobody approved");
+
+    // Whose it is sees it, and nobody else does.
+    let own = server.json(&format!("/e/{id}/entry.json"));
+    assert_eq!((&own["state"], &own["title"]), (&json!("waiting"), &json!("I")));
+    assert_eq!(server.at(&format!("/e/{id}/queue.json")).0, 404);
+    assert_eq!(server.post_at(&format!("/e/{id}/entries"), &json!({})).0, 403);
+    let (status, code) = server.at(&format!("/e/{id}/qr.svg"));
+    assert!(status == 200 && code.starts_with(b"<svg"), "a code of its page");
+
+    let queue = || server.json(&format!("{}queue.json", server.operator));
+    let act = |id: &str, act: Value| server.operate(&format!("entries/{id}"), &act);
+    let first = |queue: Value| queue["entries"][0]["id"].as_str().unwrap().to_owned();
+    assert_eq!(first(queue()), id);
+    assert_eq!(server.operate("order", &json!({ "ids": [other, id] })).0, 200);
+    assert_eq!(first(queue()), other);
+    assert_eq!(server.json(&format!("/e/{id}/entry.json"))["ahead"], 1);
+    let seen = queue()["revision"].as_u64().unwrap();
+    let news = std::thread::scope(|scope| {
+        let path = format!("{}news?seen={seen}", server.path);
+        let news = scope.spawn(|| server.json(&{ path }));
+        std::thread::sleep(Duration::from_millis(100));
+        assert_eq!(act(&id, json!({ "do": "approve", "was": "waiting" })).0, 200);
+        news.join().unwrap()
+    });
+    assert!(news["revision"].as_u64().unwrap() > seen, "{news}");
+    assert_eq!(act(&id, json!({ "do": "approve", "was": "waiting" })).0, 409, "too late");
+    let key_of = wall()[0]["key"].as_str().unwrap().to_owned();
+    assert_ne!(key_of, id, "the wall leads to no entry");
+    assert_eq!(server.at(&format!("/e/{key_of}/")).0, 404);
+    assert_eq!(server.get(&format!("wall/{key_of}.jpg")).0, 200);
+    act(&id, json!({ "do": "hide" }));
+    assert_eq!((wall(), server.get(&format!("wall/{key_of}.jpg")).0), (json!([]), 404));
+    act(&id, json!({ "do": "show" }));
+
+    // Both are approved, and written as scripts in their order.
+    act(&other, json!({ "do": "approve" }));
+    let told = server.json(&format!("{}export.json", server.operator));
+    assert_eq!([&told[0]["folder"], &told[1]["folder"]], ["01-LI", "02-I"], "{told}");
+    let (_, zip) = server.at(&format!("{}export.zip", server.operator));
+    assert!(zip.windows(6).any(|name| name == b"02-I/I" || name == b"02-I/c"), "scripts in it");
+    act(&other, json!({ "do": "fly" }));
+    act(&id, json!({ "do": "fly" }));
+    let states = |queue: Value| [0, 1].map(|k| queue["entries"][k]["state"].clone());
+    assert_eq!(states(queue()), ["flown", "flying"], "one flies at a time");
+    let back = json!({ "do": "withdraw", "visitor": "me" });
+    assert_eq!(server.post(&format!("entries/{id}"), &back).0, 409, "it flies");
+
+    assert_eq!(server.operate("pause", &json!({ "paused": true })).0, 200);
+    let (status, refused) = server.send("else", &photos[0]);
+    assert_eq!((status, key(&refused)), (503, "paused"));
+    server.operate("pause", &json!({ "paused": false }));
+    let late = server.photo("late", "I");
+    let withdrawn = server.send("late", &late).1["id"].as_str().unwrap().to_owned();
+    let foreign = server.post(&format!("entries/{withdrawn}"), &back);
+    assert_eq!(foreign.0, 404, "not theirs");
+    let own = json!({ "do": "withdraw", "visitor": "late" });
+    assert_eq!(server.post(&format!("entries/{withdrawn}"), &own).0, 200);
+    assert_eq!(server.at(&format!("/e/{withdrawn}/entry.json")).0, 404);
+    // A name is not found by trying.
+    let guesses = (0..500_u128).map(|n| format!("/e/{n:032x}/entry.json"));
+    assert!(guesses.map(|path| server.at(&path).0).all(|status| status == 404));
+}
+
+#[test]
+fn a_host_sets_limits() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(at("list"), "no\n").unwrap();
+    std::fs::write(at("brand.toml"), "title = \"Hall\"\n[consent]\nen = \"It may hang.\"\n")
+        .unwrap();
+    let (list, brand) = (at("list"), at(""));
+    let server = Server::start(&["--kiosk", "--block", &list, "--brand", &brand]);
+    let about = server.json(&format!("{}about.json", server.path));
+    assert_eq!([&about["kiosk"], &about["home"]], [true, false], "{about}");
+    assert_eq!(about["brand"]["consent"]["en"], "It may hang.");
+    assert!(about["scene"].is_null(), "no settings");
+    let blocked = server.photo("me", "Nó");
+    assert_eq!(key(&server.send("me", &blocked).1), "blocked");
+    assert_eq!(key(&server.send("me", &"0".repeat(32)).1), "gone");
+    for n in 0..4 {
+        let photo = server.photo("me", &"I".repeat(n + 1));
+        let (status, answer) = server.send("me", &photo);
+        let wanted = if n < 3 { (201, "") } else { (429, "entries-many") };
+        assert_eq!((status, key(&answer)), wanted, "{n}");
+        for name in ["plan.svg", "report.html", "flight.zip"] {
+            assert_eq!(server.get(&format!("photos/{photo}/{name}")).0, 403, "{name}");
+        }
+    }
+    let here = tempfile::tempdir().unwrap();
+    noctograph(here.path()).args(["serve", "--brand", "nowhere"]).assert().code(2);
+    noctograph(here.path()).args(["serve", "--keep", "-1"]).assert().code(2);
+}
+
+/// A gallery is one server's, links in it are not followed, and a foreign file does no harm.
+#[cfg(unix)]
+#[test]
+fn a_gallery_is_not_what_somebody_puts_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let gallery = folder.path().join("gallery");
+    let flags = ["--gallery", gallery.to_str().unwrap()];
+    let mut server = Server::start(&flags);
+    let second = noctograph(folder.path()).arg("serve").args(flags).assert().code(2);
+    assert!(String::from_utf8_lossy(&second.get_output().stderr).contains("another server"));
+    let ids = ["I", "LI"].map(|text| {
+        let photo = server.photo("me", text);
+        server.send("me", &photo).1["id"].as_str().unwrap().to_owned()
+    });
+    server.kill();
+
+    let (secret, own) = (folder.path().join("secret"), gallery.join("0001-I"));
+    std::fs::write(&secret, "secret").unwrap();
+    for name in ["photo.jpg", "photo.png"] {
+        std::fs::remove_file(own.join(name)).unwrap();
+        std::os::unix::fs::symlink(&secret, own.join(name)).unwrap();
+    }
+    let moved = folder.path().join("moved");
+    std::fs::rename(gallery.join("0002-LI"), &moved).unwrap();
+    std::os::unix::fs::symlink(&moved, gallery.join("0002-LI")).unwrap();
+    std::fs::File::create(gallery.join("0003-BIG.png")).unwrap().set_len(200 << 20).unwrap();
+    std::fs::create_dir(gallery.join("0003-X")).unwrap();
+    std::fs::File::create(gallery.join("0003-X/entry.json")).unwrap().set_len(200 << 20).unwrap();
+
+    let server = Server::start(&flags);
+    for name in ["photo.jpg", "photo.png"] {
+        let (status, body) = server.at(&format!("/e/{}/{name}", ids[0]));
+        assert!(status == 404 && !body.starts_with(b"secret"), "{name}");
+    }
+    assert_eq!(server.at(&format!("/e/{}/entry.json", ids[1])).0, 404, "a link is no entry");
+    // A folder that has the next name by hand is not written into.
+    std::fs::create_dir(gallery.join("0002-I")).unwrap();
+    std::fs::write(gallery.join("0002-I/mine"), "by hand").unwrap();
+    assert_eq!(server.send("me", &server.photo("me", "I")).1["number"], 3);
+    assert!(!gallery.join("0002-I/entry.json").exists());
+}
+
+/// Strangers who say nothing, or who go on talking after they were refused, keep nobody out.
+#[test]
+fn strangers_keep_nobody_out() {
+    let server = Server::start(&[]);
+    let mut strangers: Vec<TcpStream> = (0..300).map(|_| server.connect()).collect();
+    for stranger in &mut strangers {
+        let _ = stranger.write_all(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n");
+    }
+    let last = strangers.last_mut().unwrap();
+    let begun = Instant::now();
+    let mut is_closed = false;
+    while begun.elapsed() < Duration::from_secs(9) && !is_closed {
+        assert_eq!(server.get("alive").0, 200);
+        std::thread::sleep(Duration::from_millis(100));
+        is_closed = last.write_all(b"x").is_err();
+    }
+    assert!(is_closed, "a refused connection is closed, whatever it says");
+}
+
+/// Reports are made one at a time, and not for those who hung up.
+#[cfg(target_os = "linux")]
+#[test]
+fn downloads_wait_in_line_and_end_with_their_connection() {
+    let server = Server::start(&[]);
+    let id = server.photo("me", "NOOR");
+    let path = format!("{}photos/{id}/report.html", server.path);
+    for _ in 0..20 {
+        server.connect().write_all(&server.getting(&path)).unwrap();
+    }
+    let most = (0..10).map(|_| {
+        std::thread::sleep(Duration::from_millis(30));
+        children(server.child.id()).len()
+    });
+    assert!(most.max().unwrap() <= 3, "three workers, however much is asked for");
+    let begun = Instant::now();
+    assert_eq!(server.get(&format!("photos/{id}/plan.svg")).0, 200);
+    assert!(begun.elapsed() < Duration::from_secs(8), "{:?}", begun.elapsed());
+}
+
+/// A drawing that takes long costs its own visitor, and not the server's memory.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_large_drawing_holds_nobody_up() {
+    let server = Server::start(&[]);
+    assert_eq!(server.post("live", &word("I")).0, 200);
+    let strokes: String =
+        (0..9000).map(|n| format!("M{} {}h2", n * 37 % 997, n * 71 % 401)).collect();
+    let svg = format!(
+        "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 1000 400'><path stroke='red' d='{strokes}'/></svg>"
+    );
+    let drawing = json!({ "visitor": "large", "drawing": { "kind": "svg", "text": svg } });
+    let mut large = server.connect();
+    large.write_all(&server.posting(&format!("{}live", server.path), &drawing)).unwrap();
+    let begun = Instant::now();
+    for text in ["LI", "IL", "LL"] {
+        assert_eq!(server.post("live", &word(text)).1["verdict"]["read"], text);
+    }
+    assert!(begun.elapsed() < Duration::from_secs(12), "{:?}", begun.elapsed());
+    assert!(server.figure("VmHWM") < 150_000, "{} kB", server.figure("VmHWM"));
+    let mut answer = String::new();
+    large.read_to_string(&mut answer).unwrap();
+    assert!(answer.contains("200"), "it is answered, too");
+}
+
+/// A server that is killed leaves no process, and the next one removes what it left on the disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_server_leaves_nothing() {
+    let temporary = tempfile::tempdir().unwrap();
+    let names = || {
+        let names = std::fs::read_dir(temporary.path()).unwrap().flatten();
+        names.map(|entry| entry.file_name()).collect::<Vec<_>>()
+    };
+    let mut server = Server::start_in(temporary.path(), &[]);
+    let id = server.photo("me", "I");
+    server.post("live", &word("I"));
+    // One that is busy ends as well.
+    let mut asking = server.connect();
+    let path = format!("{}photos/{id}/report.html", server.path);
+    asking.write_all(&server.getting(&path)).unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    let workers = children(server.child.id());
+    assert!(workers.len() >= 2, "{workers:?}");
+    server.kill();
+    let lives = |number: &u32| {
+        let line = std::fs::read_to_string(format!("/proc/{number}/cmdline")).unwrap_or_default();
+        line.contains("--worker")
+    };
+    soon("workers end with their server", || !workers.iter().any(lives));
+    let before = names();
+    assert_eq!(before.len(), 1, "{before:?}");
+    let _again = Server::start_in(temporary.path(), &[]);
+    let after = names();
+    assert!(after.len() == 1 && after != before, "{before:?}, then {after:?}");
 }

@@ -4,8 +4,10 @@
 //! The heads are parsed by httparse, hyper's parser. A whole server crate would own the sockets,
 //! and with them the limits that the page needs on silent and on many connections.
 
+use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{IpAddr, TcpStream};
+use std::net::{IpAddr, Shutdown, TcpStream};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -15,12 +17,16 @@ const MAX_HEAD: usize = 16 << 10;
 const MAX_FIELDS: usize = 64;
 /// Longest body: a drawing.
 pub(super) const MAX_BODY: usize = 256 << 10;
-/// Time within which a request must be here, and each part of an answer be taken.
+/// Time within which a request must be here, and least time for an answer to be taken.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// What is read, and how long, of a request that was refused before its end: a connection that is
-/// closed on unread bytes may lose its answer.
+/// Least rate at which an answer must be taken: a photo of 2.5 MB within 30 s.
+const LEAST_BYTES_S: u64 = 100_000;
+/// What is read, and how long in all, of a request that was refused before its end: a connection
+/// that is closed on unread bytes may lose its answer.
 const LEFT: usize = 1 << 20;
 const LEFT_PATIENCE: Duration = Duration::from_millis(500);
+/// What is read or written at a time.
+const PART: usize = 16 << 10;
 
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,46 +101,95 @@ impl Connection {
     }
 
     fn read_more(&mut self) -> Answered<()> {
-        let late = Refusal(408, "the request did not arrive in time");
-        let left = self.deadline.checked_duration_since(Instant::now()).ok_or(late)?;
-        self.stream
-            .set_read_timeout(Some(left.max(Duration::from_millis(1))))
-            .map_err(|_closed| GONE)?;
-        let mut part = [0; 8192];
-        match self.stream.read(&mut part) {
+        let mut part = [0; PART];
+        match self.read(&mut part, self.deadline) {
             Ok(0) => Err(GONE),
             Ok(n) => {
                 self.bytes.extend_from_slice(&part[..n]);
                 Ok(())
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                Err(late)
+            Err(error) if is_late(&error) => {
+                Err(Refusal(408, "the request did not arrive in time"))
             }
             Err(_) => Err(GONE),
         }
     }
 
-    /// Sends an answer and closes the connection. Returns whether all of it was taken.
-    pub(super) fn answer(mut self, answer: Answer) -> bool {
-        let sent = self.send(answer).is_ok();
-        let _ = self.stream.shutdown(std::net::Shutdown::Write);
-        let _ = self.stream.set_read_timeout(Some(LEFT_PATIENCE));
-        let _ = std::io::copy(&mut (&self.stream).take(LEFT as u64), &mut std::io::sink());
-        sent
+    fn read(&self, part: &mut [u8], deadline: Instant) -> std::io::Result<usize> {
+        self.stream.set_read_timeout(Some(left(deadline)?))?;
+        (&self.stream).read(part)
     }
 
-    fn send(&mut self, answer: Answer) -> std::io::Result<()> {
-        self.stream.set_write_timeout(Some(PATIENCE))?;
+    /// Whether the other side has hung up. A browser keeps both directions open until it has its
+    /// answer.
+    pub(super) fn is_gone(&self) -> bool {
+        let looked = self.stream.set_nonblocking(true).and_then(|()| self.stream.peek(&mut [0]));
+        let _ = self.stream.set_nonblocking(false);
+        match looked {
+            Ok(n) => n == 0,
+            Err(error) => !is_late(&error),
+        }
+    }
+
+    /// Sends an answer within a time for the whole of it, and closes the connection.
+    pub(super) fn answer(self, answer: Answer) {
+        let seconds = PATIENCE + Duration::from_secs(answer.body.length() / LEAST_BYTES_S);
+        let _ = self.send(answer, Instant::now() + seconds);
+        let _ = self.stream.shutdown(Shutdown::Write);
+        let (deadline, mut n_left) = (Instant::now() + LEFT_PATIENCE, LEFT);
+        let mut part = [0; PART];
+        while let Ok(n @ 1..) = self.read(&mut part, deadline) {
+            n_left = n_left.saturating_sub(n);
+            if n_left == 0 {
+                break;
+            }
+        }
+    }
+
+    fn send(&self, answer: Answer, deadline: Instant) -> std::io::Result<()> {
         self.stream.set_nodelay(true)?;
         let Answer { status, kind, fields, body } = answer;
-        let mut head = format!(
+        let length = body.length();
+        let head = format!(
             "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nConnection: close\r\n\
-             Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n\
-             Cross-Origin-Resource-Policy: same-origin\r\nReferrer-Policy: no-referrer\r\n{fields}"
+             X-Content-Type-Options: nosniff\r\nCross-Origin-Resource-Policy: same-origin\r\n\
+             Referrer-Policy: no-referrer\r\n{fields}Content-Length: {length}\r\n\r\n"
         );
-        head += &format!("Content-Length: {}\r\n\r\n", body.len());
-        self.stream.write_all(&[head.as_bytes(), &body].concat())
+        match body {
+            Body::Bytes(bytes) => self.write(&[head.into_bytes(), bytes].concat(), deadline),
+            Body::File(file, length) => {
+                self.write(head.as_bytes(), deadline)?;
+                let (mut file, mut part) = (file.take(length), vec![0; PART]);
+                loop {
+                    match file.read(&mut part)? {
+                        0 => return Ok(()),
+                        n => self.write(&part[..n], deadline)?,
+                    }
+                }
+            }
+        }
     }
+
+    fn write(&self, mut bytes: &[u8], deadline: Instant) -> std::io::Result<()> {
+        while !bytes.is_empty() {
+            self.stream.set_write_timeout(Some(left(deadline)?))?;
+            match (&self.stream).write(bytes)? {
+                0 => return Err(ErrorKind::WriteZero.into()),
+                n => bytes = &bytes[n..],
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is left until a deadline.
+fn left(deadline: Instant) -> std::io::Result<Duration> {
+    let left = deadline.checked_duration_since(Instant::now()).ok_or(ErrorKind::TimedOut)?;
+    Ok(left.max(Duration::from_millis(1)))
+}
+
+fn is_late(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }
 
 /// The other side closed the connection: nobody reads an answer.
@@ -147,16 +202,59 @@ pub(super) struct Answer {
     kind: &'static str,
     /// Further fields, each with its end of line.
     fields: String,
-    body: Vec<u8>,
+    body: Body,
+}
+
+#[derive(Debug)]
+enum Body {
+    Bytes(Vec<u8>),
+    /// A file of a length: what a slow reader takes does not wait in memory.
+    File(File, u64),
+}
+
+impl Body {
+    fn length(&self) -> u64 {
+        match self {
+            Self::Bytes(bytes) => bytes.len() as u64,
+            Self::File(_, length) => *length,
+        }
+    }
 }
 
 impl Answer {
     pub(super) fn whole(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
-        Self { status: 200, kind, fields: String::new(), body: body.into() }
+        Self::new(kind, Body::Bytes(body.into())).with_field("Cache-Control", "no-store")
+    }
+
+    /// A file that does not change, and the browser may keep.
+    pub(super) fn file(kind: &'static str, path: &Path) -> std::io::Result<Self> {
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        let kept = ("Cache-Control", "private, max-age=86400, immutable");
+        Ok(Self::new(kind, Body::File(file, length)).with_field(kept.0, kept.1))
+    }
+
+    /// A file of the page, which the browser may keep as long as its mark is the same.
+    pub(super) fn marked(kind: &'static str, body: &str, mark: &str, head: &Head) -> Self {
+        let is_known = head.field("if-none-match") == Some(mark);
+        let body = if is_known { "" } else { body };
+        let answer = Self::new(kind, Body::Bytes(body.into()))
+            .with_status(if is_known { 304 } else { 200 })
+            .with_field("Cache-Control", "no-cache");
+        answer.with_field("ETag", mark)
     }
 
     pub(super) fn json(value: &Value) -> Self {
         Self::whole("application/json", value.to_string())
+    }
+
+    fn new(kind: &'static str, body: Body) -> Self {
+        Self { status: 200, kind, fields: String::new(), body }
+    }
+
+    pub(super) fn with_status(self, status: u16) -> Self {
+        let answer = Self { status, ..self };
+        if status == 503 { answer.with_field("Retry-After", "2") } else { answer }
     }
 
     pub(super) fn with_field(mut self, name: &str, value: &str) -> Self {
@@ -167,7 +265,6 @@ impl Answer {
 
 impl From<Refusal> for Answer {
     fn from(Refusal(status, why): Refusal) -> Self {
-        let refused = Self { status, ..Self::whole("text/plain; charset=utf-8", why) };
-        if status == 503 { refused.with_field("Retry-After", "2") } else { refused }
+        Self::whole("text/plain; charset=utf-8", why).with_status(status)
     }
 }

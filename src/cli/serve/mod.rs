@@ -1,60 +1,108 @@
-//! `noctograph serve`: a page on which a word becomes a photo while one types or draws it.
+//! `noctograph serve`: a page on which a word becomes a photo while one types or draws it, and from
+//! which it is sent to be flown.
 //!
-//! A request comes in through [`http`], is admitted by [`guard`], becomes a [`wish`], waits in a
-//! [`queue`] and is made by the [`studio`]; the [`wall`] shows what was hung up. The page itself is
-//! one file, put together from `page.html`, `page.css`, `page.js` and the table of its words.
+//! A connection comes in through the [`door`], its request by [`http`], and is admitted by the
+//! [`guard`]; [`routes`] answer it. What has to be made is a [`wish`], waits in a [`queue`], and is
+//! made by a [`worker`] in its [`studio`]; large photos are [`kept`] for a while, and
+//! [`entries`] for good. The page itself is the folder `page`.
 
 use std::ffi::OsString;
-use std::hash::{BuildHasher, RandomState};
-use std::io::{Read, Write};
-use std::net::{IpAddr, Ipv4Addr, TcpListener, TcpStream, UdpSocket};
+use std::io::IsTerminal;
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::outcome::{Report, line};
-use super::{STACK, message, print};
+use super::{message, print};
 use crate::error::{Error, Result};
-use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
-use crate::scene::Scene;
-use guard::{Admitted, Guard};
-use http::{Answer, Answered, Connection, Head, Refusal};
+use address::{Address, own_ip};
+use block::BlockList;
+use brand::Brand;
+use entries::Entries;
+use guard::Guard;
+use noctograph_core::files::folder_in;
 use queue::Queue;
-use studio::{Kept, Studio};
-use wall::Wall;
-use wish::{Wish, preview_args};
+use routes::{Hall, Server};
+use studio::{JPEG, PNG, REPLAY, SCENE};
+use wish::preview_args;
+use worker::Lane;
 
+mod address;
+mod block;
+mod brand;
+mod door;
+mod entries;
 mod guard;
 mod http;
+mod kept;
+mod page;
+mod qr;
 mod queue;
+mod replay;
+mod routes;
+mod said;
 mod studio;
-mod wall;
+mod time;
 mod wish;
+mod worker;
 
-/// Most connections at a time. A browser keeps six.
-const MAX_CONNECTIONS: usize = 64;
+/// Files of a large photo that an entry keeps.
+const KEPT: [&str; 4] = [PNG, JPEG, REPLAY, SCENE];
+
+/// Longest time of a photo while one types, and of a large one: a word that does not read is flown
+/// some thirty times for advice.
+const LIVE_PATIENCE: Duration = Duration::from_secs(10);
+const LARGE_PATIENCE: Duration = Duration::from_secs(60);
+
+/// Time between two looks for entries whose days are over.
+const SWEEP: Duration = Duration::from_secs(600);
 
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
     /// Scene that the page begins with
     #[arg(long, value_name = "SCENE")]
     scene: Option<OsString>,
-    /// Port; 0 takes one that is free
+    /// Port; 0 takes that of the gallery's address, or one that is free
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Folder that keeps the photos of the wall [default: until the program ends]
+    /// Folder that keeps the address and what visitors send [default: until the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
-    /// Serve the local network too: whoever has the address may write and draw
+    /// Serve the local network too: whoever has the address may write, draw and send
     #[arg(long)]
     network: bool,
+    /// For a screen in a hall: no settings, no downloads, back to the start after a minute
+    #[arg(long)]
+    kiosk: bool,
+    /// With --network, show on the wall what nobody has approved yet
+    #[arg(long)]
+    open_wall: bool,
+    /// Folder with the host's title, colors and sentences: brand.toml, logo.svg
+    #[arg(long, value_name = "DIR")]
+    brand: Option<PathBuf>,
+    /// List of words that are not flown, one a line
+    #[arg(long, value_name = "FILE")]
+    block: Option<PathBuf>,
+    /// Remove entries after some days [default: never]
+    #[arg(long, value_name = "DAYS")]
+    keep: Option<f64>,
     /// Open the page in the browser
     #[arg(long)]
     open: bool,
+    /// Serve the page's files from a folder, for work on them
+    #[arg(long, value_name = "DIR", hide = true)]
+    page_from: Option<PathBuf>,
+    /// Make what a server asks for, on standard input
+    #[arg(long, hide = true)]
+    worker: bool,
+    /// A worker that lets others go first
+    #[arg(long, hide = true)]
+    patient: bool,
 }
 
 pub(super) fn run(args: &ServeArgs) -> Result<Report> {
@@ -62,48 +110,95 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
         Some(scene) => vec!["--scene".into(), scene.clone()],
         None => Vec::new(),
     };
-    // A scene that cannot be flown is refused now, not by every visitor's photo.
-    let scene = preview_args([base.clone(), vec!["--word=A".into()]].concat())?.shoot()?.scene;
-    let wall = Wall::open(args.gallery.as_deref())?;
-    let ip = if args.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
-    let refused = |source: std::io::Error| {
-        let hint = "choose another port, or 0 for one that is free";
-        Error::input("--port", format!("{} ({source})", args.port), "a port that is free", hint)
-    };
-    let listener = TcpListener::bind((ip, args.port)).map_err(refused)?;
-    let port = listener.local_addr().map_err(refused)?.port();
-    let guard = Guard { token: token(), port, network: args.network };
-    let address = |ip: IpAddr| format!("http://{ip}:{port}/k/{}/", guard.token);
-    let own = address(Ipv4Addr::LOCALHOST.into());
-    let mut text = line("page", &own);
-    if let Some(ip) = args.network.then(own_ip).flatten() {
-        text += &line("network", &address(ip));
-        text += &line("", "whoever has this address may write, draw and hang photos up");
-    }
-    print(&(text + &line("", "Ctrl-C ends it")))?;
-    if args.open {
-        open(&own);
-    }
-    let server = Arc::new(Server::start(guard, page_of(&scene), Studio::new(base, pool()?), wall)?);
-    // A connection that failed before it was taken is of no concern.
-    for stream in listener.incoming().flatten() {
-        server.clone().take(stream);
+    match args.worker {
+        true => worker::run(base, args.patient)?,
+        false => serve(args, base)?,
     }
     Ok(Report::new(String::new(), json!({})))
 }
 
-/// The secret part of the address, from the random keys of the standard library's hash maps.
-fn token() -> String {
-    let random = RandomState::new();
-    format!("{:016x}{:016x}", random.hash_one(0), random.hash_one(1))
+fn serve(args: &ServeArgs, base: Vec<OsString>) -> Result<()> {
+    if let Some(days) = args.keep {
+        crate::error::within("--keep", days, 0.0, 36_500.0)?;
+    }
+    // A scene that cannot be flown is refused now, not by every visitor's photo.
+    let scene = preview_args([base.clone(), vec!["--word=A".into()]].concat())?.shoot()?.scene;
+    let brand = args.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
+    let block = args.block.as_deref().map(BlockList::read).transpose()?.unwrap_or_default();
+    let temporary = std::env::temp_dir();
+    let failed = |source| Error::write(&temporary, source);
+    let (scratch, _lock) = folder_in(&temporary).map_err(failed)?;
+    let nowhere = scratch.path().join("gallery");
+    let gallery = args.gallery.as_deref();
+    let entries = Entries::open(gallery.unwrap_or(&nowhere), !args.network || args.open_wall)?;
+    let ip = if args.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
+    let (address, listener) = Address::open(gallery, args.port, ip)?;
+    let outside = args.network.then(own_ip).flatten();
+    announce(args, &address, outside)?;
+    let [live, large] = [(); 2].map(|()| Arc::new(Queue::default()));
+    let lane = |queue: &Arc<Queue>, patience, is_patient| Lane {
+        queue: queue.clone(),
+        base: base.clone(),
+        scratch: scratch.path().to_owned(),
+        patience,
+        is_patient,
+    };
+    // Two photos at a time: while one is planned, the other is exposed.
+    let lanes = [
+        lane(&live, LIVE_PATIENCE, false),
+        lane(&live, LIVE_PATIENCE, false),
+        lane(&large, LARGE_PATIENCE, true),
+    ];
+    for lane in lanes {
+        let worker = std::thread::Builder::new();
+        worker.spawn(move || lane.work()).map_err(|error| no_thread(&error))?;
+    }
+    let hall = Hall {
+        kiosk: args.kiosk,
+        brand,
+        block,
+        scene,
+        page_from: args.page_from.clone(),
+        ip: outside.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+        boot: address::secret()?,
+    };
+    let guard = Guard { address, network: args.network };
+    let server = Arc::new(Server::new(guard, hall, live, large, entries));
+    if let Some(days) = args.keep {
+        let server = server.clone();
+        let sweeping = std::thread::Builder::new().spawn(move || {
+            loop {
+                server.entries.sweep(days);
+                std::thread::sleep(SWEEP);
+            }
+        });
+        sweeping.map_err(|error| no_thread(&error))?;
+    }
+    // A connection that failed before it was taken is of no concern.
+    for stream in listener.incoming().flatten() {
+        server.clone().take(stream);
+    }
+    Ok(())
 }
 
-/// The address of this machine in its network. Nothing is sent: the socket only looks up the route
-/// to an address that is kept free for examples (RFC 5737).
-fn own_ip() -> Option<IpAddr> {
-    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
-    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
-    Some(socket.local_addr().ok()?.ip())
+/// Prints the addresses, and opens the page if asked to.
+fn announce(args: &ServeArgs, address: &Address, outside: Option<IpAddr>) -> Result<()> {
+    let own = address.of_visitors(Ipv4Addr::LOCALHOST.into());
+    let mut text = line("page", &own);
+    if let Some(ip) = outside {
+        text += &line("network", &address.of_visitors(ip));
+        text += &line("", "whoever has this address may write, draw and send");
+    }
+    text += &line("operator", &address.of_operator());
+    text += &line("", "Ctrl-C ends it");
+    if let Some(ip) = outside.filter(|_| std::io::stdout().is_terminal()) {
+        text += &qr::printed(&address.of_visitors(ip));
+    }
+    print(&text)?;
+    if args.open {
+        open(&own);
+    }
+    Ok(())
 }
 
 fn open(address: &str) {
@@ -120,207 +215,7 @@ fn open(address: &str) {
     }
 }
 
-/// Threads of the photos while one types: the verb itself occupies one of the program's own.
-fn pool() -> Result<rayon::ThreadPool> {
-    let threads =
-        rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).stack_size(STACK);
-    threads.build().map_err(|error| no_thread(&error))
-}
-
 fn no_thread(error: &dyn std::fmt::Display) -> Error {
     let hint = "allow more processes (ulimit -u)".to_owned();
     Error::Infeasible { what: format!("no thread can be started: {error}"), hint }
-}
-
-/// What answers the requests.
-struct Server {
-    guard: Guard,
-    page: String,
-    studio: Arc<Studio>,
-    /// Photos while one types.
-    live: Arc<Queue>,
-    /// Large photos and files.
-    large: Arc<Queue>,
-    wall: Wall,
-    connections: AtomicUsize,
-}
-
-impl Server {
-    fn start(guard: Guard, page: String, studio: Studio, wall: Wall) -> Result<Self> {
-        let [live, large] = [(); 2].map(|()| Arc::new(Queue::default()));
-        for queue in [&live, &large] {
-            let queue = queue.clone();
-            let worker = std::thread::Builder::new().stack_size(STACK);
-            worker.spawn(move || queue.work()).map_err(|error| no_thread(&error))?;
-        }
-        let studio = Arc::new(studio);
-        Ok(Self { guard, page, studio, live, large, wall, connections: AtomicUsize::new(0) })
-    }
-
-    /// Answers a connection in a thread of its own, or refuses it where there are too many.
-    fn take(self: Arc<Self>, stream: TcpStream) {
-        let full = self.connections.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS;
-        let counted = Counted(self);
-        if full {
-            return refuse(&stream);
-        }
-        // Without a thread the connection is closed.
-        let _ = std::thread::Builder::new().spawn(move || {
-            let mut connection = Connection::new(stream);
-            let answer = counted.0.answer(&mut connection).unwrap_or_else(Answer::from);
-            connection.answer(answer);
-            drop(counted);
-        });
-    }
-
-    fn answer(&self, connection: &mut Connection) -> Answered<Answer> {
-        let head = connection.head()?;
-        match self.guard.admit(&head)? {
-            Admitted::Get(route) => self.get(&route, &head),
-            Admitted::Post(route, length) => self.post(&route, &connection.body(length)?),
-        }
-    }
-
-    fn get(&self, route: &str, head: &Head) -> Answered<Answer> {
-        let parts: Vec<&str> = route.split('/').collect();
-        match *parts.as_slice() {
-            [""] => Ok(page(&self.page, head.peer.is_loopback())),
-            ["wall"] => Ok(Answer::json(&self.wall.list())),
-            ["wall", number] => {
-                let photo = number.parse().ok().and_then(|number| self.wall.photo(number));
-                Ok(Answer::whole("image/png", photo.ok_or(NOTHING)?.to_vec()))
-            }
-            ["photos", id, name] => {
-                let kept = id.parse().ok().and_then(|id| self.studio.kept(id)).ok_or(GONE)?;
-                self.file(&kept, name, head)
-            }
-            _ => Err(NOTHING),
-        }
-    }
-
-    /// A file of a large photo.
-    fn file(&self, kept: &Kept, name: &str, head: &Head) -> Answered<Answer> {
-        let studio = &self.studio;
-        let (kind, made) = match name {
-            "photo.png" => ("image/png", Ok(kept.png.to_vec())),
-            "plan.svg" => ("image/svg+xml", studio.plan(kept)),
-            "report.html" => ("text/html; charset=utf-8", studio.report(kept)),
-            // Who flies sits at this machine.
-            "flight.zip" if !head.peer.is_loopback() => {
-                return Err(Refusal(403, "the script is given to the machine of the program only"));
-            }
-            "flight.zip" => ("application/zip", studio.script(kept)),
-            _ => return Err(NOTHING),
-        };
-        Ok(match made {
-            Ok(bytes) => Answer::whole(kind, bytes),
-            Err(error) => {
-                Answer::whole("text/plain; charset=utf-8", format!("{error}\n{}\n", error.hint()))
-            }
-        })
-    }
-
-    fn post(&self, route: &str, body: &[u8]) -> Answered<Answer> {
-        match route {
-            "live" => self.shoot(body, &self.live, |studio, wish, stop| studio.live(wish, stop)),
-            "photos" => {
-                self.shoot(body, &self.large, |studio, wish, stop| studio.large(wish, stop))
-            }
-            "wall" => self.hang(body),
-            _ => Err(NOTHING),
-        }
-    }
-
-    /// Queues a photo, in place of older ones of the same visitor.
-    fn shoot(
-        &self,
-        body: &[u8],
-        queue: &Queue,
-        make: fn(&Studio, &Wish, &crate::shoot::Stop) -> Result<Value>,
-    ) -> Answered<Answer> {
-        let wish = match Wish::parse(body) {
-            Ok(wish) => wish,
-            Err(error) => return Ok(Answer::json(&queue::failed(&error))),
-        };
-        let studio = self.studio.clone();
-        [&self.live, &self.large].iter().for_each(|queue| queue.end(&wish.visitor));
-        let visitor = wish.visitor.clone();
-        let answer = queue.push(&visitor, Box::new(move |stop| make(&studio, &wish, stop)));
-        let answer = answer.ok_or(Refusal(503, "many visitors wait: try again"))?;
-        Ok(Answer::json(&answer.recv().unwrap_or(Value::Null)))
-    }
-
-    fn hang(&self, body: &[u8]) -> Answered<Answer> {
-        let wanted: Value =
-            serde_json::from_slice(body).map_err(|_broken| Refusal(400, "no JSON"))?;
-        let kept = wanted["id"].as_u64().and_then(|id| self.studio.kept(id)).ok_or(GONE)?;
-        match self.wall.hang(kept.wish.title(), kept.png) {
-            Ok(number) => Ok(Answer::json(&json!({ "number": number }))),
-            Err(error) => Ok(Answer::json(&queue::failed(&error))),
-        }
-    }
-}
-
-const NOTHING: Refusal = Refusal(404, "there is nothing here");
-const GONE: Refusal = Refusal(404, "this photo is no longer kept: take it again");
-
-/// A connection that counts until it is dropped.
-struct Counted(Arc<Server>);
-
-impl Drop for Counted {
-    fn drop(&mut self) {
-        self.0.connections.fetch_sub(1, Ordering::Relaxed);
-    }
-}
-
-/// Refuses a connection without a thread for it, and without waiting for its request.
-fn refuse(mut stream: &TcpStream) {
-    let _ = stream.set_nonblocking(true);
-    // What has come is taken, or else the answer would be lost with it.
-    let _ = stream.read(&mut [0; 8192]);
-    let _ = stream.write_all(
-        b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 2\r\nContent-Length: 0\r\nConnection: \
-          close\r\n\r\n",
-    );
-}
-
-/// The page with the values of a scene in its controls.
-fn page_of(scene: &Scene) -> String {
-    // In a script, `<` could end it.
-    let scene = json!(scene).to_string().replace('<', "\\u003c");
-    include_str!("page.html")
-        .replace("/*css*/", include_str!("page.css"))
-        .replace("/*words*/", include_str!("words.json"))
-        .replace("/*scene*/", &scene)
-        .replace("/*js*/", &include_str!("page.js").replace("/*colors*/", &colors()))
-}
-
-/// Colors that the page offers: of the screen, and the bytes of each lamp that show them.
-fn colors() -> String {
-    let colors = [
-        ("white", [255, 255, 255]),
-        ("red", [255, 0, 0]),
-        ("orange", [255, 165, 0]),
-        ("yellow", [255, 255, 0]),
-        ("green", [0, 255, 0]),
-        ("cyan", [0, 255, 255]),
-        ("blue", [0, 0, 255]),
-        ("magenta", [255, 0, 255]),
-    ];
-    let entry = |(name, screen): (&str, [u8; 3])| {
-        let deck = color_led_wrgb(screen, LightOptions::default().color_led_levels);
-        let [r, g, b] = ring_rgb(screen);
-        format!("{name}: {}", json!({ "screen": screen, "color-led": deck, "ring": [0, r, g, b] }))
-    };
-    format!("{{ {} }}", colors.map(entry).join(", "))
-}
-
-/// The page, which asks nobody else for anything.
-fn page(page: &str, at_home: bool) -> Answer {
-    let page = page.replace("/*home*/", if at_home { "true" } else { "false" });
-    Answer::whole("text/html; charset=utf-8", page).with_field(
-        "Content-Security-Policy",
-        "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src \
-         'self'; img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    )
 }

@@ -1,220 +1,206 @@
-//! What is made for a visitor: the photo while one types, the large one with advice, and files.
-//!
-//! The first is made within this process, so that it stands on the page at once. All others are the
-//! verbs of the command line in processes of their own: these can be ended at any moment, and take
-//! their memory with them.
+//! What a worker makes for a visitor: the photo while one types, the large one with advice, and
+//! files; by the verbs of the command line, so that the page can do what these do and nothing else.
 
-use crate::photo;
-use std::collections::VecDeque;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use rayon::ThreadPool;
+use clap::Parser;
 use serde_json::{Value, json};
-use tempfile::TempDir;
 
-use super::super::advice::mentioned;
-use super::super::preview::PreviewArgs;
-use super::super::show;
-use super::wish::{Wish, preview_args};
+use super::super::preview::{PreviewArgs, Seen, previewed};
+use super::super::{Args, Verb, export, output::Output, show};
+use super::replay::{boxes, replay};
+use super::said::Said;
+use super::wish::{Subject, preview_args};
+use super::worker::{Made, Task};
 use crate::error::{Error, Result};
-use crate::export::zip::zip;
 use crate::expose::BackendChoice;
+use crate::photo::{Photo, jpeg};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
-use crate::shoot::{Judging, Problem, Shoot, Stop};
-use noctograph_core::files::{Limit, files_in};
+use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
+use noctograph_core::files::files_in;
 
-/// Size of the photo while one types, and of the large one.
-const LIVE: &str = "--size=960x540";
-const LARGE: &str = "--size=1920x1080";
-/// Arguments of the verb that takes a large photo.
-const PREVIEW: [&str; 2] = [LARGE, "--backend=cpu"];
-/// Output folder of a verb, inside its temporary folder.
-const OUT: &str = "out";
-const JPEG_QUALITY: u8 = 85;
-/// Longest time that a verb may take. A word that does not read is flown some thirty times for
-/// advice.
-const PATIENCE: Duration = Duration::from_secs(60);
-/// How often a verb is asked whether it is done.
-const PAUSE: Duration = Duration::from_millis(2);
-/// Most large photos that are kept for downloads: 0.4 MB each.
-const MAX_KEPT: usize = 64;
+/// Pixels of the photo while one types, the same where others wait, and of the large one.
+const LIVE: f64 = 960.0 * 540.0;
+const HURRIED: f64 = 640.0 * 360.0;
+const LARGE: f64 = 1920.0 * 1080.0;
+const LIVE_QUALITY: u8 = 85;
+const LARGE_QUALITY: u8 = 92;
 
-/// Files that a verb wrote.
-const WRITTEN: Limit =
-    Limit { bytes: 64 << 20, what: "a file of a photo", hint: "choose a smaller picture" };
-
-/// A large photo, and what made it.
-#[derive(Clone, Debug)]
-pub(super) struct Kept {
-    id: u64,
-    pub(super) wish: Wish,
-    pub(super) png: Arc<[u8]>,
-}
+/// Output of a verb, inside the job's folder.
+pub(super) const OUT: &str = "out";
+/// Files that a large photo leaves there.
+pub(super) const PNG: &str = "photo.png";
+pub(super) const JPEG: &str = "photo.jpg";
+pub(super) const REPLAY: &str = "replay.json";
+pub(super) const SCENE: &str = "scene.toml";
 
 /// Makes photos and files.
 #[derive(Debug)]
 pub(super) struct Studio {
     /// Arguments of every verb: the scene that the page begins with.
     base: Vec<OsString>,
-    pool: ThreadPool,
-    kept: Mutex<VecDeque<Kept>>,
 }
 
 impl Studio {
-    pub(super) fn new(base: Vec<OsString>, pool: ThreadPool) -> Self {
-        Self { base, pool, kept: Mutex::default() }
+    pub(super) fn new(base: Vec<OsString>) -> Self {
+        Self { base }
     }
 
-    fn args(&self, wish: &Wish, folder: &Path, more: &str) -> Result<PreviewArgs> {
-        preview_args([self.base.clone(), wish.arguments(folder)?, vec![more.into()]].concat())
+    /// Does a job, whose files go into a folder.
+    pub(super) fn make(
+        &self,
+        task: &Task,
+        folder: &Path,
+        is_hurried: bool,
+        stop: &Stop,
+    ) -> Result<Made> {
+        let out = folder.join(OUT);
+        std::fs::create_dir(&out).map_err(|source| Error::write(&out, source))?;
+        match task {
+            Task::Live(subject) => self.live(subject, folder, is_hurried, stop),
+            Task::Large(subject, advice) => self.large(subject, folder, *advice),
+            Task::Plan(subject) => self.plan(subject, folder),
+            Task::Report(subject) => self.report(subject, folder),
+            Task::Script(subject) => self.script(subject, folder),
+        }
+    }
+
+    fn typed(&self, subject: &Subject, folder: &Path) -> Result<Vec<OsString>> {
+        Ok([self.base.clone(), subject.arguments(folder)?].concat())
     }
 
     /// The photo while one types, with its verdict: both read and encode it side by side.
-    pub(super) fn live(&self, wish: &Wish, stop: &Stop) -> Result<Value> {
-        let folder = folder()?;
-        let args = self.args(wish, folder.path(), LIVE)?;
-        self.pool.install(|| {
-            let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
-            let shoot = Shoot { judging, backend, stop: stop.clone(), ..args.shoot()? };
-            stop.check()?;
-            let shot = shoot.clone().take(&|_, _| {})?;
-            stop.check()?;
-            let judge = || match shoot.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
-                None => Ok(None),
-                Some(strokes) => {
-                    let reader = Reader::new(strokes, &shoot.scene.score)?;
-                    reader.score(&shot.photo, &View::from(&shot.camera)).map(Some)
-                }
-            };
-            let (verdict, jpeg) = rayon::join(judge, || photo::jpeg(&shot.photo, JPEG_QUALITY));
-            let is_said = |it: &&Problem| it.is_obstacle() || matches!(it, Problem::Drawing(_));
-            let obstacles = shot.problems.iter().filter(is_said);
-            let obstacles: Vec<String> = obstacles.map(|it| it.sentence(mentioned)).collect();
-            let flight_s = shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
-            Ok(json!({
-                "photo": format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg)),
-                "verdict": verdict?.as_ref().map(|verdict| show::verdict_json(Some(verdict), None)),
-                "flight_s": flight_s,
-                "obstacles": obstacles,
-            }))
-        })
-    }
-
-    /// The large photo with advice: what `preview --json` says, and the number under which it is
-    /// kept.
-    pub(super) fn large(&self, wish: &Wish, stop: &Stop) -> Result<Value> {
-        let (mut said, folder) = self.verb("preview", wish, &PREVIEW, stop)?;
-        let png = WRITTEN.read(&folder.path().join(OUT).join("photo.png"))?.into();
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let id = kept.back().map_or(1, |kept| kept.id + 1);
-        if kept.len() == MAX_KEPT {
-            kept.pop_front();
-        }
-        kept.push_back(Kept { id, wish: wish.clone(), png });
-        said["id"] = id.into();
-        Ok(said)
-    }
-
-    /// A large photo that is kept.
-    pub(super) fn kept(&self, id: u64) -> Option<Kept> {
-        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.iter().find(|kept| kept.id == id).cloned()
-    }
-
-    /// The drawing of a plan (SVG).
-    pub(super) fn plan(&self, kept: &Kept) -> Result<Vec<u8>> {
-        let folder = folder()?;
-        let shoot = self.pool.install(|| self.args(&kept.wish, folder.path(), LARGE)?.shoot())?;
-        let plans: Vec<Plan> = shoot.plans.into_iter().map(|planned| planned.plan).collect();
-        Ok(plan_view(&plans, kept.wish.title()).into_bytes())
-    }
-
-    /// The report (HTML).
-    pub(super) fn report(&self, kept: &Kept) -> Result<Vec<u8>> {
-        let more = [&PREVIEW[..], &["--report"]].concat();
-        let (_, folder) = self.verb("preview", &kept.wish, &more, &Stop::default())?;
-        WRITTEN.read(&folder.path().join(OUT).join("report.html"))
-    }
-
-    /// The script that flies it, with what it needs (ZIP).
-    pub(super) fn script(&self, kept: &Kept) -> Result<Vec<u8>> {
-        let more = ["--to", "cflib"];
-        let (said, folder) = self.verb("export", &kept.wish, &more, &Stop::default())?;
-        if let Some(stops) = said["stops"].as_str() {
-            let hint = "mend it first: the report says how";
-            return Err(Error::Infeasible {
-                what: format!("not safe to fly: {stops}"),
-                hint: hint.into(),
-            });
-        }
-        let read = |path: std::path::PathBuf| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            Ok((name, WRITTEN.read(&path)?))
-        };
-        let files = files_in(&folder.path().join(OUT))?
-            .into_iter()
-            .map(read)
-            .collect::<Result<Vec<_>>>()?;
-        Ok(zip(&files))
-    }
-
-    /// Runs a verb in a child process. Returns its JSON, and the temporary folder that holds its
-    /// output in [`OUT`].
-    fn verb(
+    fn live(
         &self,
-        verb: &str,
-        wish: &Wish,
-        more: &[&str],
+        subject: &Subject,
+        folder: &Path,
+        is_hurried: bool,
         stop: &Stop,
-    ) -> Result<(Value, TempDir)> {
-        let folder = folder()?;
-        let out = folder.path().join(OUT);
-        std::fs::create_dir(&out).map_err(|source| Error::write(&out, source))?;
-        let [said, complained] = ["stdout", "stderr"].map(|name| folder.path().join(name));
-        let file =
-            |path: &Path| std::fs::File::create(path).map_err(|source| Error::write(path, source));
-        let lost = |what: String| Error::Infeasible {
-            what,
-            hint: "change something and try again".into(),
-        };
-        let program = std::env::current_exe().map_err(|error| lost(error.to_string()))?;
-        let mut command = Command::new(program);
-        command.arg(verb).args(&self.base).args(wish.arguments(folder.path())?).args(more);
-        command.arg("-o").arg(out).arg("--json").stdin(Stdio::null());
-        command.stdout(file(&said)?).stderr(file(&complained)?);
-        let mut child = command.spawn().map_err(|error| lost(error.to_string()))?;
-        let begun = Instant::now();
-        let status = loop {
-            if let Some(status) = child.try_wait().map_err(|error| lost(error.to_string()))? {
-                break status;
+    ) -> Result<Made> {
+        let mut typed = self.typed(subject, folder)?;
+        typed.push(subject.size(if is_hurried { HURRIED } else { LIVE }).into());
+        let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
+        let shoot = Shoot { judging, backend, stop: stop.clone(), ..preview_args(typed)?.shoot()? };
+        stop.check()?;
+        let shot = shoot.clone().take(&|_, _| {})?;
+        stop.check()?;
+        let judge = || match shoot.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
+            None => Ok(None),
+            Some(strokes) => {
+                let reader = Reader::new(strokes, &shoot.scene.score)?;
+                reader.score(&shot.photo, &View::from(&shot.camera)).map(Some)
             }
-            let late = begun.elapsed() > PATIENCE;
-            if late || stop.check().is_err() {
-                let _ = child.kill();
-                let _ = child.wait();
-                stop.check()?;
-                return Err(lost(format!("it took more than {} s", PATIENCE.as_secs())));
-            }
-            std::thread::sleep(PAUSE);
         };
-        if !matches!(status.code(), Some(0 | 1)) {
-            let text = WRITTEN.read_text(&complained)?;
-            let error = text.lines().find_map(|line| line.strip_prefix("error: "));
-            return Err(lost(error.unwrap_or("the program failed on this").to_owned()));
+        let (verdict, jpeg) = rayon::join(judge, || jpeg(&shot.photo, LIVE_QUALITY));
+        let mut said = json!({
+            "photo": format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg)),
+            "verdict": verdict?.as_ref().map(|verdict| show::verdict_json(Some(verdict), None)),
+            "replay": replay(&shot),
+        });
+        describe(&shot, &mut said);
+        Ok(Made::Made(said))
+    }
+
+    /// The large photo: what `preview --json` says.
+    fn large(&self, subject: &Subject, folder: &Path, advice: bool) -> Result<Made> {
+        let mut args = self.preview(subject, folder)?;
+        args.with_remedies = advice;
+        let out = folder.join(OUT);
+        let mut said = json!({});
+        let mut kept = Ok(());
+        let report = previewed(&args, |seen| {
+            let Seen { shot, findings, remedies } = seen;
+            let photo = jpeg(&shot.photo, LARGE_QUALITY);
+            let track = replay(shot);
+            kept = write(&out.join(JPEG), &photo)
+                .and_then(|()| write(&out.join(REPLAY), track.to_string().as_bytes()));
+            said["replay"] = track;
+            said["stops"] = findings.iter().filter_map(Said::of_stop).map(|it| json!(it)).collect();
+            said["remedies"] = remedies
+                .iter()
+                .map(
+                    |it| json!({ "gain": it.gain, "set": it.changes, "said": Said::of_remedy(it) }),
+                )
+                .collect();
+            describe(shot, &mut said);
+        })?;
+        kept?;
+        // Flights and plans are not asked for: their files are larger than the photo.
+        for path in
+            files_in(&out)?.iter().filter(|path| path.extension().is_some_and(|e| e == "csv"))
+        {
+            let _ = std::fs::remove_file(path);
         }
-        let said = serde_json::from_str(&WRITTEN.read_text(&said)?);
-        Ok((said.map_err(|error| lost(error.to_string()))?, folder))
+        let mut all = report.json;
+        all["files"] = Value::Null;
+        all["warnings"] = Value::Null;
+        let own = said.as_object_mut().into_iter().flat_map(std::mem::take);
+        own.for_each(|(key, value)| all[key] = value);
+        Ok(Made::Made(all))
+    }
+
+    /// The arguments of a large photo.
+    fn preview(&self, subject: &Subject, folder: &Path) -> Result<PreviewArgs> {
+        let mut typed = self.typed(subject, folder)?;
+        typed.extend([subject.size(LARGE).into(), "--backend=cpu".into()]);
+        typed.extend(["-o".into(), folder.join(OUT).into()]);
+        preview_args(typed)
+    }
+
+    fn plan(&self, subject: &Subject, folder: &Path) -> Result<Made> {
+        let shoot = self.preview(subject, folder)?.shoot()?;
+        let plans: Vec<Plan> = shoot.plans.into_iter().map(|planned| planned.plan).collect();
+        let svg = plan_view(&plans, subject.title().unwrap_or("drawing"));
+        write(&folder.join(OUT).join("plan.svg"), svg.as_bytes())?;
+        Ok(Made::Made(Value::Null))
+    }
+
+    fn report(&self, subject: &Subject, folder: &Path) -> Result<Made> {
+        let mut args = self.preview(subject, folder)?;
+        args.report = true;
+        previewed(&args, |_| ())?;
+        Ok(Made::Made(Value::Null))
+    }
+
+    fn script(&self, subject: &Subject, folder: &Path) -> Result<Made> {
+        let typed = ["noctograph", "export", "--to", "cflib", "-o"].map(OsString::from);
+        let typed = [typed.to_vec(), vec![folder.join(OUT).into()], self.typed(subject, folder)?];
+        let Ok(Args { verb: Verb::Export(args), .. }) = Args::try_parse_from(typed.concat()) else {
+            let hint = "reload the page";
+            return Err(Error::input("settings", "others", "those of the page", hint));
+        };
+        let report = export::run(&args)?;
+        match report.json["stops"].as_str() {
+            None => Ok(Made::Made(Value::Null)),
+            Some(stops) => {
+                let stop = json!({ "key": "stop-export", "values": {}, "text": stops, "hint": "" });
+                Ok(Made::Failed(Said::of_stops(&json!([stop]))))
+            }
+        }
     }
 }
 
-fn folder() -> Result<TempDir> {
-    let builder = tempfile::Builder::new().prefix("noctograph-").tempdir();
-    builder.map_err(|source| Error::write(&std::env::temp_dir(), source))
+/// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.
+fn describe(shot: &Shot, said: &mut Value) {
+    let Photo { width_px, height_px, .. } = shot.photo;
+    let flight_s = shot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
+    let problems = |are: bool| -> Vec<Said> {
+        let problems = shot.problems.iter().filter(|it| it.is_obstacle() == are);
+        problems.filter(|it| !matches!(it, Problem::Flight(..))).map(Said::of_problem).collect()
+    };
+    said["width"] = width_px.into();
+    said["height"] = height_px.into();
+    said["flight_s"] = flight_s.into();
+    said["obstacles"] = json!(problems(true));
+    said["warnings"] = json!(problems(false));
+    said["boxes"] = boxes(shot);
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    Output::create(path)?.keep(|out| out.write_all(bytes)).map(|_| ())
 }

@@ -12,27 +12,30 @@ use std::path::Path;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
 use image::{ImageFormat, ImageReader};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use super::super::output::Output;
 use super::super::preview::PreviewArgs;
 use super::super::{Args, Verb};
+use super::said::{Key, Said};
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
 
 /// Most characters of a word, and of the name of a visitor.
-const MAX_WORD: usize = 24;
+pub(super) const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
 /// Most pixels of a picture's side.
 const MAX_SIDE: u32 = 2000;
 
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 30] = [
+const KEYS: [&str; 32] = [
     "camera.body",
     "camera.f_number",
     "camera.focus_m",
     "camera.framing",
+    "camera.framing.fill_frac",
     "camera.iso",
     "camera.lens",
     "camera.metering",
@@ -43,6 +46,7 @@ const KEYS: [&str; 30] = [
     "letters.cap_height_m",
     "letters.font",
     "letters.pace",
+    "letters.picture",
     "letters.spacing_m",
     "letters.trace",
     "light.color_led_wrgb",
@@ -61,30 +65,63 @@ const KEYS: [&str; 30] = [
     "seed",
 ];
 
+/// Proportions of a photo that a page may ask for, width by height.
+const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+
 /// A request of the page.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Wish {
-    /// Random name of the page that asks.
-    pub(super) visitor: String,
+struct Request {
+    visitor: String,
+    number: Option<u64>,
+    #[serde(default = "yes")]
+    advice: bool,
     #[serde(default)]
     word: String,
     drawing: Option<Drawing>,
-    /// Width, depth and height in meters, as `--room` takes them.
     room: Option<String>,
     #[serde(default)]
     settings: BTreeMap<String, String>,
+    aspect: Option<f64>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// What a visitor wishes to see.
+#[derive(Debug)]
+pub(super) struct Wish {
+    /// Random name of the page that asks.
+    pub(super) visitor: String,
+    /// Rises with each change, so that a wish that arrives late is known.
+    pub(super) number: Option<u64>,
+    /// Whether changes are flown where a word does not read.
+    pub(super) advice: bool,
+    pub(super) subject: Subject,
+}
+
+/// What is written or drawn, and how: equal subjects make equal photos.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub(super) struct Subject {
+    pub(super) word: String,
+    drawing: Option<Drawing>,
+    /// Width, depth and height in meters, as `--room` takes them.
+    room: Option<String>,
+    settings: BTreeMap<String, String>,
+    /// Width of the photo by its height.
+    aspect: Option<f64>,
 }
 
 /// A drawing in place of a word. A picture's text is base64.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Drawing {
     kind: Kind,
     text: String,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Kind {
     Svg,
@@ -115,42 +152,69 @@ impl Drawing {
 
 impl Wish {
     /// Reads and checks a request.
-    pub(super) fn parse(body: &[u8]) -> Result<Self> {
-        let refused = |place: &str, found: String, wanted: &str| {
-            Err(Error::input(place, found, wanted, "reload the page"))
+    pub(super) fn parse(body: &[u8]) -> std::result::Result<Self, Said> {
+        let refused = |found: String| Err(Said::of_old_page(&found));
+        let request: Request = match serde_json::from_slice(body) {
+            Ok(request) => request,
+            Err(broken) => return refused(broken.to_string()),
         };
-        let wish: Self = match serde_json::from_slice(body) {
-            Ok(wish) => wish,
-            Err(broken) => return refused("request", broken.to_string(), "JSON of the page"),
-        };
-        let n_letters = wish.word.chars().count();
+        let Request { visitor, number, advice, word, drawing, room, settings, aspect } = request;
+        let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
-            let wanted = format!("at most {MAX_WORD}");
-            let hint = "write a shorter word";
-            return Err(Error::input("word", format!("{n_letters} letters"), wanted, hint));
+            return Err(Said::new(
+                Key::WordLong,
+                json!({ "letters": n_letters, "most": MAX_WORD }),
+                format!("{n_letters} letters, wanted at most {MAX_WORD}"),
+                "write a shorter word",
+            ));
         }
-        if wish.word.trim().is_empty() && wish.drawing.is_none() {
-            return Err(Error::input("word", "nothing", "a word", "type or draw something"));
+        if word.trim().is_empty() && drawing.is_none() {
+            let hint = "type or draw something";
+            return Err(Said::new(Key::WordEmpty, json!({}), "there is no word".into(), hint));
         }
-        if wish.visitor.len() > MAX_VISITOR {
-            let (found, most) = (wish.visitor.len(), format!("at most {MAX_VISITOR}"));
-            return refused("visitor", format!("{found} bytes"), &most);
+        if !is_name(&visitor) {
+            return refused(format!("a visitor of {} bytes", visitor.len()));
         }
-        if let Some(key) = wish.settings.keys().find(|key| !KEYS.contains(&key.as_str())) {
-            return refused("settings", key.clone(), "a key of the page's controls");
+        if let Some(key) = settings.keys().find(|key| !KEYS.contains(&key.as_str())) {
+            return refused(format!("the setting {key}"));
         }
-        if let Some(font) = wish.settings.get("letters.font") {
+        if let Some(font) = settings.get("letters.font") {
             let letters = LetterOptions { font: font.clone(), ..LetterOptions::default() };
             if letters.files().next().is_some() {
-                return refused("letters.font", font.clone(), "a font by its name");
+                return refused(format!("letters.font={font}"));
             }
         }
-        Ok(wish)
+        if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
+            return refused(format!("the proportions {aspect}"));
+        }
+        let subject = Subject { word, drawing, room, settings, aspect };
+        Ok(Self { visitor, number, advice, subject })
+    }
+}
+
+/// Whether a visitor may be called so.
+pub(super) fn is_name(visitor: &str) -> bool {
+    (1..=MAX_VISITOR).contains(&visitor.len())
+        && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
+}
+
+impl Subject {
+    /// The word; `None` for a drawing.
+    pub(super) fn title(&self) -> Option<&str> {
+        self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// The word, or `drawing`.
-    pub(super) fn title(&self) -> &str {
-        if self.drawing.is_some() { "drawing" } else { &self.word }
+    /// Whether it is a picture, whose lines are looked for.
+    pub(super) fn is_picture(&self) -> bool {
+        self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
+    }
+
+    /// The size of a photo of about as many pixels: `--size=960x540`.
+    pub(super) fn size(&self, pixels: f64) -> String {
+        let aspect = self.aspect.unwrap_or(16.0 / 9.0);
+        let even = |side: f64| 2 * (side / 2.0).round() as u32;
+        let width = (pixels * aspect).sqrt();
+        format!("--size={}x{}", even(width), even(width / aspect))
     }
 
     /// Arguments for a verb that takes a subject; a drawing is written into a folder.

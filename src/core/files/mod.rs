@@ -24,5 +24,6 @@ pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
+pub use staging::folder_in;
 pub use text::{PlainText, decoded, plain_text};
 pub use yaml::{Broken, Yaml, YamlEntry};

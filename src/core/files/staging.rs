@@ -39,8 +39,13 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     }
 }
 
-/// Makes a temporary folder in a folder; it is locked as long as the file returned is open.
-pub(super) fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
+/// Makes a temporary folder in a folder, and removes those there that killed programs left; it is
+/// locked as long as the file returned is open.
+///
+/// # Errors
+///
+/// Where nothing can be written there.
+pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {
         let staging = Builder::new().prefix(PREFIX).suffix(SUFFIX).tempdir_in(folder)?;

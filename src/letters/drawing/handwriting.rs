@@ -7,7 +7,9 @@
 //! A stroke is a list of points from pen down to pen up; a point is x, y and, if known, the time in
 //! seconds. Units of length are arbitrary; `y` grows `down` (the default, as on screens) or `up`.
 //! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for
-//! lamps that write in colors; black is the lamp's own. Other keys are ignored.
+//! lamps that write in colors; black is the lamp's own. `"canvas": [left, top, right, bottom]`, if
+//! given, is the page that was written on: it is placed as a whole, so that a stroke keeps its
+//! place on it, and a single tap is a dot. Other keys are ignored.
 
 use serde::Deserialize;
 
@@ -21,6 +23,7 @@ struct Page {
     colors: Vec<[u8; 3]>,
     #[serde(default)]
     y: Upward,
+    canvas: Option<[f64; 4]>,
 }
 
 #[derive(Clone, Copy, Default, Deserialize)]
@@ -31,8 +34,8 @@ enum Upward {
     Up,
 }
 
-/// Reads the strokes.
-pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
+/// Reads the strokes, and the page that they are on: left, bottom, right, top.
+pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
     let hint = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
     let page: Page = serde_json::from_str(text).map_err(|broken| {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
@@ -53,6 +56,19 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
             "leave `colors` out, or add what is missing",
         ));
     }
+    let canvas = page.canvas.map(|[left, top, right, bottom]| {
+        let [bottom, top] = [sign * bottom, sign * top];
+        [left, bottom.min(top), right, bottom.max(top)]
+    });
+    if let Some([left, bottom, right, top]) = canvas
+        && !(left < right
+            && bottom < top
+            && [left, bottom, right, top].iter().all(|v| v.abs() <= 1e9))
+    {
+        let found = format!("the canvas {:?}", page.canvas);
+        let wanted = "left, top, right, bottom with an extent";
+        return Err(Error::input(file, found, wanted, "leave `canvas` out"));
+    }
     let mut traces = Vec::new();
     let mut n_values = None;
     let mut latest_s = f64::NEG_INFINITY;
@@ -72,7 +88,13 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
             if values.iter().any(|value| value.abs() > 1e9) {
                 return refuse("values up to 1e9");
             }
-            trace.points.push([values[0], sign * values[1]]);
+            let [x, y] = [values[0], sign * values[1]];
+            if canvas.is_some_and(|[left, bottom, right, top]| {
+                !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
+            }) {
+                return refuse("a point on the canvas");
+            }
+            trace.points.push([x, y]);
             if let Some(&time_s) = values.get(2) {
                 if time_s < latest_s {
                     return refuse("a time not before that of the point before it");
@@ -85,5 +107,5 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
             traces.push(trace);
         }
     }
-    Ok(traces)
+    Ok((traces, canvas))
 }

@@ -125,7 +125,8 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             Ok(Strokes { picture, ..by_color(drawn, &[], &placing, ink, &file)? })
         }
         Some("json") => {
-            write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
+            let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
+            write(traces, canvas, options, ink, &file)
         }
         _ => {
             let wanted = "a file *.svg, *.png, *.jpg or *.json (strokes)";
@@ -192,14 +193,21 @@ impl Inks {
     }
 }
 
-/// Handwriting placed and smoothed.
-fn write(traces: Vec<Written>, options: &LetterOptions, ink: Ink, file: &str) -> Result<Strokes> {
+/// Handwriting placed, by the page that it is on or by its own bounds, and smoothed.
+fn write(
+    traces: Vec<Written>,
+    canvas: Option<[f64; 4]>,
+    options: &LetterOptions,
+    ink: Ink,
+    file: &str,
+) -> Result<Strokes> {
     let n_points: usize = traces.iter().map(|trace| trace.points.len()).sum();
     if n_points > MAX_POINTS {
         return Err(too_many(file));
     }
     let points = traces.iter().flat_map(|trace| trace.points.iter().copied());
-    let placing = Placing::new(bounds(points), options, file)?;
+    let bounds = canvas.filter(|_| n_points > 0).unwrap_or_else(|| bounds(points));
+    let placing = Placing::new(bounds, options, file)?;
     let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
     for trace in &traces {
         let color = trace.color.filter(|_| ink == Ink::ByColor);

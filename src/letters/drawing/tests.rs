@@ -607,3 +607,19 @@ fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
         assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
     }
 }
+
+#[test]
+fn handwriting_on_a_canvas_keeps_its_place() {
+    let page = |strokes: &str| {
+        let text = format!("{{\"strokes\": {strokes}, \"canvas\": [0, 0, 200, 100]}}");
+        drawn("a.json", &text, &LetterOptions { smoothing_m: 0.0, ..on_canvas(2.0, 1.0) })
+    };
+    let line = page("[[[50, 25], [150, 25]]]").unwrap();
+    assert_eq!(line.bounds_m(), [0.0, 0.5, 2.0, 1.5], "as large as the canvas");
+    let step = line.glyphs[0].moves.iter().find(|step| step.lit).unwrap();
+    assert!((step.from_m[0] - 0.5).abs() < 1e-9, "{step:?}");
+    let tap = page("[[[100, 50]]]").unwrap();
+    assert!(tap.length_m() < 0.01 && tap.n_strokes() == 1, "a dot: {} m", tap.length_m());
+    assert!(page("[[[201, 50]]]").unwrap_err().to_string().contains("on the canvas"));
+    assert!(page("[]").unwrap_err().to_string().contains("nothing drawn"));
+}

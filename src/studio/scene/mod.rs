@@ -21,7 +21,7 @@ use noctograph_flying::sim::{
 use noctograph_flying::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
 use noctograph_picture::expose::ExposeOptions;
-use noctograph_picture::light::{Deck, LightOptions};
+use noctograph_picture::light::{Deck, LightOptions, RingColor, RingEffect};
 use noctograph_picture::photo::{self, PhotoOptions};
 use noctograph_score::ScoreOptions;
 
@@ -151,6 +151,13 @@ impl Scene {
         // A color LED deck that is chosen writes: there are no headlights beside it.
         if named(deck_of) == Some(Deck::ColorLed.name()) {
             scene.plan.lights = vec![Deck::ColorLed.name().to_owned()];
+        }
+        // A ring that is chosen writes as well: what a preset or a file has of its effect gives way
+        // to what is set for one run.
+        if let Some(file_gives_way) = chooses_ring(&layers) {
+            scene.light.ring = RingEffect::Solid(RingColor::default());
+            let light = layers[0].get_mut("light").and_then(Value::as_table_mut);
+            light.filter(|_| file_gives_way).map(|light| light.remove("ring"));
         }
         // An aperture or a sensitivity that is set is meant.
         let camera = |key| {
@@ -300,6 +307,18 @@ fn style_of(scene: &Table) -> Option<&str> {
     style.as_str().or_else(|| style.get("kind")?.as_str())
 }
 
+/// Whether a ring is chosen without an effect of it: by the file, the first of the tables, or
+/// (`true`) by a table after it, whatever the file has.
+fn chooses_ring(tables: &[Table]) -> Option<bool> {
+    let lights = |table: &Table| table.get("plan")?.get("lights")?.as_array().cloned();
+    let has_effect = |table: &Table| table.get("light").is_some_and(|it| it.get("ring").is_some());
+    let (at, lights) =
+        tables.iter().enumerate().rev().find_map(|(at, it)| Some((at, lights(it)?)))?;
+    let is_ring = lights.iter().any(|lamp| lamp.as_str() == Some("ring"));
+    let is_free = !tables[usize::from(at > 0)..].iter().any(has_effect);
+    (is_ring && is_free).then_some(at > 0)
+}
+
 /// The deck that a scene's table names.
 fn deck_of(scene: &Table) -> Option<&str> {
     scene.get("light")?.get("deck")?.as_str()
@@ -309,6 +328,26 @@ fn deck_of(scene: &Table) -> Option<&str> {
 mod tests {
     use super::*;
     use noctograph_flying::plan::EvenStyle;
+
+    #[test]
+    fn a_ring_that_is_chosen_writes_unless_its_effect_is_named() {
+        let ring = |toml: &str, settings: &[(&str, &str)]| {
+            Scene::parse_with(toml, "scene.toml", settings).unwrap().light.ring
+        };
+        let solid = RingEffect::Solid(RingColor::default());
+        let chosen = ("plan.lights", "[\"ring\"]");
+        assert_eq!(ring("", &[chosen]), solid);
+        assert_eq!(ring("[plan]\nlights = [\"ring\"]\n", &[]), solid);
+        assert_eq!(ring("[light]\nring = \"off\"\n", &[chosen]), solid);
+        let named = "[plan]\nlights = [\"ring\"]\n[light]\nring = \"off\"\n";
+        assert_eq!(ring(named, &[]), RingEffect::Off);
+        for settings in [[("light.ring", "off"), chosen], [chosen, ("light.ring", "off")]] {
+            assert_eq!(ring("", &settings), RingEffect::Off);
+        }
+        assert_eq!(ring("", &[]), RingEffect::Off);
+        let printed = Scene::parse_with("", "scene", &[chosen]).unwrap();
+        assert_eq!(Scene::parse_with(&printed.to_toml(), "scene", &[]).unwrap(), printed);
+    }
 
     #[test]
     fn a_scene_reads_back_bit_by_bit() {

@@ -1,0 +1,85 @@
+//! Words that are not flown: a list of the host, one a line, which is found inside of what is
+//! written whatever its case, accents and look-alikes are.
+
+use std::path::Path;
+
+use unicode_normalization::UnicodeNormalization;
+use unicode_normalization::char::is_combining_mark;
+
+use crate::error::Result;
+use noctograph_core::files::Limit;
+
+const LIST: Limit = Limit { bytes: 1 << 20, what: "a list of words", hint: "shorten the list" };
+
+/// Characters that stand for Latin letters: digits, signs, Cyrillic and Greek of the same shape.
+const ALIKE: &[(&str, char)] = &[
+    ("4@αа", 'a'),
+    ("8βв", 'b'),
+    ("с¢(", 'c'),
+    ("3€εе", 'e'),
+    ("9", 'g'),
+    ("ηн", 'h'),
+    ("1!|ιіl", 'i'),
+    ("κк", 'k'),
+    ("μм", 'm'),
+    ("νп", 'n'),
+    ("0οо", 'o'),
+    ("ρр", 'p'),
+    ("5$ѕ", 's'),
+    ("7+τт", 't'),
+    ("υu", 'v'),
+    ("χх", 'x'),
+    ("γу", 'y'),
+    ("2ζ", 'z'),
+];
+
+#[derive(Debug, Default)]
+pub(super) struct BlockList(Vec<String>);
+
+impl BlockList {
+    /// Reads a list; lines that begin with `#` are remarks.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let text = LIST.read_text(path)?;
+        let lines = text.lines().map(str::trim).filter(|line| !line.starts_with('#'));
+        Ok(Self(lines.map(folded).filter(|word| !word.is_empty()).collect()))
+    }
+
+    /// Whether a text holds a word of the list.
+    pub(super) fn holds(&self, text: &str) -> bool {
+        let text = folded(text);
+        self.0.iter().any(|word| text.contains(word))
+    }
+}
+
+/// Letters alone, without case, accents and look-alikes; one that is repeated counts once.
+fn folded(text: &str) -> String {
+    let alike = |letter: char| {
+        let found = ALIKE.iter().find(|(others, _)| others.contains(letter));
+        found.map_or(letter, |(_, latin)| *latin)
+    };
+    let plain = text.nfkd().filter(|c| !is_combining_mark(*c)).flat_map(char::to_lowercase);
+    let mut letters: Vec<char> = plain.map(alike).filter(|c| c.is_alphanumeric()).collect();
+    letters.dedup();
+    letters.into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_is_found_in_other_clothes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("list");
+        std::fs::write(&path, "# not here\nDamn\n\nпривет\n").unwrap();
+        let list = BlockList::read(&path).unwrap();
+        for text in ["damn", "D A M N", "d@mñ", "DÄMN it", "dаmn", "daamn", "ＤＡＭＮ", "Привет!"]
+        {
+            assert!(list.holds(text), "{text}");
+        }
+        for text in ["NOOR", "dam", "#", "not here"] {
+            assert!(!list.holds(text), "{text}");
+        }
+        assert!(!BlockList::default().holds("damn"));
+    }
+}

@@ -1,0 +1,57 @@
+//! Large photos that are kept for a while, for downloads and for those who send them to be flown.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::studio::OUT;
+use super::wish::Subject;
+
+/// Most photos that are kept, and of a visitor; each takes some 3 MB in the temporary folder.
+const MOST: usize = 128;
+const MOST_OF_VISITOR: usize = 4;
+
+/// A large photo, and what made it.
+#[derive(Clone, Debug)]
+pub(super) struct Kept {
+    /// A name that nobody guesses.
+    pub(super) id: String,
+    pub(super) visitor: String,
+    pub(super) subject: Subject,
+    /// What was said of it.
+    pub(super) said: Arc<Value>,
+    /// Lives as long as somebody needs its files.
+    pub(super) folder: Arc<TempDir>,
+}
+
+impl Kept {
+    /// A file of it.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(OUT).join(name)
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Photos(Mutex<VecDeque<Kept>>);
+
+impl Photos {
+    pub(super) fn keep(&self, kept: Kept) {
+        let mut photos = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_visitor = photos.iter().filter(|it| it.visitor == kept.visitor).count();
+        let oldest = match of_visitor {
+            MOST_OF_VISITOR.. => photos.iter().position(|it| it.visitor == kept.visitor),
+            _ if photos.len() == MOST => Some(0),
+            _ => None,
+        };
+        oldest.map(|at| photos.remove(at));
+        photos.push_back(kept);
+    }
+
+    pub(super) fn get(&self, id: &str) -> Option<Kept> {
+        let photos = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        photos.iter().find(|kept| kept.id == id).cloned()
+    }
+}

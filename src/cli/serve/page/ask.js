@@ -1,0 +1,167 @@
+// Requests. Every wish has a running number, so that no answer is taken for another's, and the
+// newest one is asked until it is answered: a lost connection or a stopped job is no end.
+
+import { keep, state } from "./state.js";
+
+const LIVE_MS = 15_000;
+const LARGE_MS = 90_000;
+const LONGEST_PAUSE_MS = 10_000;
+
+/** @type {(lost: boolean | "moved") => void} */
+let tellLost = () => {};
+/** Whether the last request found nobody. */
+let lost = false;
+/** The newest wish. @type {{ number: number, ends: AbortController }} */
+let newest = { number: 0, ends: new AbortController() };
+
+/** Calls back when the connection is lost, found again, or the address is no longer valid. */
+export function onLost(/** @type {(lost: boolean | "moved") => void} */ tell) {
+  tellLost = tell;
+}
+
+const setLost = (/** @type {boolean | "moved"} */ now) => {
+  if (now !== lost) tellLost(now);
+  lost = now === true;
+};
+
+/** @param {number} ms @param {AbortSignal} [signal] */
+export const sleep = (ms, signal) =>
+  new Promise((wake) => {
+    const timer = setTimeout(wake, ms);
+    signal?.addEventListener("abort", () => {
+      clearTimeout(timer);
+      wake(undefined);
+    });
+  });
+
+/** Milliseconds before the next try: 1, 2, 4 … 10 s. */
+const pause = (/** @type {number} */ tries) =>
+  Math.min(LONGEST_PAUSE_MS, 500 * 2 ** Math.min(tries, 6));
+
+/** What went wrong when the server said nothing that can be read. @type {Said} */
+const UNKNOWN = { key: "not-possible", text: "this cannot be done" };
+
+/** A refusal with its sentence as data. */
+export class Refused extends Error {
+  constructor(/** @type {Said} */ said, status = 0) {
+    super(said.text);
+    this.said = said;
+    this.status = status;
+  }
+}
+
+/**
+ * Posts to a route and returns what it says.
+ * @param {string} route @param {unknown} body @param {AbortSignal} [signal]
+ */
+export async function post(route, body, signal) {
+  return told(
+    await fetch(route, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify(body),
+      signal,
+    }),
+  );
+}
+
+/** Gets the JSON of a route. */
+export async function get(
+  /** @type {string} */ route,
+  /** @type {AbortSignal} */ signal = new AbortController().signal,
+) {
+  return told(await fetch(route, { signal, cache: "no-store" }));
+}
+
+/** @param {Response} response */
+async function told(response) {
+  setLost(false);
+  const json = await response.json().catch(() => null);
+  if (!response.ok)
+    throw new Refused(
+      json?.error ?? { ...UNKNOWN, key: response.status === 503 ? "busy" : UNKNOWN.key },
+      response.status,
+    );
+  return json;
+}
+
+const next = () => {
+  state.number = Math.max(state.number + 1, newest.number + 1);
+  keep();
+  return state.number;
+};
+
+/** Ends what was asked: the wish is another one now. Returns it. */
+export function begin() {
+  newest.ends.abort();
+  newest = { number: next(), ends: new AbortController() };
+  return newest;
+}
+
+/** The newest wish: the same as long as no other was begun, whatever number it has meanwhile. */
+export const current = () => newest;
+
+/**
+ * Asks for the photograph of the newest wish until it is there. Returns null if a newer wish came.
+ * @param {"live" | "photos"} route
+ * @param {Record<string, unknown>} wish
+ * @param {(busy: boolean) => void} tellBusy
+ * @returns {Promise<any>} the answer, or `{ error: Said }`
+ */
+export async function ask(route, wish, tellBusy = () => {}) {
+  const mine = newest;
+  const { signal } = mine.ends;
+  for (let tries = 0; mine === newest; tries += 1) {
+    const ends = new AbortController();
+    const end = () => ends.abort();
+    signal.addEventListener("abort", end);
+    const timer = setTimeout(end, route === "live" ? LIVE_MS : LARGE_MS);
+    try {
+      const answer = await post(
+        route,
+        { ...wish, visitor: state.visitor, number: mine.number },
+        ends.signal,
+      );
+      if (mine !== newest) return null;
+      tellBusy(false);
+      if (!answer?.stopped) return answer;
+      // Ended for another wish of this visitor, which is not the newest: it is asked again.
+      mine.number = next();
+      await sleep(Math.min(1000, 20 * 2 ** tries), signal);
+    } catch (error) {
+      if (mine !== newest) return null;
+      if (error instanceof Refused && error.status !== 503) return { error: error.said };
+      if (error instanceof Refused) tellBusy(true);
+      else if (ends.signal.aborted) mine.number = next();
+      else setLost(true);
+      await sleep(pause(tries), signal);
+    } finally {
+      clearTimeout(timer);
+      signal.removeEventListener("abort", end);
+    }
+  }
+  return null;
+}
+
+/**
+ * Follows what happens: waits for a new revision or another start of the server, for ever.
+ * @param {(news: { revision: number, boot: string }, restarted: boolean) => void} tell
+ */
+export async function follow(tell) {
+  let [revision, boot, tries] = [-1, "", 0];
+  for (;;) {
+    try {
+      const news = await get(`news?seen=${revision}`, AbortSignal.timeout(40_000));
+      const restarted = boot !== "" && news.boot !== boot;
+      const changed = news.revision !== revision || restarted;
+      [revision, boot, tries] = [news.revision, news.boot, 0];
+      if (changed) tell(news, restarted);
+      else await sleep(200);
+    } catch (error) {
+      if (error instanceof Refused) setLost(error.status === 403 ? "moved" : false);
+      else setLost(true);
+      await sleep(pause(tries));
+      tries += 1;
+    }
+  }
+}

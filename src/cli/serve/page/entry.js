@@ -1,0 +1,157 @@
+// A visitor's own page: the photograph, how it was written, and the ways to keep it.
+
+import { follow, get, onLost, Refused } from "./ask.js";
+import { putBrand } from "./brand.js";
+import { byId, make } from "./dom.js";
+import { exposure } from "./exposure.js";
+import { replay } from "./replay.js";
+import { save } from "./save.js";
+import { becomes } from "./state-of.js";
+import { day, LANGUAGES, preferred, putWords, sentence, speak, t } from "./words.js";
+
+const photo = /** @type {HTMLImageElement} */ (byId("photo")),
+  light = /** @type {HTMLCanvasElement} */ (byId("light"));
+/** @type {Entry | null} */
+let entry = null;
+/** @type {Replay | null} */
+let map = null;
+/** @type {((share: number) => void) | null} */
+let show = null;
+let maker = "Noctograph",
+  logo = false;
+
+const strip = replay(byId("replay"), (share) => {
+  light.hidden = share >= 1 || !map;
+  photo.classList.toggle("unexposed", !light.hidden);
+  if (light.hidden || !map) return;
+  show ??= exposure(photo, map, light);
+  show(share);
+});
+
+const name = () => entry?.title ?? t("a-drawing");
+const file = () => `${(entry?.title ?? "").replace(/[^\p{L}\p{N}]+/gu, "-") || "photograph"}.png`;
+
+function put() {
+  if (!entry) return;
+  document.title = `${name()}: ${maker}`;
+  byId("title").replaceChildren(make("bdi", {}, name()));
+  byId("state").textContent = becomes(entry);
+  photo.alt = entry.title === null ? t("alt-drawing") : t("alt", { title: entry.title });
+  strip.words();
+  const keep = make("button", { type: "button", className: "first" }, t("keep"));
+  keep.id = "keep";
+  keep.onclick = () => save("photo.png", file()).catch(() => {});
+  const print = make("button", { type: "button", className: "second" }, t("print-card"));
+  print.onclick = () => window.print();
+  byId("acts").replaceChildren(
+    keep,
+    ...(navigator.canShare?.({ files: [new File([], "a.png", { type: "image/png" })] })
+      ? [sharing()]
+      : []),
+    print,
+  );
+  putCard();
+}
+
+function sharing() {
+  const button = make("button", { type: "button", className: "second" }, t("share"));
+  button.onclick = async () => {
+    const blob = await (await fetch("photo.png")).blob();
+    // A visitor who changes the mind has not failed.
+    await navigator
+      .share({ files: [new File([blob], file(), { type: "image/png" })], title: name() })
+      .catch(() => {});
+  };
+  return button;
+}
+
+/** The card that is printed: A6, across. */
+function putCard() {
+  if (!entry) return;
+  byId("card").replaceChildren(
+    make(
+      "div",
+      { className: "photo" },
+      make("div", { className: "frame" }, make("img", { src: "photo.jpg", alt: "" })),
+    ),
+    make(
+      "div",
+      { className: "foot" },
+      make(
+        "div",
+        {},
+        make("h2", {}, make("bdi", {}, name())),
+        make("p", {}, t("card", { n: Math.round(entry.flight_s) })),
+        make("p", {}, day(entry.made)),
+      ),
+      make(
+        "div",
+        { className: "maker" },
+        logo ? make("img", { src: "brand/logo.svg", alt: maker }) : maker,
+        make("span", {}, t("card-scan")),
+      ),
+      make("img", { src: "qr.svg", alt: "" }),
+    ),
+  );
+}
+
+async function load() {
+  try {
+    entry = await get("entry.json");
+    put();
+  } catch (error) {
+    if (error instanceof Refused) gone(error.said);
+  }
+}
+
+/** @param {Said} said */
+function gone(said) {
+  entry = null;
+  byId("frame").hidden = true;
+  byId("gone").hidden = false;
+  byId("replay").classList.add("idle");
+  byId("acts").replaceChildren();
+  byId("title").textContent = t("entry-gone");
+  byId("state").textContent = said.key === "gone" ? t("entry-gone-why") : sentence("errors", said);
+}
+
+async function begun() {
+  const about = /** @type {About | null} */ (await get("about.json").catch(() => null));
+  maker = putBrand(about);
+  logo = about?.brand.logo ?? false;
+  await speak(preferred(""));
+  putWords(document);
+  const language = /** @type {HTMLSelectElement} */ (byId("language"));
+  for (const [code, own] of Object.entries(LANGUAGES)) language.add(new Option(own, code));
+  language.value = document.documentElement.lang;
+  language.onchange = async () => {
+    await speak(language.value);
+    if (entry) put();
+    else load();
+  };
+  onLost((lost) => {
+    byId("lost").textContent = lost === true ? t("lost") : "";
+  });
+  await load();
+  if (entry) {
+    photo.src = "photo.jpg";
+    const [told] = await Promise.all([
+      get("replay.json").catch(() => null),
+      photo.decode().catch(() => {}),
+    ]);
+    byId("frame").style.setProperty(
+      "--shape",
+      `${photo.naturalWidth / photo.naturalHeight || 1.78}`,
+    );
+    byId("frame").hidden = false;
+    map = told;
+    if (map?.strokes.length) {
+      byId("replay").classList.remove("idle");
+      strip.load(map, entry.flight_s);
+      strip.run();
+    }
+  }
+  document.body.dataset.ready = "true";
+  follow(load);
+}
+begun();

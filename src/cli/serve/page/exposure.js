@@ -1,0 +1,222 @@
+// The photograph as far as the lamp has come: its own pixels, let through along the lamp's path.
+//
+// A long exposure adds up light. What the trail does not cover (floor, walls) brightens with the
+// share of time; the trail itself is there as soon as the lamp has passed. The way of the lamp is
+// drawn into two small masks: all of it, and what has been flown. Forward, the second only grows.
+
+import { span } from "./replay.js";
+
+/** Width of the masks: soft edges need no more. */
+const MASK_WIDTH = 960;
+/** Widest photograph that is drawn. */
+const MOST_WIDTH = 1920;
+/**
+ * Widths of the trail and its bloom, and of their soft edges: shares of the photograph's width.
+ */
+const TRAIL = { wide: 0.01, soft: 0.004 },
+  BLOOM = { wide: 0.022, soft: 0.03 };
+
+/** @param {number} width @param {number} height */
+function sheet(width, height) {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [width, height];
+  const pen = canvas.getContext("2d");
+  if (!pen) throw new Error("no canvas");
+  return { canvas, pen };
+}
+
+/**
+ * @param {HTMLImageElement} image decoded
+ * @param {Replay} replay
+ * @param {HTMLCanvasElement} canvas
+ */
+export function exposure(image, replay, canvas) {
+  const width = Math.min(MOST_WIDTH, image.naturalWidth),
+    height = Math.round((width * image.naturalHeight) / image.naturalWidth);
+  [canvas.width, canvas.height] = [width, height];
+  const pen = canvas.getContext("2d");
+  const scale = MASK_WIDTH / width,
+    high = Math.round(height * scale);
+  const [whole, flown, wholeBloom, flownBloom, mask, bloom] = [0, 1, 2, 3, 4, 5].map(() =>
+    sheet(MASK_WIDTH, high),
+  );
+  const { begin, length } = span(replay);
+  const place = (/** @type {number} */ x, /** @type {number} */ y) =>
+    /** @type {[number, number]} */ ([(x * MASK_WIDTH) / 10_000, (y * high) / 10_000]);
+
+  for (const [{ pen: each }, { wide, soft }] of /** @type {const} */ ([
+    [whole, TRAIL],
+    [flown, TRAIL],
+    [wholeBloom, BLOOM],
+    [flownBloom, BLOOM],
+  ])) {
+    Object.assign(each, {
+      lineCap: "round",
+      lineJoin: "round",
+      shadowColor: "#000",
+      lineWidth: wide * MASK_WIDTH,
+      shadowBlur: soft * MASK_WIDTH,
+    });
+  }
+
+  /**
+   * Draws a part of the way, from a time to a time.
+   * @param {CanvasRenderingContext2D} into @param {number} from @param {number} to
+   */
+  function trace(into, from, to) {
+    for (const { at } of replay.strokes) {
+      if (at[0] > to || at[at.length - 3] < from) continue;
+      into.beginPath();
+      let begun = false;
+      for (let i = 0; i < at.length; i += 3) {
+        if (i + 3 < at.length && at[i + 3] < from) continue;
+        if (at[i] > to) {
+          // The lamp is between two points of the map.
+          const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
+          if (begun)
+            into.lineTo(
+              ...place(
+                at[i - 2] + share * (at[i + 1] - at[i - 2]),
+                at[i - 1] + share * (at[i + 2] - at[i - 1]),
+              ),
+            );
+          break;
+        }
+        const [x, y] = place(at[i + 1], at[i + 2]);
+        if (begun) into.lineTo(x, y);
+        else {
+          into.moveTo(x, y);
+          into.lineTo(x + 0.01, y);
+        }
+        begun = true;
+      }
+      into.stroke();
+    }
+  }
+  for (const { pen: each } of [whole, wholeBloom]) trace(each, -Infinity, Infinity);
+  // Where the lamp will come, the wall is seen for now: a coming trail leaves no hole.
+  const wall = sheet(MASK_WIDTH, high);
+  wall.pen.drawImage(wallOf(image, wholeBloom.canvas), 0, 0, MASK_WIDTH, high);
+  wall.pen.globalCompositeOperation = "destination-in";
+  wall.pen.drawImage(wholeBloom.canvas, 0, 0);
+  let until = -Infinity;
+
+  /** Where the lamps are that shine at a time. @param {number} now */
+  function* lamps(now) {
+    for (const { at, rgb } of replay.strokes) {
+      if (at[0] > now || at[at.length - 3] < now) continue;
+      let i = 0;
+      while (i + 3 < at.length && at[i + 3] <= now) i += 3;
+      const share = i + 3 < at.length ? (now - at[i]) / Math.max(1, at[i + 3] - at[i]) : 0;
+      const next = i + 3 < at.length ? i + 3 : i;
+      yield {
+        x: at[i + 1] + share * (at[next + 1] - at[i + 1]),
+        y: at[i + 2] + share * (at[next + 2] - at[i + 2]),
+        rgb,
+      };
+    }
+  }
+
+  /** Shows the share 0 … 1 of the exposure. */
+  return function show(/** @type {number} */ share) {
+    if (!pen) return;
+    const now = begin + share * length;
+    if (now < until) {
+      for (const { pen: each } of [flown, flownBloom]) each.clearRect(0, 0, MASK_WIDTH, high);
+      until = -Infinity;
+    }
+    for (const { pen: each } of [flown, flownBloom]) trace(each, until, now);
+    until = now;
+
+    // Light adds up linearly; the photograph's values are its root.
+    mask.pen.globalCompositeOperation = "copy";
+    mask.pen.fillStyle = `rgb(0 0 0 / ${share ** (1 / 2.2)})`;
+    mask.pen.fillRect(0, 0, MASK_WIDTH, high);
+    mask.pen.globalCompositeOperation = "destination-out";
+    mask.pen.drawImage(wholeBloom.canvas, 0, 0);
+    // The bloom of what was flown, but not the trail that comes beside it.
+    bloom.pen.globalCompositeOperation = "copy";
+    bloom.pen.drawImage(flownBloom.canvas, 0, 0);
+    bloom.pen.globalCompositeOperation = "destination-out";
+    bloom.pen.drawImage(whole.canvas, 0, 0);
+    mask.pen.globalCompositeOperation = "source-over";
+    mask.pen.drawImage(bloom.canvas, 0, 0);
+    mask.pen.drawImage(flown.canvas, 0, 0);
+
+    pen.globalCompositeOperation = "copy";
+    pen.drawImage(mask.canvas, 0, 0, width, height);
+    pen.globalCompositeOperation = "source-in";
+    pen.drawImage(image, 0, 0, width, height);
+    // Where the lamp has not been, the wall.
+    bloom.pen.globalCompositeOperation = "copy";
+    bloom.pen.drawImage(wall.canvas, 0, 0);
+    bloom.pen.globalCompositeOperation = "destination-out";
+    bloom.pen.drawImage(flownBloom.canvas, 0, 0);
+    pen.globalCompositeOperation = "lighter";
+    pen.globalAlpha = share ** (1 / 2.2);
+    pen.drawImage(bloom.canvas, 0, 0, width, height);
+    pen.globalAlpha = 1;
+    for (const lamp of lamps(now))
+      glow(pen, (lamp.x * width) / 10_000, (lamp.y * height) / 10_000, width * 0.075, lamp.rgb);
+  };
+}
+
+/**
+ * The room without the trail, coarsely: each part as what is around the trail there.
+ * @param {HTMLImageElement} image
+ * @param {HTMLCanvasElement} trail
+ */
+function wallOf(image, trail) {
+  const [across, down, fine] = [8, 5, 8];
+  const around = sheet(across * fine, down * fine),
+    coarse = sheet(across, down);
+  around.pen.drawImage(image, 0, 0, across * fine, down * fine);
+  around.pen.globalCompositeOperation = "destination-out";
+  around.pen.drawImage(trail, 0, 0, across * fine, down * fine);
+  const { data } = around.pen.getImageData(0, 0, across * fine, down * fine);
+  const parts = Array.from({ length: across * down + 1 }, () => [0, 0, 0, 0]);
+  for (let i = 0; i < data.length; i += 4) {
+    if (data[i + 3] < 250) continue; // where the trail is, the values of the rest are lost
+    const x = (i / 4) % (across * fine),
+      y = Math.floor(i / 4 / (across * fine));
+    for (const sum of [
+      parts[Math.floor(y / fine) * across + Math.floor(x / fine)],
+      parts[across * down],
+    ]) {
+      for (let k = 0; k < 3; k += 1) sum[k] += data[i + k];
+      sum[3] += 1;
+    }
+  }
+  const all = parts[across * down];
+  for (let i = 0; i < across * down; i += 1) {
+    const [r, g, b, n] = parts[i][3] ? parts[i] : all;
+    coarse.pen.fillStyle = `rgb(${[r, g, b].map((sum) => sum / Math.max(1, n)).join(" ")})`;
+    coarse.pen.fillRect(i % across, Math.floor(i / across), 1, 1);
+  }
+  return coarse.canvas;
+}
+
+/**
+ * The lamp itself, seen against the dark.
+ * @param {CanvasRenderingContext2D} pen
+ * @param {number} x
+ * @param {number} y
+ * @param {number} radius
+ * @param {number[]} rgb
+ */
+function glow(pen, x, y, radius, rgb) {
+  // White light looks warm beside the dark; a colored lamp is white in its middle only.
+  const warm = rgb.every((value) => value > 200) ? [255, 196, 116] : rgb;
+  const halo = pen.createRadialGradient(x, y, 0, x, y, radius);
+  const stops = /** @type {[number, string][]} */ ([
+    [0, "#fffdf6"],
+    [0.06, "#fff6e4"],
+    [0.1, `rgba(${warm}, 0.5)`],
+    [0.22, `rgba(${warm}, 0.2)`],
+    [0.5, `rgba(${warm}, 0.07)`],
+    [1, `rgba(${warm}, 0)`],
+  ]);
+  for (const [at, color] of stops) halo.addColorStop(at, color);
+  pen.fillStyle = halo;
+  pen.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+}

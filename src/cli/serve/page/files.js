@@ -1,0 +1,40 @@
+// A file in place of a word: a drawing as it is, a picture as a JPEG that fits into a request.
+
+const MOST_SIDE = 1200;
+const MOST_BASE64 = 180_000;
+/** Most characters of a drawing: what a request may hold, less the rest of it. */
+const MOST_TEXT = 240_000;
+
+/**
+ * Reads a file; null if it is neither drawing nor picture.
+ * @param {File} file
+ * @returns {Promise<Opened | null>}
+ */
+export async function opened(file) {
+  const kind = file.name.split(".").pop()?.toLowerCase();
+  try {
+    if (kind === "svg" || kind === "json") {
+      const text = await file.text();
+      return text.length > MOST_TEXT ? null : { name: file.name, kind, text, as: "auto" };
+    }
+    return { name: file.name, kind: "jpg", text: await jpeg(file), as: "auto" };
+  } catch {
+    return null;
+  }
+}
+
+/** @param {File} file */
+async function jpeg(file) {
+  const bitmap = await createImageBitmap(file);
+  const scale = Math.min(1, MOST_SIDE / Math.max(bitmap.width, bitmap.height));
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [bitmap.width * scale, bitmap.height * scale].map(Math.ceil);
+  const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  pen.fillStyle = "#fff";
+  pen.fillRect(0, 0, canvas.width, canvas.height);
+  pen.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  const texts = [0.9, 0.7, 0.5, 0.3].map(
+    (quality) => canvas.toDataURL("image/jpeg", quality).split(",")[1],
+  );
+  return texts.find((text) => text.length < MOST_BASE64) ?? texts[texts.length - 1];
+}

@@ -1,0 +1,53 @@
+// Colors of the light: one choice, which the arrow keys move.
+
+import { make } from "./dom.js";
+import { change, state } from "./state.js";
+import { t } from "./words.js";
+import { about } from "./wish.js";
+
+/** The colors of a visitor; at home there are all. */
+const FEW = ["white", "red", "orange", "green"];
+
+/** Names of the colors that are offered. */
+export const offered = () =>
+  about.colors
+    .map(({ name }) => name)
+    .filter((name) => (state.lamp && !about.kiosk) || FEW.includes(name));
+
+/** How the lamp's colors look on a dark screen; the photograph has the lamp's own. */
+const SEEN = {
+  white: "#fff1d8",
+  red: "#ff3b30",
+  orange: "#ff9a1f",
+  yellow: "#ffdd33",
+  green: "#35e04a",
+  cyan: "#3adbe6",
+  blue: "#4d78ff",
+  magenta: "#f04ddb",
+};
+
+/** The color of the screen for a color of the lamp. */
+export const screen = (/** @type {string} */ name) =>
+  SEEN[/** @type {keyof typeof SEEN} */ (name)] ?? "#fff1d8";
+
+/** Puts the choice into an element. @param {Element} box @param {string} group */
+export function putLights(box, group) {
+  const choices = offered().map((name) => {
+    const input = make("input", {
+      type: "radio",
+      name: `light-${group}`,
+      value: name,
+      checked: name === state.color,
+      "aria-label": t(name),
+    });
+    input.onchange = () => change({ color: name, ...(group === "word" && { painted: [] }) });
+    const dot = make("span");
+    dot.style.setProperty("--c", screen(name));
+    return make("label", { title: t(name) }, input, dot);
+  });
+  const had = box.contains(document.activeElement);
+  box.replaceChildren(
+    make("fieldset", {}, make("legend", { className: "sr" }, t("color")), ...choices),
+  );
+  if (had) /** @type {HTMLElement | null} */ (box.querySelector(":checked"))?.focus();
+}

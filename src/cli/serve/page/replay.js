@@ -1,0 +1,114 @@
+// The strip below the photograph: each bar a stroke of the flight, each gap a flight in the dark,
+// to scale. Its slider is the exposure.
+
+import { icon, make } from "./dom.js";
+import { t } from "./words.js";
+
+const PLAYED_MS = 6000;
+const still = matchMedia("(prefers-reduced-motion: reduce)");
+
+/** Where the lamp begins and ends, in 1/100 s. @param {Replay} replay */
+export function span({ strokes }) {
+  const begin = strokes.reduce((least, { at }) => Math.min(least, at[0]), Infinity);
+  const end = strokes.reduce((most, { at }) => Math.max(most, at[at.length - 3]), 0);
+  return { begin, length: Math.max(1, end - begin) };
+}
+
+/**
+ * Builds the strip into an element.
+ * @param {HTMLElement} box
+ * @param {(share: number) => void} expose shows a share of the exposure
+ */
+export function replay(box, expose) {
+  const play = make("button", { type: "button" });
+  const dark = make("div", { className: "dark" }),
+    lit = make("div", { className: "lit" });
+  const range = make("input", { type: "range", min: "0", max: "1000", value: "1000" });
+  const strip = make(
+    "div",
+    { className: "strip" },
+    dark,
+    lit,
+    make("div", { className: "lamp" }),
+    range,
+  );
+  const clock = make("output", { dir: "auto" });
+  box.append(play, strip, clock);
+  let film = 0,
+    seconds = 0,
+    share = 1;
+
+  function put(/** @type {number} */ now) {
+    share = now;
+    strip.style.setProperty("--p", `${100 * share}%`);
+    range.value = `${Math.round(1000 * share)}`;
+    const all = Math.round(seconds),
+      text =
+        share >= 1
+          ? t("seconds", { n: all })
+          : t("clock", { now: Math.round(share * seconds), all });
+    if (clock.textContent !== text) {
+      clock.textContent = text;
+      range.setAttribute("aria-valuetext", text);
+    }
+    expose(share);
+  }
+  function pressed(/** @type {boolean} */ plays) {
+    play.replaceChildren(icon(plays ? "pause" : "play"));
+    play.setAttribute("aria-label", t(plays ? "pause" : "watch"));
+    range.setAttribute("aria-label", t("exposure"));
+  }
+  function stop() {
+    cancelAnimationFrame(film);
+    film = 0;
+    pressed(false);
+  }
+  /** Plays the exposure, from its beginning where it is at its end. */
+  function run(length = PLAYED_MS) {
+    stop();
+    if (still.matches) return put(1);
+    const first = share >= 1 ? 0 : share;
+    pressed(true);
+    let begun = 0;
+    const step = (/** @type {number} */ time) => {
+      begun ||= time;
+      put(Math.min(1, first + (time - begun) / length));
+      if (share < 1) film = requestAnimationFrame(step);
+      else stop();
+    };
+    film = requestAnimationFrame(step);
+  }
+  play.onclick = () => (film ? stop() : run());
+  range.oninput = () => {
+    stop();
+    put(Number(range.value) / 1000);
+  };
+  pressed(false);
+
+  return {
+    run,
+    stop,
+    words: () => {
+      pressed(film > 0);
+      put(share);
+    },
+    /** A new photograph: whole, unless it is one more of the same. */
+    load(/** @type {Replay} */ map, /** @type {number} */ flight_s, keeps = false) {
+      if (!keeps) stop();
+      seconds = flight_s;
+      const { begin, length } = span(map);
+      const bars = map.strokes.map(({ at }) => {
+        const bar = make("i");
+        bar.style.left = `${(100 * (at[0] - begin)) / length}%`;
+        bar.style.width = `${(100 * (at[at.length - 3] - at[0])) / length}%`;
+        return bar;
+      });
+      dark.replaceChildren(...bars);
+      lit.replaceChildren(...bars.map((bar) => bar.cloneNode()));
+      put(keeps ? share : 1);
+    },
+    get share() {
+      return share;
+    },
+  };
+}

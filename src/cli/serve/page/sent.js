@@ -1,0 +1,83 @@
+// After it was sent: what becomes of it, and how to take it home.
+
+import { get, post, Refused } from "./ask.js";
+import { make } from "./dom.js";
+import { change, state } from "./state.js";
+import { becomes } from "./state-of.js";
+import { t } from "./words.js";
+import { about } from "./wish.js";
+
+/** The page of an entry, on the host that this page came from. */
+export const entryPage = (/** @type {string} */ id) => new URL(`/e/${id}/`, location.href).href;
+
+/** @param {HTMLElement} box @param {() => void} another */
+export function showSent(box, another) {
+  const { sent } = state;
+  if (!sent) return;
+  const about_it = make("p", { role: "status" });
+  const code = make("img", {
+    src: `entries/${sent.id}/qr.svg`,
+    alt: t("code"),
+    width: 144,
+    height: 144,
+  });
+  const home = make(
+    "div",
+    { className: "home" },
+    make("div", { className: "code" }, code),
+    make("p", {}, make("strong", {}, t("take-home")), make("br"), t("point-phone")),
+  );
+  const again = make("button", { type: "button", className: "second" }, t("another"));
+  again.onclick = another;
+  // A kiosk leads nowhere: the phone takes it home.
+  const keep = make(
+    "a",
+    { className: "button first own", href: entryPage(sent.id), target: "_blank", rel: "noopener" },
+    t("keep"),
+  );
+  const back = make("button", { type: "button", hidden: true }, t("take-back"));
+  back.onclick = async () => {
+    // Its own news is none.
+    shown = "";
+    const refused = await post(`entries/${sent.id}`, {
+      do: "withdraw",
+      visitor: state.visitor,
+    }).catch((error) => error);
+    if (refused instanceof Error) return showSent(box, another);
+    box.replaceChildren();
+    change({ mode: "word", sent: null });
+  };
+  const row = make("div", { className: "row" }, ...(about.kiosk ? [] : [keep]), again, back);
+  box.replaceChildren(
+    make("h2", {}, sent.title === null ? t("sent-drawing") : t("sent", { title: sent.title })),
+    about_it,
+    home,
+    row,
+  );
+  follow(sent.id, about_it, back);
+}
+
+let shown = "";
+
+/**
+ * Says what becomes of an entry, now and with all news.
+ * @param {string} id
+ * @param {HTMLElement} line
+ * @param {HTMLElement} back
+ */
+async function follow(id, line, back) {
+  shown = id;
+  const tell = async () => {
+    if (shown !== id || !line.isConnected) return removeEventListener("news", tell);
+    const entry = await get(`entries/${id}`).catch((error) => error);
+    if (shown !== id) return;
+    if (entry instanceof Refused) line.textContent = t("entry-gone-why");
+    // A lost connection is said elsewhere.
+    if (entry instanceof Error) return;
+    line.textContent = becomes(entry);
+    back.hidden = entry.state !== "waiting";
+  };
+  addEventListener("news", tell);
+  line.textContent = t("state-waiting");
+  await tell();
+}

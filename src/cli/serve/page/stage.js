@@ -1,0 +1,132 @@
+// The photograph, full bleed: it stays, dimmed, until the next one is there; beside an error there
+// is none. Its letters can be touched: each touch gives the next color.
+
+import { byId, make } from "./dom.js";
+import { offered } from "./lights.js";
+import { change, state } from "./state.js";
+import { t } from "./words.js";
+import { colorOf, letters } from "./wish.js";
+
+const frame = byId("frame"),
+  marks = byId("marks");
+let photo = /** @type {HTMLImageElement} */ (byId("photo"));
+const light = /** @type {HTMLCanvasElement} */ (byId("light"));
+
+/** @type {((share: number) => void) | null} */
+let show = null;
+/** @type {Replay | null} */
+let map = null;
+let wanted = 1;
+
+/** Shows a share of the exposure; all of it is the photograph itself. */
+export function expose(/** @type {number} */ share) {
+  const whole = share >= 1 || !map;
+  light.hidden = whole;
+  frame.classList.toggle("exposing", !whole);
+  wanted = share;
+  if (whole || !map) return;
+  if (show) return show(share);
+  // Loaded when the first exposure is asked for.
+  const asked = map;
+  import("./exposure.js").then(({ exposure }) => {
+    if (map !== asked) return;
+    show ??= exposure(photo, map, light);
+    if (wanted < 1) show(wanted);
+  });
+}
+
+/**
+ * Shows a photograph once it is decoded. Returns whether it is still wanted then.
+ * @param {string} src @param {string} alt @param {Replay} replay @param {number} aspect
+ * @param {() => boolean} wanted
+ */
+export async function hang(src, alt, replay, aspect, wanted) {
+  const next = new Image();
+  next.src = src;
+  await next.decode();
+  if (!wanted()) return false;
+  // What is decoded takes the place of what hung: nothing is decoded twice.
+  Object.assign(next, { id: "photo", alt });
+  photo.replaceWith(next);
+  photo = next;
+  frame.style.setProperty("--shape", `${aspect}`);
+  frame.hidden = false;
+  [show, map] = [null, replay];
+  return true;
+}
+
+/** Takes the photograph down: there is nothing to see, or it is no longer true. */
+export function clear() {
+  frame.hidden = true;
+  photo.removeAttribute("src");
+  photo.alt = "";
+  marks.replaceChildren();
+  [show, map] = [null, null];
+}
+
+export const dim = (/** @type {boolean} */ waits) => frame.classList.toggle("waits", waits);
+
+/**
+ * The letters' places on the photograph, and what is wrong with those that do not read.
+ * @param {Shot["boxes"]} boxes @param {Letter[]} read
+ */
+export function mark(boxes, read) {
+  const written = boxes?.length ? letters() : [];
+  const focused = [...marks.querySelectorAll("button")].indexOf(
+    /** @type {HTMLButtonElement} */ (document.activeElement),
+  );
+  marks.hidden = !written.length;
+  marks.setAttribute("aria-label", t("letters"));
+  marks.replaceChildren(
+    ...written.flatMap((letter, i) => {
+      const box = boxes?.[i];
+      if (!box) return [];
+      const { best, expected } = read[i] ?? {};
+      const wrong = best !== undefined && best !== expected;
+      const color = t(colorOf(i));
+      const looks = best ? t("looks-like", { best }) : t("looks-like-nothing");
+      const button = make("button", {
+        type: "button",
+        tabIndex: i === Math.max(0, focused) ? 0 : -1,
+        "aria-label": [`${letter}: ${color}`, wrong ? looks : ""].filter(Boolean).join(", "),
+      });
+      button.onclick = () => next(i);
+      const item = make(
+        "li",
+        { className: wrong ? "wrong" : "" },
+        button,
+        ...(wrong ? [make("b", { "aria-hidden": "true" }, looks)] : []),
+      );
+      const [left, top, right, bottom] = box;
+      for (const [side, value] of Object.entries({
+        left,
+        top,
+        width: right - left,
+        height: bottom - top,
+      }))
+        item.style.setProperty(side, `${value / 100}%`);
+      return [item];
+    }),
+  );
+  if (focused >= 0) marks.querySelectorAll("button")[focused]?.focus();
+}
+
+/** Gives a letter the next color. */
+function next(/** @type {number} */ i) {
+  const names = offered();
+  const color = names[(names.indexOf(colorOf(i)) + 1) % names.length];
+  change({ painted: letters().map((_, k) => (k === i ? color : colorOf(k))) });
+}
+
+marks.onkeydown = (event) => {
+  const step = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: 1, ArrowUp: -1 }[event.key];
+  if (!step) return;
+  event.preventDefault();
+  const buttons = [...marks.querySelectorAll("button")];
+  const now = buttons.indexOf(/** @type {HTMLButtonElement} */ (document.activeElement));
+  const to = buttons[(now + step + buttons.length) % buttons.length];
+  buttons.forEach((button) => {
+    button.tabIndex = button === to ? 0 : -1;
+  });
+  to?.focus();
+};

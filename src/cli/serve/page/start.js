@@ -1,0 +1,158 @@
+// The kiosk's start screen, and the way back to it when nobody is there.
+
+import { get } from "./ask.js";
+import { byId, make } from "./dom.js";
+import { exposure } from "./exposure.js";
+import { loop, stopLoop } from "./loop.js";
+import { change, forget, state } from "./state.js";
+import { about, isEmpty } from "./wish.js";
+import { LANGUAGES, ofMaker, preferred, speak, t } from "./words.js";
+
+/** Without a touch for so long, the next visitor begins anew; it is said before. */
+const IDLE_S = 60,
+  SAID_S = 10;
+/** How long the newest photograph of the evening is written, and stands. */
+const WRITTEN_MS = 20_000,
+  STANDS_MS = 20_000;
+
+const start = byId("start"),
+  main = /** @type {HTMLElement} */ (document.querySelector("main"));
+let idle = 0;
+
+/** Begins as a kiosk: at the start screen, unless somebody is in the middle of something. */
+export function startKiosk() {
+  home = preferred("");
+  if (isEmpty()) showStart();
+  for (const event of ["pointerdown", "keydown", "input", "wheel"])
+    addEventListener(event, touched, { capture: true });
+  addEventListener("contextmenu", (event) => event.preventDefault());
+  addEventListener("news", () => {
+    if (!start.hidden) putEvening();
+  });
+  touched();
+}
+
+/** Somebody is there. @param {Event} [event] */
+function touched(event) {
+  idle = 0;
+  // What asks stays until its button is pressed, or something else is touched.
+  if (!(event?.target instanceof Node && byId("still").contains(event.target)))
+    byId("still").hidden = true;
+}
+
+setInterval(() => {
+  if (!about?.kiosk || !start.hidden) return;
+  idle += 1;
+  if (isEmpty() && state.mode === "word" ? idle >= IDLE_S / 2 : idle >= IDLE_S) return over();
+  const left = IDLE_S - idle;
+  if (left <= SAID_S && !isEmpty()) putStill(left);
+}, 1000);
+
+/** Says that it will begin anew. @param {number} left seconds */
+function putStill(left) {
+  const box = byId("still");
+  if (box.hidden) {
+    const here = make("button", { type: "button", className: "first" }, t("still-here"));
+    here.onclick = () => touched();
+    box.replaceChildren(make("p", { id: "still-text" }), here);
+    box.hidden = false;
+  }
+  byId("still-text").textContent = t("still-there", { n: left });
+}
+
+/** Forgets the visitor and shows the start. */
+function over() {
+  byId("still").hidden = true;
+  history.replaceState(null, "", ".");
+  forget();
+  // The next visitor begins in the language of the tablet.
+  /** @type {HTMLSelectElement} */ (byId("language")).value = home;
+  speak(home).then(() => {
+    change({ language: "" });
+    showStart();
+  });
+}
+/** The hall's own language: that of the tablet. */
+let home = "en";
+
+export async function showStart() {
+  const words = make(
+    "div",
+    { className: "words" },
+    make("h2", {}, t("start-title")),
+    make("p", {}, ofMaker(about.brand.sentence) || t("start-sentence")),
+    make("span", { className: "begin", "aria-hidden": "true" }, t("start-touch")),
+  );
+  const whole = make("button", {
+    type: "button",
+    className: "whole",
+    "aria-label": t("start-touch"),
+  });
+  whole.onclick = leave;
+  const tongues = make(
+    "nav",
+    { className: "tongues", "aria-label": t("language") },
+    ...Object.entries(LANGUAGES).map(([code, name]) => {
+      const button = make(
+        "button",
+        { type: "button", lang: code, "aria-pressed": `${code === document.documentElement.lang}` },
+        name,
+      );
+      button.onclick = async () => {
+        await speak(code);
+        /** @type {HTMLSelectElement} */ (byId("language")).value = code;
+        change({ language: code });
+        showStart();
+      };
+      return button;
+    }),
+  );
+  start.replaceChildren(
+    make("div", { className: "show" }),
+    words,
+    whole,
+    make("div", { className: "evening", role: "group", "aria-label": t("evening") }),
+    tongues,
+  );
+  start.setAttribute("aria-label", t("start-title"));
+  start.hidden = false;
+  main.inert = true;
+  await putEvening();
+}
+
+function leave() {
+  stopLoop();
+  start.hidden = true;
+  main.inert = false;
+  touched();
+  byId("word").focus({ preventScroll: true });
+}
+
+/** Photographs of this evening: the newest large, written again and again; some more below. */
+async function putEvening() {
+  const wall = /** @type {{ photos: { key: string, title: string | null }[] } | null} */ (
+    await get("wall").catch(() => null)
+  );
+  const photos = wall?.photos ?? [];
+  const show = start.querySelector(".show"),
+    row = start.querySelector(".evening");
+  if (!show || !row || start.hidden) return;
+  const image = (/** @type {{ key: string, title: string | null }} */ { key, title }) =>
+    make("img", { src: `wall/${key}.jpg`, alt: title ?? t("drawing") });
+  row.replaceChildren(
+    ...photos.slice(1, 7).map((photo) => make("div", { className: "frame" }, image(photo))),
+  );
+  if (!photos.length) return show.replaceChildren(make("div", { className: "waiting" }));
+  if (show.getAttribute("data-key") === photos[0].key) return;
+  show.setAttribute("data-key", photos[0].key);
+  const first = image(photos[0]),
+    canvas = make("canvas", { "aria-hidden": "true" });
+  show.replaceChildren(make("div", { className: "frame" }, first, canvas));
+  canvas.hidden = true;
+  const map = /** @type {Replay | null} */ (
+    await get(`wall/${photos[0].key}.json`).catch(() => null)
+  );
+  await first.decode().catch(() => {});
+  if (map?.strokes.length && !start.hidden)
+    loop(exposure(first, map, canvas), first, canvas, WRITTEN_MS, STANDS_MS);
+}

@@ -1,0 +1,64 @@
+// The verdict, as a sentence or two.
+
+import { make } from "./dom.js";
+import { hasWord, sentence, t } from "./words.js";
+
+/** @typedef {{ first: string, then?: string }} Spoken */
+
+/** Without these there is something to see; the others are told at home. */
+const DARK = ["unlit", "underexposed", "no-picture"];
+
+/** Why a photograph shows nothing that could be sent. @param {Shot} shot */
+export const obstacle = (shot) => shot.obstacles.find(({ key }) => DARK.includes(key));
+
+/** What is said of a photograph of a word. @param {Shot} shot @returns {Spoken} */
+export function ofShot(shot) {
+  const flight = t("flight", { n: Math.round(shot.flight_s) });
+  const dark = obstacle(shot);
+  if (dark) return { first: sentence("obstacles", dark) };
+  if (shot.judged === false) return { first: flight };
+  const { verdict } = shot;
+  if (!verdict) return { first: t("unjudged"), then: flight };
+  const read = verdict.read.replace(/\s+/g, " ").trim();
+  if (verdict.legible) return { first: t("reads", { read }), then: flight };
+  const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
+  const way = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
+  if (!wrong && verdict.reason) {
+    return {
+      first: t("unsure"),
+      then: `${sentence("reasons", { key: verdict.reason.replace(/_/g, "-"), text: "" })} ${way}`.trim(),
+    };
+  }
+  return { first: read ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
+}
+
+/** What is said of an error: its sentence, and a way out. @param {Said} said @returns {Spoken} */
+export function ofError(said) {
+  const way = `way-${said.key}`;
+  return { first: sentence("errors", said), then: hasWord(way) ? t(way) : undefined };
+}
+
+/**
+ * Puts a sentence where it is read out; the same one again is no news.
+ * @param {HTMLElement} line
+ * @param {Spoken} spoken
+ */
+export function say(line, { first, then }) {
+  if (line.textContent === [first, then].filter(Boolean).join(" ")) return;
+  line.replaceChildren(
+    make(
+      "span",
+      {},
+      ...(then
+        ? [make("strong", {}, first), " ", make("span", { className: "then" }, then)]
+        : [first]),
+    ),
+  );
+}
+
+/** What is said of the length of a drawing. @param {number} seconds @param {number} battery_s */
+export function ofLength(seconds, battery_s) {
+  const n = Math.round(seconds);
+  const key = n > battery_s ? "too-long" : n > 0.7 * battery_s ? "nearly-full" : "room-for-more";
+  return { first: t("flight-of", { n }), then: t(key) };
+}

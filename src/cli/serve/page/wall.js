@@ -1,0 +1,122 @@
+// The wall: what was approved, the newest large for a while, and the code of the page. No button.
+
+import { follow, get, onLost } from "./ask.js";
+import { putBrand } from "./brand.js";
+import { byId, make } from "./dom.js";
+import { exposure } from "./exposure.js";
+import { loop } from "./loop.js";
+import { preferred, putWords, speak, t } from "./words.js";
+
+/** A newest photograph is written once, and hangs for a minute at least. */
+const HANGS_MS = 60_000,
+  WRITTEN_MS = 20_000;
+const MOST = 7;
+
+/** @typedef {{ key: string, title: string | null, flight_s: number, flying: boolean }} Hung */
+const newest = byId("newest"),
+  older = byId("older");
+/** @type {Hung[]} */
+let photos = [];
+let since = 0,
+  timer = 0;
+
+/** @param {Hung} photo @param {boolean} large */
+function caption({ title, flight_s, flying }, large) {
+  const name = title ?? t("drawing");
+  return make(
+    "figcaption",
+    {},
+    make("bdi", {}, name),
+    ...(large
+      ? [
+          make(
+            "small",
+            {},
+            flying ? t("flying-now") : t("seconds-of-light", { n: Math.round(flight_s) }),
+          ),
+        ]
+      : []),
+  );
+}
+
+const image = (/** @type {Hung} */ { key, title }) =>
+  make("img", {
+    src: `wall/${key}.jpg`,
+    alt: title === null ? t("alt-drawing") : t("alt", { title }),
+  });
+
+/** Hangs the photographs: the newest is changed at most once a minute. */
+function hang() {
+  clearTimeout(timer);
+  byId("bare").hidden = photos.length > 0;
+  byId("wall").classList.toggle("bare", !photos.length);
+  const first = photos[0];
+  const shown = newest.dataset.key ?? "";
+  const stays = photos.some(({ key }) => key === shown);
+  const wait = HANGS_MS - (Date.now() - since);
+  if (first && first.key !== shown && (!stays || wait <= 0)) {
+    since = Date.now();
+    put(first);
+  } else if (first && first.key !== shown) timer = window.setTimeout(hang, wait);
+  newest.hidden = !first;
+  if (!first) {
+    newest.replaceChildren();
+    newest.dataset.key = "";
+  } else if (first.key === shown)
+    newest.querySelector("figcaption")?.replaceWith(caption(first, true));
+  const rest = photos.filter(({ key }) => key !== newest.dataset.key).slice(0, MOST - 1);
+  const known = new Map(
+    [...older.children].map((figure) => [/** @type {HTMLElement} */ (figure).dataset.key, figure]),
+  );
+  older.replaceChildren(...rest.map((photo) => known.get(photo.key) ?? figure(photo)));
+}
+
+/** @param {Hung} photo */
+function figure(photo) {
+  const hung = make(
+    "figure",
+    {},
+    make("div", { className: "frame" }, image(photo)),
+    caption(photo, false),
+  );
+  hung.dataset.key = photo.key;
+  return hung;
+}
+
+/** Hangs a photograph large, and writes it once. @param {Hung} photo */
+async function put(photo) {
+  const whole = image(photo),
+    light = make("canvas", { "aria-hidden": "true" });
+  light.hidden = true;
+  newest.dataset.key = photo.key;
+  newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
+  const map = /** @type {Replay | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
+  await whole.decode().catch(() => {});
+  if (map?.strokes.length && newest.dataset.key === photo.key)
+    loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
+}
+
+async function begun() {
+  const about = await get("about.json").catch(() => null);
+  await speak(new URLSearchParams(location.search).get("language") ?? preferred(""));
+  putWords(document);
+  putBrand(about);
+  const code = make("img", { src: "qr.svg", alt: t("code-of-page") });
+  byId("invite").replaceChildren(
+    make("div", { className: "code" }, code),
+    make("p", {}, t("write-yours"), make("small", {}, t("write-where"))),
+  );
+  onLost((lost) => {
+    byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : "";
+  });
+  follow(async (_, restarted) => {
+    // After a restart the page itself may be another one.
+    if (restarted) return location.reload();
+    const told = await get("wall").catch(() => null);
+    if (told) {
+      photos = told.photos;
+      hang();
+    }
+  });
+}
+begun();

@@ -1,0 +1,284 @@
+//! What a visitor is told, as data: a key with its values, which the page words in the visitor's
+//! language, and the English sentence for a page that lacks the key. No path of this machine is in
+//! it.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::super::advice::{mentioned, typed};
+use super::http::Answer;
+use super::wish::Subject;
+use crate::error::Error;
+use crate::preflight::{Checked, Severity};
+use crate::shoot::Problem;
+use crate::study::Remedy;
+
+/// A sentence.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub(super) struct Said {
+    /// Name of the sentence: `word-long`.
+    pub(super) key: String,
+    /// Its figures, by name with their unit.
+    pub(super) values: Value,
+    /// The sentence in English.
+    pub(super) text: String,
+    /// What to do, in English; may be empty.
+    pub(super) hint: String,
+}
+
+/// Declares the keys of refusals: name, status of HTTP where it is one, English sentence and hint.
+macro_rules! keys {
+    ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
+        /// What can be refused.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum Key { $($key,)+ }
+
+        impl Key {
+            const ALL: &[Self] = &[$(Self::$key,)+];
+
+            fn name(self) -> &'static str {
+                match self { $(Self::$key => $name,)+ }
+            }
+
+            fn status(self) -> u16 {
+                match self { $(Self::$key => $status,)+ }
+            }
+
+            fn sentences(self) -> [&'static str; 2] {
+                match self { $(Self::$key => [$text, $hint],)+ }
+            }
+        }
+    };
+}
+
+keys! {
+    PageOld "page-old" 400 "the page asks for something else" "reload the page";
+    WordLong "word-long" 422 "the word is too long" "write a shorter word";
+    WordEmpty "word-empty" 422 "there is no word" "type or draw something";
+    LetterMissing "letter-missing" 422 "a letter cannot be written" "write it with another letter";
+    LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
+    DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
+    DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
+    DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
+    PictureNone "picture-none" 422 "no lines are found in the picture" "choose another way to follow it";
+    FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
+    FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
+    TooSlow "too-slow" 422 "it took too long" "write or draw less";
+    TooLarge "too-large" 422 "it took too much memory" "write or draw less";
+    NotSafe "not-safe" 409 "not safe to fly" "change something: the report says what";
+    NotPossible "not-possible" 422 "this is not possible" "change something and try again";
+    Broken "broken" 500 "the program failed on this" "change something and try again";
+    Busy "busy" 503 "many visitors wait" "try again";
+    Gone "gone" 404 "this is no longer kept" "take the photo again";
+    DiskFull "disk-full" 507 "it could not be written down" "ask the host: the disk may be full";
+    Blocked "blocked" 422 "this word is not flown here" "write another one";
+    EntriesMany "entries-many" 429 "you have sent as many as can wait" "wait until one is flown";
+    QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
+    Paused "paused" 503 "nothing is taken at the moment" "try again later";
+    NotHere "not-here" 403 "this is for the machine of the host only" "ask the host";
+    Conflict "conflict" 409 "somebody else was faster" "look again";
+}
+
+impl Said {
+    /// A refusal in words of its own.
+    pub(super) fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
+        Self { key: key.name().into(), values, text, hint: hint.into() }
+    }
+
+    /// A request that no page of this program sends.
+    pub(super) fn of_old_page(found: &str) -> Self {
+        let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
+        Self { text, ..Key::PageOld.into() }
+    }
+
+    /// A flight that is not safe.
+    pub(super) fn of_stops(stops: &Value) -> Self {
+        let key = Key::NotSafe;
+        let texts = stops.as_array().into_iter().flatten().filter_map(|stop| stop["text"].as_str());
+        let texts: Vec<&str> = texts.collect();
+        let text = format!("{}: {}", key.sentences()[0], texts.join("; "));
+        Self { text, ..Self::from(key).with_values(json!({ "stops": stops })) }
+    }
+
+    /// An error of a stage.
+    pub(super) fn of_error(error: &Error, subject: &Subject) -> Self {
+        let key = key_of(error, subject);
+        let values = match error {
+            Error::Letter { position, letter, .. } => {
+                json!({ "letter": letter, "position": position })
+            }
+            _ => json!({}),
+        };
+        Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
+    }
+
+    /// A problem of the picture.
+    pub(super) fn of_problem(problem: &Problem) -> Self {
+        let (key, values) = match problem {
+            Problem::ShutterCloses { at_s, early_s } => {
+                ("shutter-closes", json!({ "at_s": at_s, "early_s": early_s }))
+            }
+            Problem::ShutterOpens { at_s, late_s } => {
+                ("shutter-opens", json!({ "at_s": at_s, "late_s": late_s }))
+            }
+            Problem::Unlit => ("unlit", json!({})),
+            Problem::FacesAway { away_frac } => ("faces-away", json!({ "away_frac": away_frac })),
+            Problem::Overexposed { white_frac, .. } => {
+                ("overexposed", json!({ "white_frac": white_frac }))
+            }
+            Problem::Underexposed(_) => ("underexposed", json!({})),
+            Problem::Flight(..) => ("flight-warning", json!({})),
+            Problem::Gaps { spans_s, .. } => ("log-gaps", json!({ "n": spans_s.len() })),
+            Problem::LostStrokes { letters, .. } => ("lost-strokes", json!({ "letters": letters })),
+            Problem::Drawing(_) => ("drawing-part", json!({})),
+            Problem::Outside { what, .. } => ("outside", json!({ "what": what })),
+            Problem::NoPicture(_) => ("no-picture", json!({})),
+        };
+        let text = without_paths(&problem.sentence(mentioned));
+        Self { key: key.into(), values, text, hint: String::new() }
+    }
+
+    /// What stops a flight; `None` of what does not.
+    pub(super) fn of_stop(checked: &Checked) -> Option<Self> {
+        let row = &checked.row;
+        let values = json!({
+            "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
+            "drone": checked.drone,
+        });
+        let key = format!("stop-{}", row.check.replace(' ', "-"));
+        let text = format!("{}: {}", row.check, checked.found());
+        let said = Self { key, values, text, hint: row.change(mentioned) };
+        (row.severity == Severity::Stop).then_some(said)
+    }
+
+    /// A change that helps.
+    pub(super) fn of_remedy(remedy: &Remedy) -> Option<Self> {
+        let first = remedy.changes.first()?;
+        let (key, values) = (format!("set-{}", first.key), json!({ "value": first.value }));
+        Some(Self { key, values, text: typed(&remedy.changes), hint: String::new() })
+    }
+
+    pub(super) fn with_values(self, values: Value) -> Self {
+        Self { values, ..self }
+    }
+
+    /// The refusal of a request.
+    pub(super) fn answer(&self) -> Answer {
+        let status = Key::ALL.iter().find(|key| key.name() == self.key).map_or(422, |k| k.status());
+        Answer::json(&self.json()).with_status(status)
+    }
+
+    /// What is answered to a wish.
+    pub(super) fn json(&self) -> Value {
+        json!({ "error": self })
+    }
+}
+
+impl From<Key> for Said {
+    fn from(key: Key) -> Self {
+        let [text, hint] = key.sentences();
+        Self::new(key, json!({}), text.into(), hint)
+    }
+}
+
+impl From<Key> for Answer {
+    fn from(key: Key) -> Self {
+        Said::from(key).answer()
+    }
+}
+
+fn key_of(error: &Error, subject: &Subject) -> Key {
+    match error {
+        Error::Letter { .. } => Key::LetterMissing,
+        Error::Input { place, found, wanted, .. } => {
+            let is_at = |name: &str| place == name || place.contains(&format!("{name}:"));
+            let is_drawing = place.contains("drawing.") && !place.contains("letters.drawing");
+            match &**wanted {
+                _ if is_at("settings") || is_at("request") || is_at("visitor") => Key::PageOld,
+                "at least one stroke" if subject.is_picture() => Key::PictureNone,
+                "at least one stroke" => Key::DrawingEmpty,
+                _ if is_drawing && ["of more ", "more than "].iter().any(|w| found.contains(w)) => {
+                    Key::DrawingLarge
+                }
+                "a drawing, handwriting or a logo" => Key::PictureNone,
+                _ if is_drawing || is_at("drawing") => Key::DrawingBroken,
+                _ if is_at("word") => Key::LettersMany,
+                _ => Key::NotPossible,
+            }
+        }
+        Error::Infeasible { what, .. } => {
+            let is_long = ["than an hour", "too much for a flight", "longest flight"];
+            match is_long.iter().any(|words| what.contains(words)) {
+                true => Key::FlightLong,
+                false => Key::FlightImpossible,
+            }
+        }
+        Error::Io { .. } => Key::DiskFull,
+        _ => Key::NotPossible,
+    }
+}
+
+/// A text with the names of files in place of their paths.
+fn without_paths(text: &str) -> String {
+    let name = |word: &str| match word.find('/') {
+        Some(0) => word.rsplit_once('/').map_or("", |(_, name)| name).to_owned(),
+        _ => word.to_owned(),
+    };
+    text.split(' ').map(name).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::wish::Wish;
+    use super::*;
+
+    fn subject(wish: &Value) -> Subject {
+        let mut wish = wish.clone();
+        wish["visitor"] = "me".into();
+        Wish::parse(wish.to_string().as_bytes()).unwrap().subject
+    }
+
+    #[test]
+    fn names_of_files_stand_in_place_of_paths() {
+        let text = "/tmp/.noctograph-x.tmp/job-1/drawing.svg:3: found a / b, wanted 1/2 m";
+        assert_eq!(without_paths(text), "drawing.svg:3: found a  b, wanted 1/2 m");
+    }
+
+    #[test]
+    fn every_refusal_has_a_key_and_a_sentence_without_a_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |wish: Value| {
+            let subject = subject(&wish);
+            let typed = subject.arguments(folder.path());
+            let error = typed.and_then(super::super::wish::preview_args).and_then(|it| it.shoot());
+            let said = Said::of_error(&error.unwrap_err(), &subject);
+            let temporary = folder.path().to_str().unwrap();
+            assert!(!said.text.contains(temporary) && !said.hint.contains(temporary), "{said:?}");
+            said.key
+        };
+        let svg = |text: &str| json!({ "drawing": { "kind": "svg", "text": text } });
+        let json = |text: &str| json!({ "drawing": { "kind": "json", "text": text } });
+        assert_eq!(of(json!({ "word": "A\u{1f600}" })), "letter-missing");
+        assert_eq!(of(svg("<svg xmlns='http://www.w3.org/2000/svg'/>")), "drawing-empty");
+        assert_eq!(of(svg("no")), "drawing-broken");
+        assert_eq!(of(json("{\"strokes\": 3}")), "drawing-broken");
+        assert_eq!(of(json("{\"strokes\": []}")), "drawing-empty");
+        let jpg = json!({ "drawing": { "kind": "jpg", "text": "AAAA" } });
+        assert_eq!(of(jpg), "drawing-broken");
+        let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
+        let long = json!({ "strokes": far }).to_string();
+        assert!(["flight-long", "drawing-large"].contains(&&*of(json(&long))));
+        assert_eq!(of(json!({ "word": "A", "room": "--help" })), "page-old");
+        assert_eq!(of(json!({ "word": "A", "settings": { "seed": "x" } })), "not-possible");
+    }
+
+    /// Keys that a page has to word; blessed, so that its tables of words can be compared with it.
+    #[test]
+    fn the_page_knows_every_key() {
+        let mut names: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
+        names.sort_unstable();
+        let n = names.len();
+        names.dedup();
+        assert_eq!(names.len(), n, "each once");
+    }
+}

@@ -1,0 +1,108 @@
+"""What the browser tests share: a server, a page that complains of everything, and waiting.
+
+The page forbids `eval`, which playwright's wait_for_function needs: `until` asks again and again."""
+
+import os
+import subprocess
+import time
+from pathlib import Path
+
+from playwright.sync_api import Error, sync_playwright
+
+PAGES = Path(__file__).resolve().parent.parent / "src/cli/serve/page"
+PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]
+
+
+class Server:
+    """A server of the program, with the addresses that it prints."""
+
+    def __init__(self, program, *flags):
+        # With NOCTOGRAPH_PAGE the page's files come from that folder: no build is needed for them.
+        page = ["--page-from", os.environ["NOCTOGRAPH_PAGE"]] if "NOCTOGRAPH_PAGE" in os.environ else []
+        self.process = subprocess.Popen([program, "serve", *page, *flags], stdout=subprocess.PIPE, text=True)
+        words = {}
+        while "Ctrl-C" not in (line := self.process.stdout.readline()):
+            assert line, f"the server ended: {self.process.poll()}"
+            name, _, address = line.strip().partition(" ")
+            words[name] = address.strip()
+        self.page, self.operator = words["page"], words["operator"]
+        self.host = self.page.split("/k/")[0]
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+
+def opened(browser, url, **options):
+    """A page, and what it complained of or asked others for."""
+    context = browser.new_context(**{"locale": "en-US", "viewport": DESK, "color_scheme": "dark", **options})
+    page = context.new_page()
+    trouble = []
+    page.on("console", lambda message: message.type in ("error", "warning") and "Failed to load resource" not in message.text and trouble.append(message.text))
+    page.on("response", lambda response: response.status >= 400 and response.status != 503 and trouble.append(f"{response.status} {response.url}"))
+    page.on("pageerror", lambda error: trouble.append(str(error)))
+    page.on("request", lambda request: request.url.startswith(("data:", "blob:", "http://127.0.0.1:")) or trouble.append(request.url))
+    page.goto(url)
+    return page, trouble
+
+
+def ready(page):
+    page.wait_for_selector("body[data-ready]", timeout=30_000)
+    return page
+
+
+def until(page, expression, timeout_s=30, what=None):
+    """Waits for an expression of the page to be true, and returns its value."""
+    end = time.monotonic() + timeout_s
+    while True:
+        try:
+            value = page.evaluate(expression)
+        except Error as error:
+            if "context was destroyed" not in str(error):
+                raise
+            value = None  # the page is being loaded again
+        if value:
+            return value
+        assert time.monotonic() < end, f"not within {timeout_s} s: {what or expression}; the page says {page.inner_text('body')[:300]!r}"
+        time.sleep(0.02)
+
+
+def shown(page, timeout_s=30):
+    """Waits for the photograph of what is wished now, and returns the verdict."""
+    until(page, "!document.querySelector('#frame').hidden && !document.querySelector('#frame').classList.contains('waits')", timeout_s, "a photograph")
+    return page.inner_text("#verdict")
+
+
+def write(page, word):
+    """Writes a word at once, and waits for its photograph."""
+    before = page.get_attribute("main", "data-shown")
+    page.fill("#word", word)
+    until(page, f"document.querySelector('main').dataset.shown !== {before!r}" if before else "document.querySelector('main').dataset.shown")
+    return shown(page)
+
+
+def on_pad(page):
+    """Where a share of the pad's width and height is on the screen."""
+    box = page.locator("#pad").bounding_box()
+    return lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
+
+
+def stroke(page, *points, steps=12):
+    """Draws a line through points of the pad."""
+    place = on_pad(page)
+    page.mouse.move(*place(*points[0]))
+    page.mouse.down()
+    for point in points[1:]:
+        page.mouse.move(*place(*point), steps=steps)
+    page.mouse.up()
+
+
+def kept(page):
+    """What the page keeps over a reload."""
+    return page.evaluate("JSON.parse(sessionStorage.getItem('noctograph'))")
+
+
+def strokes(page):
+    sketch = kept(page)["sketch"]
+    known = {stroke["id"]: stroke for stroke in sketch["strokes"]}
+    return [known[number] for number in sketch["states"][sketch["now"]]]

@@ -1,0 +1,765 @@
+"""The exhibit in Chromium: tests/exhibit.py NOCTOGRAPH [AXE_JS] [NAME …]
+
+Every fault that was found in a hall has its test here; each name is a claim."""
+
+import json
+import random
+import re
+import sys
+import tempfile
+import time
+import urllib.request
+from itertools import chain
+from pathlib import Path
+
+from browser import *
+
+PROGRAM = sys.argv[1]
+AXE = Path(sys.argv[2]).read_text() if len(sys.argv) > 2 and Path(sys.argv[2]).is_file() else None
+CHOSEN = [name for name in sys.argv[2:] if not name.endswith(".js")]
+LANGUAGES = ["en", "de", "fr", "es"]
+
+
+# ---------- Words ----------
+
+
+def flat(table, place=""):
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{place}{key}/")
+        else:
+            yield place + key, value
+
+
+def words_are_complete_in_four_languages(hall):
+    tables = {code: dict(flat(json.loads((PAGES / f"words/{code}.json").read_text()))) for code in LANGUAGES}
+    known = set(tables["en"])
+    for code, table in tables.items():
+        assert set(table) == known, f"{code}: {set(table) ^ known}"
+        for key, phrase in table.items():
+            assert phrase.strip(), f"{code}: {key} is empty"
+            values = lambda text: set(re.findall(r"\{(\w+)\}", text))
+            assert values(phrase) == values(tables["en"][key]), f"{code}: {key} has other values"
+    same = [key for key, phrase in tables["en"].items() if len(phrase) > 24 and tables["de"][key] == phrase]
+    assert not same, f"not translated: {same}"
+    # What the pages name is in the table, and what the program can say, too.
+    sources = "".join(path.read_text() for path in [*PAGES.glob("*.js"), *PAGES.glob("*.html")])
+    named = set(re.findall(r"\bt\(\"([\w-]+)\"", sources)) | set(re.findall(r"data-[tlp]=\"([\w-]+)\"", sources))
+    top = {key.split("/")[0] for key in known}
+    assert named <= top, f"no words for {named - top}"
+    said = json.loads((PAGES / "keys.json").read_text())
+    for group, keys in said.items():
+        missing = [key for key in keys if f"{group}/{key}" not in known]
+        assert not missing, f"the program says what no language has: {group} {missing}"
+
+
+def errors_are_said_in_the_visitors_language(hall):
+    """No percentages, keys, paths or English sentences for a visitor from elsewhere."""
+    for code, want in {"en": "has not learned", "de": "noch nicht gelernt", "fr": "pas encore appris", "es": "aún no ha aprendido"}.items():
+        page, trouble = opened(hall.browser, hall.page, locale=f"{code}-{code.upper()}", viewport=PHONE)
+        ready(page)
+        assert page.get_attribute("html", "lang") == code
+        page.fill("#word", "A🦉")
+        until(page, f"document.querySelector('#verdict').textContent.includes({want!r})", what=f"an error in {code}")
+        said = page.inner_text("#verdict")
+        assert "🦉" in said and len(said) < 120, said
+        assert not re.search(r"/|scene|U\+|%|--set|_", said), said
+        assert page.locator("#frame").is_hidden(), "beside an error there is no photograph"
+        assert page.get_attribute("#send", "aria-disabled") == "true"
+        assert not trouble, trouble
+        page.context.close()
+
+
+# ---------- No keystroke hangs ----------
+
+
+def no_keystroke_hangs(hall, sessions=12):
+    """Each request is delayed at random, so that they arrive in another order; the last word is shown."""
+    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    rng = random.Random(7)
+    delays = []
+
+    def late(route):
+        delays.append(rng.uniform(0, 0.3))
+        time.sleep(delays[-1])
+        try:
+            route.continue_()
+        except Exception:
+            pass  # the page gave it up for a newer one
+
+    # Delayed in the browser, each on its own.
+    page.route("**/live", late)
+    for session in range(sessions):
+        word = rng.choice(["NOOR", "ANNA", "ZOE", "OTTO", "LEA"])
+        page.fill("#word", "")
+        page.type("#word", word, delay=rng.uniform(10, 120))
+        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 20, f"session {session}: {word}")
+    page.unroute("**/live")
+    assert not [line for line in trouble if "ERR_" not in line], trouble
+
+
+def overtaken_requests_are_asked_again(hall, sessions=40):
+    """A server that takes whatever arrives last for the newest: the page still ends at its own."""
+    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    photo = page.evaluate("""async () => {
+        const told = await (await fetch('about.json')).json();
+        const number = 1, visitor = 'probe' + Math.random().toString(36).slice(2);
+        return await (await fetch('live', {method: 'POST', headers: {'Content-Type': 'application/json'}, body: JSON.stringify({visitor, number, word: 'I', settings: {}})})).json();
+    }""")
+    # Requests are answered by this page's own fetch: each after a delay, and stopped by any that arrives later.
+    page.evaluate("""shot => {
+        const real = window.fetch;
+        let arrivals = 0;
+        window.asks = 0;
+        const wait = ms => new Promise(done => setTimeout(done, ms));
+        window.fetch = async (url, options = {}) => {
+            if (!`${url}`.endsWith('live')) return real(url, options);
+            window.asks += 1;
+            const wish = JSON.parse(options.body);
+            // As over WLAN: what was sent arrives, whether or not the page still waits for it.
+            await wait(80 + 80 * Math.random());
+            const mine = ++arrivals;
+            await wait(60);
+            const json = arrivals === mine ? {...shot, number: wish.number} : {number: wish.number, stopped: true};
+            if (options.signal?.aborted) throw new DOMException('', 'AbortError');
+            return new Response(JSON.stringify(json), {headers: {'Content-Type': 'application/json'}});
+        };
+    }""", photo)
+    rng = random.Random(3)
+    for session in range(sessions):
+        word = rng.choice(["NOOR", "ANNA", "OTTO", "LEA"])
+        page.fill("#word", "")
+        page.type("#word", word, delay=rng.uniform(5, 60))
+        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 10, f"session {session}: {word}")
+
+
+def a_lost_connection_is_noticed_and_mended(hall):
+    with tempfile.TemporaryDirectory() as gallery:
+        server = Server(PROGRAM, "--gallery", gallery)
+        page, _ = opened(hall.browser, server.page, viewport=TABLET)
+        ready(page)
+        write(page, "ANNA")
+        server.kill()
+        until(page, "document.querySelector('#lost').textContent", 15, "that the connection is lost")
+        page.fill("#word", "OTTO")
+        again = Server(PROGRAM, "--gallery", gallery)
+        try:
+            assert again.page == server.page, "the address survives a restart"
+            until(page, "document.querySelector('#photo').alt.includes('OTTO') && !document.querySelector('#lost').textContent", 40, "the photograph after the restart")
+        finally:
+            again.kill()
+
+
+# ---------- The pad ----------
+
+
+def the_pad_stands_still_while_one_draws(hall):
+    """A straight line of a slow finger stays straight while photographs arrive."""
+    for size in [PHONE, TABLET, {"width": 844, "height": 390}]:
+        page, trouble = opened(hall.browser, hall.page, viewport=size, has_touch=True)
+        ready(page)
+        page.click("#draw")
+        page.wait_for_selector("#pad .cursor", state="attached")
+        stroke(page, (0.2, 0.2), (0.8, 0.2))
+        place, box = on_pad(page), page.locator("#pad").bounding_box()
+        page.mouse.move(*place(0.1, 0.6))
+        page.mouse.down()
+        for step in range(30):
+            page.mouse.move(*place(0.1 + 0.8 * step / 29, 0.6))
+            time.sleep(0.08)
+            assert page.locator("#pad").bounding_box() == box, f"the pad moved on {size}"
+        page.mouse.up()
+        drawn = strokes(page)[-1]["points"]
+        heights = [y for _, y, _ in drawn]
+        assert max(heights) - min(heights) < 2, f"a straight line has a step of {max(heights) - min(heights)} units of 1000"
+        until(page, "document.querySelectorAll('#pad .lit').length === 2", what="both strokes in the photograph")
+        assert page.locator("#pad").bounding_box() == box
+        assert not trouble, trouble
+        page.context.close()
+
+
+def one_pointer_draws_and_a_palm_does_not(hall):
+    page, _ = opened(hall.browser, hall.page, viewport=TABLET, has_touch=True)
+    ready(page)
+    page.click("#draw")
+    page.wait_for_selector("#pad .cursor", state="attached")
+    place = on_pad(page)
+    touch = page.context.new_cdp_session(page)
+    point = lambda number, x, y: dict(zip("xy", place(x, y)), id=number)
+    send = lambda kind, *points: touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+    send("touchStart", point(1, 0.2, 0.3))
+    send("touchMove", point(1, 0.3, 0.3))
+    send("touchStart", point(1, 0.3, 0.3), point(2, 0.8, 0.9))
+    for step in range(10):
+        send("touchMove", point(1, 0.3 + 0.03 * step, 0.3), point(2, 0.8, 0.9 - 0.01 * step))
+    send("touchEnd")
+    drawn = strokes(page)
+    assert len(drawn) == 1, f"{len(drawn)} strokes of one finger"
+    height = kept(page)["sketch"]["page"][1]
+    assert all(abs(y - 0.3 * height) < 3 for _, y, _ in drawn[0]["points"]), "the palm is no part of the stroke"
+    send("touchStart", point(1, 0.5, 0.5))
+    send("touchEnd")
+    assert len(strokes(page)[-1]["points"]) == 1, "a tap is a dot"
+
+
+def strokes_are_undone_rubbed_out_painted_and_moved(hall):
+    page, trouble = opened(hall.browser, hall.page, viewport=TABLET)
+    ready(page)
+    page.click("#draw")
+    page.wait_for_selector("#pad .cursor", state="attached")
+    stroke(page, (0.2, 0.2), (0.8, 0.2))
+    stroke(page, (0.2, 0.5), (0.8, 0.5))
+    page.click("#undo")
+    assert len(strokes(page)) == 1
+    page.click("#redo")
+    assert len(strokes(page)) == 2
+    page.click("[name=light-pad][value=red]", force=True)
+    page.click("#paint")
+    page.mouse.click(*on_pad(page)(0.5, 0.2))
+    assert [line["color"] for line in strokes(page)] == ["red", "white"], "a stroke has the color that is chosen"
+    page.click("#rub")
+    page.mouse.click(*on_pad(page)(0.5, 0.5))
+    assert [line["color"] for line in strokes(page)] == ["red"]
+    page.click("#move")
+    before = strokes(page)[0]["points"][0]
+    stroke(page, (0.5, 0.2), (0.5, 0.4))
+    after = strokes(page)[0]["points"][0]
+    height = kept(page)["sketch"]["page"][1]
+    assert abs(after[1] - before[1] - 0.2 * height) < 0.02 * height and abs(after[0] - before[0]) < 5, f"{before} → {after}"
+    # Everything is there after a reload, its history too; and Back leads to the word.
+    page.reload()
+    ready(page)
+    assert page.locator("#pad").is_visible() and len(strokes(page)) == 1
+    page.click("#undo")
+    assert strokes(page)[0]["points"][0] == before
+    page.go_back()
+    assert page.locator("#word").is_visible()
+    # By keyboard alone.
+    page.click("#draw")
+    page.focus("#pad")
+    n = len(strokes(page))
+    for key in [" ", "ArrowRight", "ArrowRight", "ArrowDown", " "]:
+        page.keyboard.press(key)
+    assert len(strokes(page)) == n + 1
+    page.keyboard.press("Control+z")
+    assert len(strokes(page)) == n
+    assert not trouble, trouble
+
+
+def a_stroke_lands_where_it_was_drawn(hall):
+    """The lamp's way in the photograph, in pixels of the screen, against the finger's."""
+    for size in [PHONE, DESK]:
+        page, _ = opened(hall.browser, hall.page, viewport=size)
+        ready(page)
+        page.click("#draw")
+        page.wait_for_selector("#pad .cursor", state="attached")
+        ways = [[(0.25, 0.3), (0.25, 0.7)], [(0.6, 0.3), (0.6, 0.7)]]
+        for way in ways:
+            stroke(page, *way)
+        until(page, "document.querySelectorAll('#pad .lit').length === 2", what="both strokes in the photograph")
+        bright = page.evaluate("""() => {
+            const photo = document.querySelector('#photo'), canvas = document.createElement('canvas');
+            [canvas.width, canvas.height] = [photo.naturalWidth, photo.naturalHeight];
+            const pen = canvas.getContext('2d');
+            pen.drawImage(photo, 0, 0);
+            const { data, width, height } = pen.getImageData(0, 0, canvas.width, canvas.height);
+            const sums = new Float64Array(width);
+            for (let i = 0; i < width * height; i += 1) if (data[4 * i] > 200) sums[i % width] += 1;
+            const box = photo.getBoundingClientRect(), middle = width * 0.5;
+            const mean = (from, to) => { let [s, n] = [0, 0]; for (let x = from; x < to; x += 1) { s += sums[x] * x; n += sums[x]; } return box.left + (s / n) / width * box.width; };
+            return [mean(0, Math.round(middle)), mean(Math.round(middle), width)];
+        }""")
+        place = on_pad(page)
+        for found, way in zip(bright, ways):
+            off = found - place(*way[0])[0]
+            assert abs(off) < 0.02 * size["width"], f"{off:.1f} px beside the finger on {size}"
+        page.context.close()
+
+
+# ---------- The word ----------
+
+
+def a_pasted_word_is_cut_and_it_is_said(hall):
+    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    page.fill("#word", "A" * 60)
+    assert page.input_value("#word") == "A" * 24
+    assert "24" in page.inner_text("#verdict"), page.inner_text("#verdict")
+
+
+def nothing_is_lost_on_reload_or_back(hall):
+    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    write(page, "ANNA")
+    page.click("[name=light-word][value=red]", force=True)
+    page.reload()
+    ready(page)
+    assert page.input_value("#word") == "ANNA" and page.is_checked("[name=light-word][value=red]")
+    shown(page)
+    page.goto("about:blank")
+    page.go_back()
+    ready(page)
+    assert page.input_value("#word") == "ANNA"
+
+
+def a_colored_word_shines_on_every_lamp(hall):
+    """What is bright in the photograph has the lamp's color, and it is not black."""
+    page, _ = opened(hall.browser, hall.page)
+    ready(page)
+    light = """() => {
+        const canvas = document.createElement('canvas'), photo = document.querySelector('#photo');
+        [canvas.width, canvas.height] = [photo.naturalWidth, photo.naturalHeight];
+        const pen = canvas.getContext('2d');
+        pen.drawImage(photo, 0, 0);
+        const { data } = pen.getImageData(0, 0, canvas.width, Math.round(0.7 * canvas.height));
+        const sums = [0, 0, 0];
+        for (let i = 0; i < data.length; i += 4) if (Math.max(data[i], data[i + 1], data[i + 2]) > 150) sums.forEach((_, k) => { sums[k] += data[i + k] / 255; });
+        return sums.map(Math.round);
+    }"""
+    write(page, "OTTO")
+    for lamp in ["ring", "color-led"]:
+        page.click("#more")
+        page.select_option("#lamp", lamp)
+        page.keyboard.press("Escape")
+        page.click("[name=light-word][value=green]", force=True)
+        time.sleep(0.1)
+        shown(page)
+        red, green, blue = page.evaluate(light)
+        assert green > 500 and green > 1.2 * red and green > 1.2 * blue, f"{lamp} in green: {red}, {green}, {blue}"
+        page.click("[name=light-word][value=white]", force=True)
+        shown(page)
+
+
+def what_was_not_read_for_haste_is_read_when_typing_rests(hall):
+    """Where many wait, the photograph of a keystroke comes without a verdict: none is made up."""
+    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+
+    def hasty(route):
+        response = route.fetch()
+        route.fulfill(response=response, json={**response.json(), "judged": False, "verdict": None})
+
+    page.route("**/live", hasty)
+    said = write(page, "OTTO")
+    assert "Reads" not in said and "seconds" in said, said
+    until(page, "document.querySelector('#verdict').textContent.startsWith('Reads as OTTO.')", 60, "the verdict of the large photograph")
+    assert not trouble, trouble
+
+
+def the_reason_of_not_legible_is_said(hall):
+    """All letters read, the word does not: the reason stands there, in words and without a share."""
+    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+
+    def unsure(route):
+        response = route.fetch()
+        shot = response.json()
+        shot["verdict"] = {**shot["verdict"], "legible": False, "readability": 0.5, "reason": "too_small"}
+        route.fulfill(response=response, json=shot)
+
+    page.route("**/live", unsure)
+    said = write(page, "HELLO")
+    assert "Not everybody could read it." in said and "too small in the photograph" in said, said
+    assert not re.search(r"%|0\.5|_", said), said
+    assert page.inner_text("#send") == "Send it as it is"
+    assert not trouble, trouble
+
+
+def letters_have_colors_by_touch(hall):
+    page, _ = opened(hall.browser, hall.page)
+    ready(page)
+    write(page, "OTTO")
+    assert page.locator("#marks button").count() == 4
+    page.locator("#marks button").nth(1).click()
+    shown(page)
+    assert kept(page)["painted"] == ["white", "red", "white", "white"]
+    page.locator("#marks button").nth(1).focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    assert kept(page)["painted"][2] == "red"
+
+
+# ---------- The replay ----------
+
+
+def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
+    page, trouble = opened(hall.browser, hall.page)
+    ready(page)
+    write(page, "OTTO")
+    slide = "share => { const range = document.querySelector('#replay input'); range.value = 1000 * share; range.dispatchEvent(new Event('input')); }"
+    # What is bright of the exposure and of the photograph: all, and how much of the one the other lacks.
+    bright = """() => {
+        const light = document.querySelector('#light'), photo = document.querySelector('#photo');
+        const canvas = Object.assign(document.createElement('canvas'), { width: light.width, height: light.height });
+        canvas.getContext('2d').drawImage(photo, 0, 0, canvas.width, canvas.height);
+        const [now, whole] = [light, canvas].map(of => of.getContext('2d').getImageData(0, 0, of.width, of.height).data);
+        const counts = { now: 0, whole: 0, extra: 0 };
+        for (let i = 0; i < now.length; i += 4) {
+            const [a, b] = [now[i] > 180 && now[i + 3] > 180, whole[i] > 180];
+            counts.now += a; counts.whole += b; counts.extra += a && !b;
+        }
+        return counts;
+    }"""
+    exposed = {}
+    for share in [0.2, 0.5, 0.9, 0.5001]:
+        page.evaluate(slide, share)
+        until(page, "!document.querySelector('#light').hidden")
+        time.sleep(0.3)
+        exposed[share] = page.evaluate(bright)
+        exposed[share]["share"] = exposed[share]["now"] / exposed[share]["whole"]
+        assert exposed[share]["extra"] < 0.15 * exposed[share]["whole"], f"light that the photograph has not: {exposed}"
+    shares = [exposed[share]["share"] for share in [0.2, 0.5, 0.9]]
+    assert 0.03 < shares[0] < shares[1] - 0.1 and shares[1] < shares[2] - 0.1, f"exposed {shares}"
+    assert abs(exposed[0.5001]["share"] - shares[1]) < 0.03, "backward, too"
+    page.evaluate(slide, 1)
+    assert page.locator("#light").is_hidden(), "all of it is the photograph itself"
+    page.click("#replay button")
+    until(page, "!document.querySelector('#light').hidden", 5, "the exposure plays")
+    page.click("#replay button")
+    trouble = [line for line in trouble if "willReadFrequently" not in line]  # this test's own
+    assert not trouble, trouble
+
+
+# ---------- The hall: send, approve, wall, take home ----------
+
+
+def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
+    with tempfile.TemporaryDirectory() as gallery:
+        server = Server(PROGRAM, "--gallery", gallery, "--network")
+        try:
+            page, trouble = opened(hall.browser, server.page, viewport=PHONE)
+            ready(page)
+            write(page, "ANNA")
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+            assert "ANNA" in page.inner_text("#sent h2")
+            page.get_by_text("Take it back").click()
+            assert page.input_value("#word") == "ANNA", "what was taken back can be changed"
+            shown(page)
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.reload()
+            ready(page)
+            page.wait_for_selector("#sent h2")
+            assert "ANNA" in page.inner_text("#sent h2"), "it is still sent after a reload"
+
+            wall, wall_trouble = opened(hall.browser, f"{server.page}wall.html", viewport=DESK)
+            wall.wait_for_selector("#invite img")
+            assert wall.locator("figure img").count() == 0, "nothing hangs that was not approved"
+            assert wall.locator("button, a, input").count() == 0, "the wall has no button"
+
+            host, host_trouble = opened(hall.browser, server.operator)
+            host.wait_for_selector("#list button")
+            assert "ANNA" in host.inner_text("#list")
+            host.keyboard.press("a")
+            until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
+            wall.wait_for_selector("#newest img", timeout=30_000)
+            assert "ANNA" in wall.inner_text("#newest")
+            until(page, "document.querySelector('#sent p').textContent.includes('will be flown')", what="the visitor is told")
+            host.keyboard.press("z")
+            until(host, "document.querySelector('#tabs button:nth-child(1) b').textContent === '1'", what="an answer is undone")
+            until(wall, "document.querySelector('#newest').hidden", 30, "what is no longer approved comes down")
+            host.keyboard.press("a")
+            host.click("#tabs button:nth-child(2)")
+            host.wait_for_selector("[data-do=fly]")
+            with host.expect_download(timeout=60_000) as download:
+                host.click("#export")
+            assert open(download.value.path(), "rb").read(2) == b"PK"
+            host.keyboard.press("f")
+            until(page, "document.querySelector('#sent p').textContent.includes('flying now')", what="the visitor looks up")
+            host.locator("#air button").click()
+            until(page, "document.querySelector('#sent p').textContent.includes('was flown')", what="flown")
+
+            home = kept(page)["sent"]["id"]
+            mine, mine_trouble = opened(hall.browser, f"{server.host}/e/{home}/", viewport=PHONE)
+            ready(mine)
+            assert "ANNA" in mine.inner_text("#title") and mine.locator("#photo").is_visible()
+            with mine.expect_download() as download:
+                mine.click("#keep")
+            assert open(download.value.path(), "rb").read().startswith(b"\x89PNG")
+            card = mine.pdf(prefer_css_page_size=True)
+            assert len(re.findall(rb"/Type\s*/Page[^s]", card)) == 1, "the card is one page"
+            width, height = [float(side) for side in re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+) ([\d.]+)", card).groups()]
+            assert abs(width - 148 / 25.4 * 72) < 2 and abs(height - 105 / 25.4 * 72) < 2, f"A6, {width} x {height}"
+            for name, found in {"visitor": trouble, "wall": wall_trouble, "operator": host_trouble, "home": mine_trouble}.items():
+                assert not found, f"{name}: {found}"
+        finally:
+            server.kill()
+
+
+def the_kiosk_begins_anew_after_a_minute(hall):
+    server = Server(PROGRAM, "--kiosk")
+    try:
+        page, trouble = opened(hall.browser, "about:blank", viewport=TABLET)
+        page.clock.install()
+        page.goto(server.page)
+        ready(page)
+        start = page.locator("#start")
+        assert start.is_visible(), "a kiosk begins at its start"
+        page.mouse.click(300, 300)
+        assert start.is_hidden()
+        assert page.locator("#more").is_hidden(), "no settings"
+        page.fill("#word", "ANNA")
+        page.clock.run_for(2000)
+        visitor = kept(page)["visitor"]
+        page.clock.run_for(50_000)
+        assert page.locator("#still").is_visible(), "it is said before"
+        page.click("#still button")
+        assert page.locator("#still").is_hidden() and page.input_value("#word") == "ANNA"
+        page.clock.run_for(62_000)
+        page.wait_for_selector("#start:not([hidden])")
+        state = kept(page)
+        assert state["word"] == "" and state["visitor"] != visitor, "the next visitor is another one"
+        # What one left behind is not said to the next.
+        page.mouse.click(300, 300)
+        page.fill("#word", "A" * 60)
+        page.select_option("#language", "de")
+        page.clock.run_for(62_000)
+        page.wait_for_selector("#start:not([hidden])")
+        page.mouse.click(300, 300)
+        assert page.get_attribute("html", "lang") == "en" and page.input_value("#language") == "en"
+        assert page.inner_text("#verdict").startswith("A drone will write it"), page.inner_text("#verdict")
+        leads = page.evaluate("[...document.querySelectorAll('a[href]')].map(a => a.href)")
+        assert not leads, f"nothing leads out: {leads}"
+    finally:
+        server.kill()
+
+
+def a_wall_whose_server_was_restarted_hangs_on(hall):
+    with tempfile.TemporaryDirectory() as gallery:
+        server = Server(PROGRAM, "--gallery", gallery)
+        page, _ = opened(hall.browser, server.page)
+        ready(page)
+        wall, _ = opened(hall.browser, f"{server.page}wall.html", reduced_motion="reduce")
+        for word in ["ANNA", "OTTO"]:
+            write(page, word)
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.get_by_text("Write another").click()
+            until(wall, f"document.querySelector('#wall').innerText.includes('{word}')", what=f"{word} on the wall")
+        assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
+        server.kill()
+        until(wall, "document.querySelector('#lost').textContent", 15, "the wall notices")
+        again = Server(PROGRAM, "--gallery", gallery)
+        try:
+            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", 30, "the wall after the restart")
+            host, _ = opened(hall.browser, again.operator)
+            host.wait_for_selector("#tabs button")
+            # An entry that is taken down is gone from the wall.
+            host.click("#tabs button:nth-child(1)")
+            host.wait_for_selector("#list button")
+            host.keyboard.press("r")
+            until(wall, "document.querySelectorAll('figure img').length === 1", 30, "one of two")
+        finally:
+            again.kill()
+
+
+def the_brand_is_the_makers(hall):
+    with tempfile.TemporaryDirectory() as brand:
+        Path(brand, "brand.toml").write_text('title = "Night of the Open Hall"\naccent = "#9ec1ff"\n[sentence]\nen = "Lamps that fly."\nde = "Lampen, die fliegen."\n[consent]\nen = "Shown tonight, gone tomorrow."\n')
+        Path(brand, "logo.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 60 20"><circle cx="10" cy="10" r="8" fill="#9ec1ff"/></svg>')
+        server = Server(PROGRAM, "--kiosk", "--brand", brand)
+        try:
+            page, trouble = opened(hall.browser, server.page, locale="de-DE", viewport=TABLET)
+            ready(page)
+            assert "Lampen, die fliegen." in page.inner_text("#start")
+            page.mouse.click(300, 300)
+            assert page.title() == "Night of the Open Hall"
+            assert page.get_attribute(".brand img", "alt") == "Night of the Open Hall"
+            assert page.evaluate("document.querySelector('.brand img').naturalWidth") > 0, "the logo is seen"
+            assert page.inner_text("#consent") == "Shown tonight, gone tomorrow.", "a sentence without the language is the English one"
+            assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--accent')").strip() == "#9ec1ff"
+            assert not trouble, trouble
+        finally:
+            server.kill()
+
+
+# ---------- Access ----------
+
+
+def states(browser, server):
+    """Every state of every role: name, page."""
+    def visitor(**options):
+        page, _ = opened(browser, server.page, **options)
+        return ready(page)
+    for size, scheme in [(PHONE, "light"), (TABLET, "dark"), (DESK, "light"), (PHONE, "dark")]:
+        wide = f"{size['width']} {scheme}"
+        page = visitor(viewport=size, color_scheme=scheme)
+        yield f"empty {wide}", page
+        write(page, "OTTO")
+        yield f"word {wide}", page
+        page.fill("#word", "🦉")
+        until(page, "document.querySelector('#frame').hidden")
+        yield f"unwritable {wide}", page
+        page.fill("#word", "OTTO")
+        shown(page)
+        page.click("#more")
+        page.wait_for_selector("#drawer[open]")
+        yield f"drawer {wide}", page
+        page.keyboard.press("Escape")
+        page.click("#draw")
+        page.wait_for_selector("#pad .cursor", state="attached")
+        stroke(page, (0.2, 0.3), (0.7, 0.6))
+        until(page, "document.querySelectorAll('#pad .lit').length === 1")
+        yield f"pad {wide}", page
+        page.click("#type")
+        write(page, "ANNA")
+        page.click("#send")
+        page.wait_for_selector("#sent h2", timeout=60_000)
+        yield f"sent {wide}", page
+        number = kept(page)["sent"]["id"]
+        page.context.close()
+        for name, address in {"home": f"{server.host}/e/{number}/", "operator": server.operator, "wall": f"{server.page}wall.html"}.items():
+            other, _ = opened(browser, address, viewport=size, color_scheme=scheme)
+            other.wait_for_selector({"home": "#acts button", "operator": "#list button", "wall": "#invite img"}[name])
+            yield f"{name} {wide}", other
+            other.context.close()
+
+
+def kiosk_states(browser, server):
+    page, _ = opened(browser, "about:blank", viewport=TABLET)
+    page.clock.install()
+    page.goto(server.page)
+    ready(page)
+    yield "start", page
+    page.mouse.click(300, 300)
+    page.fill("#word", "ANNA")
+    page.clock.run_for(2000)
+    page.clock.run_for(50_000)
+    page.wait_for_selector("#still:not([hidden])")
+    yield "still there", page
+
+
+def every_state_is_accessible_and_its_targets_are_large(hall):
+    """axe-core finds nothing, nothing that is touched is smaller than 44 px, and nothing runs over."""
+    small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
+        // What is touched in a photograph is as large as its letter; a hidden input is touched by its label.
+        if (e.closest('#marks') || e.matches('.sr, .lights input')) return false;
+        const box = e.getBoundingClientRect();
+        return box.width > 0 && (box.width < 43.9 || box.height < 43.9) && e.checkVisibility();
+    }).map(e => `${e.outerHTML.slice(0, 90)} ${Math.round(e.getBoundingClientRect().width)} x ${Math.round(e.getBoundingClientRect().height)}`)"""
+    faults = []
+    with tempfile.TemporaryDirectory() as gallery:
+        server, kiosk = Server(PROGRAM, "--gallery", gallery), Server(PROGRAM, "--kiosk")
+        try:
+            for name, page in chain(states(hall.browser, server), kiosk_states(hall.browser, kiosk)):
+                found = page.evaluate(small)
+                faults += [f"{name}: a target is small: {target}" for target in found]
+                wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+                if wide[0] > wide[1]:
+                    faults.append(f"{name}: {wide[0]} px on a screen of {wide[1]}")
+                if AXE:
+                    time.sleep(0.4)  # colors that change have changed
+                    page.evaluate(AXE)
+                    for fault in page.evaluate("async () => (await axe.run(document, {resultTypes: ['violations']})).violations.map(v => `${v.id}: ${v.nodes.map(n => n.html.slice(0, 120)).join(' | ')}`)"):
+                        faults.append(f"{name}: {fault}")
+        finally:
+            server.kill()
+            kiosk.kill()
+    assert not faults, "\n".join(faults)
+
+
+def swatches_are_one_tab_stop_and_seen_in_forced_colors(hall):
+    page, _ = opened(hall.browser, hall.page, forced_colors="active")
+    ready(page)
+    page.focus("#word")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.value") == "white"
+    page.keyboard.press("ArrowRight")
+    assert kept(page)["color"] == "red"
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.id") == "draw", "one tab stop"
+    border = page.evaluate("getComputedStyle(document.querySelector('.lights span')).borderTopStyle")
+    assert border == "solid", "white is seen on white"
+
+
+def arabic_runs_from_right_to_left(hall):
+    table = (Path(__file__).parent / "fixtures/words-ar.json").read_text()
+    page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
+    page.route("**/words/ar.json", lambda route: route.fulfill(body=table, content_type="application/json"))
+    page.add_init_script("sessionStorage.noctograph ??= JSON.stringify({language: 'ar'})")
+    page.goto(hall.page)
+    ready(page)
+    assert page.get_attribute("html", "dir") == "rtl"
+    write(page, "OTTO")
+    left = lambda selector: page.locator(selector).bounding_box()["x"]
+    assert left(".lights[data-of=word]") > left("#draw"), "the colors begin at the right"
+    assert left("#replay button") < left("#replay .strip"), "time runs from left to right"
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert not trouble, trouble
+
+
+def field_and_photograph_are_seen_together_on_small_screens(hall):
+    """A phone on its side, its keyboard on the screen, and 200 % zoom."""
+    for size in [{"width": 844, "height": 390}, {"width": 390, "height": 420}, {"width": 720, "height": 450}]:
+        page, _ = opened(hall.browser, hall.page, viewport=size)
+        ready(page)
+        write(page, "OTTO")
+        for selector in ["#word", "#send", "#photo"]:
+            box = page.locator(selector).bounding_box()
+            inside = min(size["height"], box["y"] + box["height"]) - max(0, box["y"])
+            assert inside > 0.45 * box["height"] and inside >= 40, f"{selector} on {size}: {box}"
+        field, photo = page.locator("#word").bounding_box(), page.locator(".stage").bounding_box()
+        apart = field["y"] >= photo["y"] + photo["height"] - 1 or field["x"] >= photo["x"] + photo["width"] - 1
+        assert apart, f"the field covers the photograph on {size}"
+        page.context.close()
+
+
+def without_motion_the_photograph_is_simply_there(hall):
+    page, _ = opened(hall.browser, hall.page, reduced_motion="reduce")
+    ready(page)
+    write(page, "OTTO")
+    page.click("#replay button")
+    assert page.locator("#light").is_hidden()
+    moving = page.evaluate("document.getAnimations().length")
+    assert moving == 0, f"{moving} animations"
+
+
+def the_first_load_is_small_and_asks_nobody_else(hall):
+    sizes = {}
+    page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
+    page.on("response", lambda response: sizes.__setitem__(response.url, len(response.body())) if response.ok and "news" not in response.url else None)
+    page.goto(hall.page)
+    ready(page)
+    total = sum(sizes.values())
+    assert total <= 100_000, f"{total} bytes: {sorted(sizes.items(), key=lambda item: -item[1])[:8]}"
+    policy = urllib.request.urlopen(hall.page).headers["Content-Security-Policy"]
+    assert "unsafe" not in policy and "default-src 'none'" in policy, policy
+    print(f"  first load {total} bytes in {len(sizes)} requests")
+
+
+class Hall:
+    pass
+
+
+def main():
+    tests = [test for name, test in globals().items() if callable(test) and "hall" in getattr(getattr(test, "__code__", None), "co_varnames", ())[:1]]
+    hall, failed = Hall(), 0
+    with sync_playwright() as playwright:
+        hall.browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        server = Server(PROGRAM)
+        hall.page = server.page
+        try:
+            for test in tests:
+                if CHOSEN and test.__name__ not in CHOSEN:
+                    continue
+                begun = time.monotonic()
+                try:
+                    test(hall)
+                    print(f"ok    {test.__name__} ({time.monotonic() - begun:.1f} s)", flush=True)
+                except Exception as error:
+                    failed += 1
+                    print(f"FAIL  {test.__name__}: {error}", flush=True)
+                for context in hall.browser.contexts:
+                    context.close()
+        finally:
+            server.kill()
+            hall.browser.close()
+    if not AXE:
+        print("skipped: axe-core (no npm here)")
+    sys.exit(failed > 0)
+
+
+main()
