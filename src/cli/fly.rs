@@ -1,17 +1,18 @@
 //! `noctograph fly`: plans, or the setpoints of real flights, are flown in the simulator.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags, SeedFlag};
+use super::flags::{FlightFlags, SceneFlags, SeedFlag, read_plans};
 use super::outcome::Report;
 use super::output::Outputs;
 use super::progress::watch;
 use super::show::FlightFigures;
 use super::{message, warn};
 use crate::error::Result;
+use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;
 
@@ -40,9 +41,10 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let scene = args.scene.load(&args.seed.settings())?;
-    let read = args.plans.iter().map(|path| Plan::read_csv(path));
-    let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log)));
-    let shoot = Shoot::with_plans(scene, plans.collect::<Result<_>>()?)?;
+    let mut plans = read_plans(&args.plans)?;
+    let sent: Result<Vec<Plan>> = args.flight.read_all(&args.setpoints)?.iter().map(sent).collect();
+    plans.extend(sent?);
+    let shoot = Shoot::with_plans(scene, plans)?;
     let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
     let flights = shoot.fly(&watch())?;
     flights.iter().for_each(|flight| warn(&flight.warnings));
@@ -58,8 +60,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
 }
 
 /// The setpoints of a log, as a plan.
-fn sent(args: &FlyArgs, log: &Path) -> Result<Plan> {
-    let Replay { plan, n_restored } = replay(&args.flight.read(log)?)?;
+fn sent(log: &Flight) -> Result<Plan> {
+    let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {
         let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
         message("warning: ", &text);

@@ -99,8 +99,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         None => by_light(&photo, &strokes)?.map_or_else(framed, Ok)?,
     };
     let mut flights = Vec::new();
-    for path in &args.flight {
-        let mut flight = args.flights.read(path)?;
+    for (mut flight, path) in args.flights.read_all(&args.flight)?.into_iter().zip(&args.flight) {
         // As the photo of a log has it.
         relit_where_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);

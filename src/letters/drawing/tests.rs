@@ -607,3 +607,15 @@ fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
         assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
     }
 }
+
+#[test]
+fn a_picture_of_one_color_is_no_drawing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    for gray in [0, 3, 128, 255] {
+        let picture = image::RgbImage::from_pixel(320, 200, image::Rgb([gray; 3]));
+        picture.save(&path).unwrap();
+        let error = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
+        assert!(error.contains("a.png: found a picture"), "{gray}: {error}");
+    }
+}
