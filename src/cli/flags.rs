@@ -21,6 +21,20 @@ use crate::scene::{NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
 use crate::study::Conditions;
+use noctograph_core::files::Limit;
+
+/// Flights, logs and light traces that are read together: each may be as large as all.
+const FLIGHTS: Limit = Limit {
+    bytes: 256 << 20,
+    what: "flights",
+    hint: "thin them out, cut them to the time of the picture, or read fewer at a time",
+};
+/// Plans that fly together: one has some 6 MB an hour.
+const PLANS: Limit = Limit {
+    bytes: 64 << 20,
+    what: "plans",
+    hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
+};
 
 /// The scene.
 #[derive(Debug, Args)]
@@ -249,8 +263,7 @@ impl SubjectFlags {
                 set_word(&mut named.scene, word)?;
             }
             all if all.len() == plans.len() => {
-                let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
-                return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);
+                return Shoot::with_plans(named.scene, read_plans(plans)?);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -268,6 +281,15 @@ impl SubjectFlags {
         }
         Ok(shoot)
     }
+}
+
+/// Reads plans that fly together.
+pub(super) fn read_plans<'a, P: AsRef<Path> + 'a + ?Sized>(
+    paths: impl IntoIterator<Item = &'a P>,
+) -> Result<Vec<Plan>> {
+    let paths: Vec<PathBuf> = paths.into_iter().map(|path| path.as_ref().to_owned()).collect();
+    PLANS.check_all(&paths)?;
+    paths.iter().map(|path| Plan::read_csv(path)).collect()
 }
 
 /// Limits that a flight is checked against.
@@ -375,6 +397,12 @@ impl FlightFlags {
         Ok(log)
     }
 
+    /// Reads flights or logs that belong together, and prints their warnings.
+    pub(super) fn read_all(&self, paths: &[PathBuf], scene: Option<&Scene>) -> Result<Vec<Flight>> {
+        FLIGHTS.check_all(paths)?;
+        paths.iter().map(|path| self.read(path, scene)).collect()
+    }
+
     /// Flights, logs or light traces that are photographed, one for each drone. A log without
     /// lights has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(
@@ -387,6 +415,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word)?;
         }
+        FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
             let options = self.options(Some(&scene));
@@ -400,6 +429,7 @@ impl FlightFlags {
                 Recording::Light(_) => {}
             }
             recordings.push(recording);
+            Shoot::check_recordings(&recordings)?;
         }
         Shoot::with_recordings(scene, recordings)
     }

@@ -1,17 +1,18 @@
 //! `noctograph fly`: plans, or the setpoints of real flights, are flown in the simulator.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags, SeedFlag};
+use super::flags::{FlightFlags, SceneFlags, SeedFlag, read_plans};
 use super::outcome::Report;
 use super::output::Outputs;
 use super::progress::watch;
 use super::show::FlightFigures;
 use super::{message, warn};
 use crate::error::Result;
+use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
@@ -41,9 +42,9 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let scene = args.scene.load(&args.seed.settings())?;
-    let read = args.plans.iter().map(|path| Plan::read_csv(path));
-    let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log, &scene)));
-    let plans = plans.collect::<Result<_>>()?;
+    let mut plans = read_plans(&args.plans)?;
+    let logs = args.flight.read_all(&args.setpoints, Some(&scene))?;
+    plans.extend(logs.iter().map(sent).collect::<Result<Vec<Plan>>>()?);
     let shoot = Shoot::with_plans(scene, plans)?;
     let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
     let flights = shoot.fly(&watch())?;
@@ -60,8 +61,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
 }
 
 /// The setpoints of a log, as a plan.
-fn sent(args: &FlyArgs, log: &Path, scene: &Scene) -> Result<Plan> {
-    let Replay { plan, n_restored } = replay(&args.flight.read(log, Some(scene))?)?;
+fn sent(log: &Flight) -> Result<Plan> {
+    let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {
         let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
         message("warning: ", &text);

@@ -9,9 +9,8 @@ use serde_json::json;
 use super::flags::{FlightFlags, find_scene};
 use super::message;
 use super::outcome::{Report, line};
-use super::output::Output;
 use super::set::SetFlag;
-use super::studies::{open_store, share};
+use super::studies::{open_results, open_store, share};
 use super::table::table;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -83,12 +82,12 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         false => Some(from_logs(args, &ready, &options)?),
     };
     let store = open_store(&args.output)?;
-    let scene_file = Output::create(&args.output.join("scene.toml"))?;
     let n_plans = of_logs.as_ref().map_or(ready.plans().len(), Vec::len);
     let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
     let names: Vec<String> = names.collect();
-    let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
-    let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
+    // The plans have their names before the scene that names them.
+    let files: Vec<&str> = names.iter().map(String::as_str).chain(["scene.toml"]).collect();
+    let results = open_results(&args.output, &files)?;
     let (mut rounds, mut helped, mut best) = (Vec::new(), None, 0);
     let plans = if let Some(plans) = of_logs {
         plans
@@ -110,10 +109,11 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         names.join(", "),
         contender.scene.to_toml()
     );
-    let mut paths = vec![scene_file.keep(|out| out.write_all(toml.as_bytes()))?];
-    for (file, plan) in plan_files.into_iter().zip(&plans) {
-        paths.push(file.keep(|out| plan.write_csv(out))?);
+    for (name, plan) in names.iter().zip(&plans) {
+        results.write(name, |out| plan.write_csv(out))?;
     }
+    results.write("scene.toml", |out| out.write_all(toml.as_bytes()))?;
+    let paths = results.keep(&files)?;
     let outcome = match helped {
         Some(helped) => learned(ready.word(), &rounds, best, helped),
         None => ready.word().to_owned(),
@@ -177,15 +177,12 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
             return Err(Error::input("sent", plans.len(), "one plan", hint));
         }
     };
-    let read = |path: &PathBuf| {
-        align(
-            args.flights.read(path, Some(ready.scene()))?,
-            &sent,
-            ready,
-            &path.display().to_string(),
-        )
+    let flown =
+        args.flights.read_all(&args.flight, Some(ready.scene()))?.into_iter().zip(&args.flight);
+    let aligned = |(flight, path): (Flight, &PathBuf)| {
+        align(flight, &sent, ready, &path.display().to_string())
     };
-    let flights: Vec<Flight> = args.flight.iter().map(read).collect::<Result<_>>()?;
+    let flights: Vec<Flight> = flown.map(aligned).collect::<Result<_>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";
         message("warning: ", text);

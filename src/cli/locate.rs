@@ -27,8 +27,15 @@ use crate::locate::{
 use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
+use noctograph_core::files::Limit;
 use noctograph_core::statistics::median;
 
+/// Logs, or references, that are read together.
+const LOGS: Limit = Limit {
+    bytes: 128 << 20,
+    what: "logs",
+    hint: "cut the logs to one flight, log fewer variables, or locate fewer drones at a time",
+};
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
@@ -171,6 +178,7 @@ fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
 }
 
 fn read_all<'a>(args: &LocateArgs, scene: &Scene, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
+    LOGS.check_all(paths)?;
     let read = |path: &'a PathBuf| {
         let mut found = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
         // Of a log the ranges count here, and of a reference the positions: nothing else is missed.

@@ -12,7 +12,7 @@ use super::export::warn_of_trailing;
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::names::named;
 use super::outcome::{Outcome, Report, command, line, wrapped};
-use super::output::{Output, OutputFolder};
+use super::output::OutputFolder;
 use super::picture::PictureFlags;
 use super::progress::watch;
 use super::show::FlightFigures;
@@ -27,6 +27,9 @@ use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
 use noctograph_core::digest::sha256;
+
+/// The page of `--report`.
+const REPORT: &str = "report.html";
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -100,10 +103,6 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let mut names = write(&shot, &json, &folder)?;
     let spread = args.spread.run(&before, &conditions, &folder)?;
     names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
-    let mut files = folder.keep(&names)?;
-    if let Some(path) = &args.movie {
-        files.push(movie::write(&shot, path)?);
-    }
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let figures: Vec<FlightFigures<'_>> = shot.flights.iter().map(FlightFigures::new).collect();
@@ -174,8 +173,12 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();
-        let file = Output::create(&args.output.join("report.html"))?;
-        files.push(file.keep(|out| out.write_all(html.as_bytes()))?);
+        folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
+        names.push(REPORT.to_owned());
+    }
+    let mut files = folder.keep(&names)?;
+    if let Some(path) = &args.movie {
+        files.push(movie::write(&shot, path)?);
     }
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,

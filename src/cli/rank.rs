@@ -6,7 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::outcome::{Report, line};
-use super::studies::{StudyFlags, counter, open_store, ranking_report, write_ranking};
+use super::studies::{
+    RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
+};
 use crate::error::Result;
 use crate::shoot::Stop;
 use crate::study::{Record, Shard, Trial, evaluate, rank, shards};
@@ -52,11 +54,12 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let parts = args.parts.as_deref().map(|folder| shards(&study, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
     parts.iter().flatten().try_for_each(|path| store.take(path))?;
+    let results = open_results(&args.output, &RANKING)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
     let records: Vec<Record> = evaluate(&study, &trials, Some(&store), &Stop::default(), &bar)?;
     drop(bar);
     let ranking = rank(&study, &records);
-    let files = write_ranking(&args.output, &study, &ranking, &records)?;
+    let files = write_ranking(results, &study, &ranking, &records)?;
     Ok(ranking_report(&study, &ranking, records.len()).with_files(&files))
 }

@@ -7,13 +7,14 @@ use clap::Args;
 use serde_json::json;
 
 use super::outcome::{Report, line};
-use super::output::Output;
-use super::studies::{StudyFlags, counter, open_store};
+use super::studies::{StudyFlags, counter, open_results, open_store};
 use super::table::table;
 use crate::error::Result;
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
 
+/// Files that are written at the end.
+const FILES: [&str; 2] = ["robustness.csv", "robustness.svg"];
 /// What helps against the radio.
 const ON_BOARD: &str = "outages of the radio do not move a drone that flies a trajectory on board: export \
      --to compressed, and compare with --set 'radio.setpoints=\"on-board\"'";
@@ -41,12 +42,11 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
         times: args.times.clone(),
         seed: args.study.seed,
     };
-    options.check()?;
+    // Nothing is left behind where a word or a scene is refused.
+    options.prepare()?;
     let store = open_store(&args.output)?;
-    let csv = Output::create(&args.output.join("robustness.csv"))?;
-    let svg = Output::create(&args.output.join("robustness.svg"))?;
-    let n_each: usize = options.words.iter().map(|(_, n)| *n as usize).sum();
-    let bar = counter("flying", n_each * options.times.len() * (Factor::all().len() + 1));
+    let results = open_results(&args.output, &FILES)?;
+    let bar = counter("flying", options.n_flights());
     let found = robustness(&options, Some(&store), &bar)?;
     drop(bar);
     let title = format!("{}: disturbances that break the word", options.contender.name);
@@ -57,10 +57,10 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
         Some(_) => line("advice", "the word does not read without disturbances: mend that first"),
         None => String::new(),
     };
-    let files = [
-        csv.keep(|out| out.write_all(robustness_csv(&found).as_bytes()))?,
-        svg.keep(|out| out.write_all(endurance(&title, &curves).as_bytes()))?,
-    ];
+    let [csv, svg] = FILES;
+    results.write(csv, |out| out.write_all(robustness_csv(&found).as_bytes()))?;
+    results.write(svg, |out| out.write_all(endurance(&title, &curves).as_bytes()))?;
+    let files = results.keep(&FILES)?;
     let json = json!({ "factors": found });
     Ok(Report::new(text(&options, &found) + &advice + "\n", json).with_files(&files))
 }

@@ -99,8 +99,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         None => by_light(&photo, &strokes)?.map_or_else(framed, Ok)?,
     };
     let mut flights = Vec::new();
-    for path in &args.flight {
-        let mut flight = args.flights.read(path, Some(&scene))?;
+    let logs = args.flights.read_all(&args.flight, Some(&scene))?;
+    for (mut flight, path) in logs.into_iter().zip(&args.flight) {
         // As the photo of a log has it.
         relit_where_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);

@@ -12,7 +12,7 @@ use serde_json::json;
 use super::flags::{find_scene, warn_of_idle_keys_under};
 use super::message;
 use super::outcome::{Report, wrapped};
-use super::output::Output;
+use super::output::OutputFolder;
 use super::progress::Progress;
 use super::set::SetFlag;
 use super::table::table;
@@ -131,6 +131,12 @@ pub(super) fn open_store(folder: &Path) -> Result<Store> {
     Ok(store)
 }
 
+/// Opens the folder of a study for the files that are written at its end.
+pub(super) fn open_results(folder: &Path, names: &[impl AsRef<Path>]) -> Result<OutputFolder> {
+    let results = OutputFolder::create(folder)?;
+    results.expects(names).map(|()| results)
+}
+
 /// A progress bar that any thread may call with the number of `total` that are done.
 pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync {
     let progress = Mutex::new(Progress::new(what));
@@ -141,25 +147,26 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     }
 }
 
-/// Writes a ranking to its folder: both tables, the ranking as JSON, and a sheet of photos.
+/// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
+pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
+
+/// Writes a ranking to its folder.
 pub(super) fn write_ranking(
-    folder: &Path,
+    folder: OutputFolder,
     study: &Study,
     ranking: &Ranking,
     records: &[Record],
 ) -> Result<Vec<PathBuf>> {
-    let outputs = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
-    let [csv, json, flights, photos] = outputs.map(|name| Output::create(&folder.join(name)));
     let sheet = study_sheet(study, ranking, records)?;
-    Ok(vec![
-        csv?.keep(|out| out.write_all(ranking_csv(ranking).as_bytes()))?,
-        json?.keep(|out| {
-            serde_json::to_writer_pretty(&mut *out, ranking)?;
-            writeln!(out)
-        })?,
-        flights?.keep(|out| out.write_all(flights_csv(records).as_bytes()))?,
-        photos?.keep(|out| photo::write_png(&sheet, out, None, &[]))?,
-    ])
+    let [csv, json, flights, photos] = RANKING;
+    folder.write(csv, |out| out.write_all(ranking_csv(ranking).as_bytes()))?;
+    folder.write(json, |out| {
+        serde_json::to_writer_pretty(&mut *out, ranking)?;
+        writeln!(out)
+    })?;
+    folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
+    folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
+    folder.keep(&RANKING)
 }
 
 /// A ranking for people and for programs.

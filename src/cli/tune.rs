@@ -9,9 +9,8 @@ use serde_json::{Value, json};
 
 use super::message;
 use super::outcome::{Report, line};
-use super::output::Output;
 use super::progress::Progress;
-use super::studies::{StudyFlags, counter, open_store, ranking_table, share};
+use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
 use super::table::table;
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
@@ -23,6 +22,9 @@ use crate::study::{
     Candidate, Conditions, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv,
     evaluate, rank, tune,
 };
+
+/// Files that are written once the best scene is found.
+const FILES: [&str; 3] = ["scene.toml", "candidates.csv", "pareto.svg"];
 
 #[derive(Debug, Args)]
 #[command(
@@ -100,10 +102,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     }
     let options = options(args, &base.scene, conditions, budget.flights)?;
     let store = open_store(&args.output)?;
-    let files = ["scene.toml", "candidates.csv", "pareto.svg"];
-    let [scene_file, candidates_file, pareto_file] =
-        files.map(|name| Output::create(&args.output.join(name)));
-    let (scene_file, candidates_file, pareto_file) = (scene_file?, candidates_file?, pareto_file?);
+    let results = open_results(&args.output, &FILES)?;
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
@@ -120,12 +119,13 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let tuned = tune(&base.scene, &options, Some(&store), &Stop::default(), &mut watch)?;
     drop(progress);
 
-    let paths = [
-        scene_file.keep(|out| write!(out, "{}{}", origin(args, &tuned), tuned.scene.to_toml()))?,
-        candidates_file
-            .keep(|out| out.write_all(candidates_csv(&tuned, &options.knobs).as_bytes()))?,
-        pareto_file.keep(|out| out.write_all(plot(&tuned).as_bytes()))?,
-    ];
+    let [scene, candidates, front] = FILES;
+    let toml = origin(args, &tuned) + &tuned.scene.to_toml();
+    results.write(scene, |out| out.write_all(toml.as_bytes()))?;
+    let csv = candidates_csv(&tuned, &options.knobs);
+    results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
+    results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
+    let paths = results.keep(&FILES)?;
     let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
     let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
     let json = json!({

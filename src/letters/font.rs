@@ -126,7 +126,6 @@ impl Font {
     }
 
     /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
-    /// Where it fails, the byte of a character that the font lacks.
     pub(super) fn line(&self, line: &str, space: f64) -> Option<Line> {
         match &*self.face {
             Face::Strokes(_) => None,

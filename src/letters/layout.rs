@@ -1,9 +1,10 @@
 //! Layout: characters side by side, lines below each other.
 
 use super::font::Font;
+use super::glyph::MAX_POINTS;
 use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
-use super::shaping::is_shaped;
+use super::shaping::{Unset, is_shaped};
 use super::{Cell, Glyph, LeftOut, Picture, StrokeOrder, Strokes};
 use noctograph_core::error::{Error, Result};
 use std::sync::Arc;
@@ -110,9 +111,15 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
         for line in word.split('\n') {
             match font.line(line, SPACE) {
                 None => break,
-                Some(Err(byte)) => {
-                    let typed = line[byte..].chars().next().unwrap_or(' ');
-                    return Err(lacks(before + line[..byte].chars().count(), typed));
+                Some(Err(unset)) => {
+                    let index = |byte: usize| before + line[..byte].chars().count();
+                    return Err(match unset {
+                        Unset::Missing(byte) => {
+                            lacks(index(byte), line[byte..].chars().next().unwrap_or(' '))
+                        }
+                        Unset::Unshaped(byte) => unshaped(index(byte), font.name()),
+                        Unset::TooLarge(byte, n) => too_large(index(byte), n),
+                    });
                 }
                 Some(Ok(_)) => before += line.chars().count() + 1,
             }
@@ -130,6 +137,21 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
             drawn.ok_or_else(|| lacks(index, typed))
         })
         .collect()
+}
+
+/// The error of a word of which the font's rules make too much.
+fn unshaped(index: usize, font: &str) -> Error {
+    let found = format!("a word that the rules of {font} make endless");
+    let hint = "write it with another font, or fewer of its letters in a row";
+    Error::input(format!("word, position {}", index + 1), found, "letters that end", hint)
+}
+
+/// The error of letters that touch, which are traced as one outline.
+fn too_large(index: usize, n: usize) -> Error {
+    let place = format!("word, position {}", index + 1);
+    let found = format!("{n} letters in a row that touch each other");
+    let wanted = format!("fewer: they are one outline, of at most {MAX_POINTS} points");
+    Error::input(place, found, wanted, "put a space or a line end among them")
 }
 
 /// Characters for a message: the first of those that can be drawn.

@@ -35,12 +35,23 @@ pub(super) struct Placed {
     pub(super) byte: usize,
 }
 
+/// Why a line cannot be set, with the byte of the character where it fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unset {
+    /// The face lacks the character.
+    Missing(usize),
+    /// The rules of the face make more of the word from there on than the shaper's limits allow.
+    Unshaped(usize),
+    /// So many glyphs from there on touch each other, and are too many points as one outline.
+    TooLarge(usize, usize),
+}
+
 /// The glyphs of a line from left to right.
 ///
 /// # Errors
 ///
-/// The byte of a character that the face lacks.
-pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, usize> {
+/// [`Unset`], but for glyphs that touch.
+pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
     let info = BidiInfo::new(line, None);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
@@ -67,14 +78,17 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
                 buffer.push_str(word);
                 buffer.set_direction(direction);
                 buffer.guess_segment_properties();
-                shape(&face, &mut buffer, ShapeOptions::new()).map_err(|_unshaped| start)?;
+                let shaped = shape(&face, &mut buffer, ShapeOptions::new());
+                if shaped.is_err() || !buffer.allocation_successful() {
+                    return Err(Unset::Unshaped(start));
+                }
                 let steps = buffer.glyph_infos().iter().zip(buffer.glyph_positions());
                 for (info, step) in steps {
                     let byte = start + info.cluster as usize;
                     let glyph =
                         Some(GlyphId::new(info.glyph_id)).filter(|id| *id != GlyphId::NOTDEF);
                     let at = [pen.saturating_add(step.x_offset), step.y_offset];
-                    placed.push(Placed { glyph: glyph.ok_or(byte)?, at, byte });
+                    placed.push(Placed { glyph: glyph.ok_or(Unset::Missing(byte))?, at, byte });
                     pen = pen.saturating_add(step.x_advance);
                 }
             }
@@ -112,26 +126,34 @@ mod tests {
             [100, 400, 100], // 5: reh, final
             [100, 200, 700], // 6: alef
             [100, 300, 100], // 7: resh
+            [0, 400, 100],   // 8: shin, as wide as its advance
         ];
         let (mut glyf, mut loca) = (Vec::new(), vec![0_u32, 0]);
         for outline in outlines {
             glyf.extend(rectangle(outline));
             loca.push(u32::try_from(glyf.len()).unwrap());
         }
-        let map = [('H', 1), ('\u{5d0}', 6), ('\u{5e8}', 7), ('\u{631}', 4), ('\u{646}', 2)];
-        let mut cmap = words(&[0, 1, 3, 10, 0, 12, 12, 0, 0, 16 + 12 * 5, 0, 0, 0, 5]);
+        let map = [
+            ('H', 1),
+            ('\u{5d0}', 6),
+            ('\u{5e8}', 7),
+            ('\u{5e9}', 8),
+            ('\u{631}', 4),
+            ('\u{646}', 2),
+        ];
+        let mut cmap = words(&[0, 1, 3, 10, 0, 12, 12, 0, 0, 16 + 12 * 6, 0, 0, 0, 6]);
         for (character, glyph) in map {
             let code = u32::from(character);
             cmap.extend([code, code, glyph].into_iter().flat_map(u32::to_be_bytes));
         }
-        let lefts = [0, 0, 100, 0, 100, 100, 100, 100];
+        let lefts = [0, 0, 100, 0, 100, 100, 100, 100, 0];
         let metrics = lefts.iter().flat_map(|left| words(&[400, *left])).collect();
         let mut head = vec![0; 54];
         head[18..20].copy_from_slice(&1000_u16.to_be_bytes());
         head[51] = 1;
         let mut hhea = vec![0; 36];
         hhea[1] = 1;
-        hhea[35] = 8;
+        hhea[35] = 9;
         let single = |glyph| [1, 0, 1, 8, 1, 6, 1, 1, 1, glyph];
         let scripts = [&tag("arab")[..], &[8, 4, 0, 0, 0xffff, 2, 0, 1]].concat();
         let features =
@@ -148,7 +170,7 @@ mod tests {
             (b"hhea", hhea),
             (b"hmtx", metrics),
             (b"loca", loca.into_iter().flat_map(u32::to_be_bytes).collect()),
-            (b"maxp", vec![0, 0, 0x50, 0, 0, 8]),
+            (b"maxp", vec![0, 0, 0x50, 0, 0, 9]),
         ])
     }
 
@@ -169,7 +191,16 @@ mod tests {
         let bytes: Vec<usize> = hebrew.iter().map(|letter| letter.0).collect();
         assert_eq!(bytes, [5, 2, 0], "the first letter stands on the right");
         assert!(hebrew.windows(2).all(|pair| pair[0].1 < pair[1].1), "from left to right");
-        assert_eq!(face.line("אx", 0.5).unwrap_err(), 2, "the byte of what is missing");
+        assert_eq!(face.line("אx", 0.5).unwrap_err(), Unset::Missing(2), "its byte");
+    }
+
+    #[test]
+    fn letters_that_touch_and_are_too_many_points_are_not_missing() {
+        let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
+        // A letter has four points.
+        assert_eq!(face.line(&"ש".repeat(20), 0.5).unwrap().len(), 1, "one shape");
+        let error = face.line(&"ש".repeat(2001), 0.5).unwrap_err();
+        assert_eq!(error, Unset::TooLarge(0, 2001));
     }
 
     #[test]

@@ -24,7 +24,7 @@ use super::curves::polylines;
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
-use super::shaping::{Placed, shaped};
+use super::shaping::{Placed, Unset, shaped};
 use super::stored;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
@@ -79,8 +79,8 @@ type Part = (GlyphId, [i32; 2]);
 /// its strokes, in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
-/// Letters of a line, or the byte of a character that the face lacks.
-pub(super) type Line = std::result::Result<Vec<Joined>, usize>;
+/// Letters of a line, or why it cannot be set.
+pub(super) type Line = std::result::Result<Vec<Joined>, Unset>;
 
 /// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
 /// faces meet at a common edge.
@@ -166,7 +166,7 @@ impl Typeface {
     ///
     /// # Errors
     ///
-    /// The byte of a character that the face lacks.
+    /// [`Unset`].
     pub(super) fn line(&self, line: &str, space: f64) -> Line {
         let unit = self.advance(1.0);
         let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
@@ -194,8 +194,13 @@ impl Typeface {
             let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
             let start = group[0].at[0];
             let part = |placed: &Placed| (placed.glyph, [placed.at[0] - start, placed.at[1]]);
-            let shape = self.joined(&group.iter().map(part).collect::<Vec<_>>()).ok_or(byte)?;
-            Ok((byte, unit * f64::from(start), shape))
+            let shape = self.joined(&group.iter().map(part).collect::<Vec<_>>());
+            let missing = |placed: &&Placed| self.joined(&[(placed.glyph, [0; 2])]).is_none();
+            let unset = || match group.iter().find(missing) {
+                Some(placed) => Unset::Missing(placed.byte),
+                None => Unset::TooLarge(byte, group.len()),
+            };
+            Ok((byte, unit * f64::from(start), shape.ok_or_else(unset)?))
         });
         joined.collect()
     }

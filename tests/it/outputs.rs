@@ -143,6 +143,77 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
     assert_eq!(names_in(&out), ["photo.png", "scene.toml"], "nothing half-written");
 }
 
+/// A disk that fills up between two files of one run, for which the limit of a file's size stands,
+/// and a folder in the way of the last one.
+#[test]
+fn the_files_of_a_study_are_of_one_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let limited = "trap '' XFSZ; ulimit -f $1; shift; exec \"$0\" \"$@\"";
+    let (rank, learn) = (["rank", "cf21", "--words", "I:2"], ["learn", "cf21", "I"]);
+    let robustness = ["robustness", "cf21", "--words", "I:1", "--times", "0,1"];
+    let tune = ["tune", "cf21", "--words", "I:1", "--budget", "20", "--test-seeds", "0"];
+    let rounds = ["--rounds", "1", "--repeats", "2"];
+    // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
+    let cases: [(&str, &[&str], &[&str], &[&str]); 4] = [
+        ("16", &rank, &[], &["ranking.csv", "ranking.json", "flights.csv", "photos.png"]),
+        ("40", &learn, &rounds, &["scene.toml", "plan-I.csv"]),
+        ("8", &robustness, &[], &["robustness.csv", "robustness.svg"]),
+        ("8", &tune, &[], &["candidates.csv", "pareto.svg", "scene.toml"]),
+    ];
+    for (blocks, command, more, names) in cases {
+        let out = folder.path().join(command[0]);
+        std::fs::create_dir(&out).unwrap();
+        names.iter().for_each(|name| std::fs::write(out.join(name), "old").unwrap());
+        let run = |shell: &mut Command| {
+            let all = [command, more, &["-o", command[0]]].concat();
+            shell.args(all).current_dir(folder.path()).output().unwrap()
+        };
+        let program = assert_cmd::cargo::cargo_bin("noctograph");
+        let full = run(Command::new("sh").args(["-c", limited]).arg(&program).arg(blocks));
+        let error = String::from_utf8_lossy(&full.stderr).into_owned();
+        assert_eq!(full.status.code(), Some(2), "{command:?}: {error}");
+        assert!(error.contains("File too large"), "{command:?}: {error}");
+        for name in names {
+            assert_eq!(text(&out.join(name)), "old", "{command:?}: {name}");
+        }
+        let last = out.join(names[names.len() - 1]);
+        std::fs::remove_file(&last).unwrap();
+        std::fs::create_dir(&last).unwrap();
+        let taken = run(&mut Command::new(&program));
+        assert_eq!(taken.status.code(), Some(2), "{command:?} with a folder in the way");
+        for name in &names[..names.len() - 1] {
+            assert_eq!(text(&out.join(name)), "old", "{command:?}: {name}");
+        }
+        std::fs::remove_dir(&last).unwrap();
+        let whole = run(&mut Command::new(&program));
+        let error = String::from_utf8_lossy(&whole.stderr).into_owned();
+        assert_eq!(whole.status.code(), Some(0), "{command:?}: {error}");
+        assert!(names.iter().all(|name| read(&out.join(name)) != b"old"), "{command:?}");
+    }
+    std::fs::create_dir_all(folder.path().join("out/report.html")).unwrap();
+    std::fs::write(folder.path().join("out/photo.png"), "old").unwrap();
+    let small = ["preview", "I", "--report", "--backend", "cpu", "--size", "320x180", "-o", "out"];
+    noctograph(folder.path()).args(small).assert().code(2);
+    assert_eq!(text(&folder.path().join("out/photo.png")), "old", "the page is one of the set");
+}
+
+#[test]
+fn a_refused_robustness_leaves_nothing_and_no_equal_flight_is_flown_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |word: &str| {
+        let arguments = ["robustness", "cf21", "--times", "0,1,2", "--conditions", "still"];
+        let arguments = [&arguments[..], &["--words", word, "-o", "out"]].concat();
+        noctograph(folder.path()).args(arguments).output().unwrap()
+    };
+    for refused in ["\u{6c34}:1", "I:0"] {
+        assert_eq!(run(refused).status.code(), Some(2), "{refused}");
+        assert_eq!(names_in(folder.path()), [""; 0], "{refused}");
+    }
+    assert_eq!(run("I:2").status.code(), Some(0));
+    let flights = text(&folder.path().join("out/flights.jsonl"));
+    assert_eq!(flights.lines().count(), 2, "without disturbance all levels are equal");
+}
+
 #[test]
 fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     let folder = tempfile::tempdir().unwrap();

@@ -47,6 +47,25 @@ impl OutputFolder {
         Ok(Self { path: path.to_owned(), staging, lock, made })
     }
 
+    /// Finds before the long work what no file of these names may replace.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] for a folder in the place of a file, and for what may not be written.
+    pub fn expects(&self, names: &[impl AsRef<Path>]) -> Result<()> {
+        names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
+            let writable = match path.metadata() {
+                Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
+                // A pipe would keep the program waiting here, and its reader would see an end.
+                Ok(there) if there.is_file() => {
+                    OpenOptions::new().write(true).open(&path).map(|_| ())
+                }
+                _ => Ok(()),
+            };
+            writable.map_err(|source| Error::write(&path, source))
+        })
+    }
+
     /// Writes a file that will be called `name`.
     pub fn write(
         &self,
@@ -168,6 +187,8 @@ mod tests {
         std::fs::write(parent.path().join("a.txt"), "old").unwrap();
         std::fs::create_dir(parent.path().join("b.txt")).unwrap();
         let folder = OutputFolder::create(parent.path()).unwrap();
+        folder.expects(&["a.txt", "c.txt"]).unwrap();
+        assert!(folder.expects(&["a.txt", "b.txt"]).is_err(), "before the long work");
         for name in ["a.txt", "b.txt"] {
             folder.write(name, |out| out.write_all(b"new")).unwrap();
         }

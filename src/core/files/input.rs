@@ -67,6 +67,23 @@ impl Limit {
         })
     }
 
+    /// Checks that files, or the files of folders, are together no larger than one may be, before
+    /// any of them is read. A link counts as what it leads to, and as often as it is named.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with their size.
+    pub fn check_all<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+        let sizes: Vec<u64> = paths.into_iter().map(|path| bytes_at(path)).collect();
+        let sum: u64 = sizes.iter().sum();
+        if sum <= self.bytes {
+            return Ok(());
+        }
+        let found = format!("{} of {} in all", sizes.len(), size(sum));
+        let wanted = format!("at most {} in all", size(self.bytes));
+        Err(Error::input(self.what, found, wanted, self.hint))
+    }
+
     fn check(self, bytes: &[u8], path: &Path) -> Result<()> {
         if bytes.len() as u64 <= self.bytes {
             return Ok(());
@@ -81,6 +98,19 @@ impl Limit {
 
     fn wanted(self) -> String {
         format!("{} of at most that", self.what)
+    }
+}
+
+/// Bytes of a file, or of the files in a folder; none where they cannot be told, as of a pipe.
+#[must_use]
+pub fn bytes_at(path: &Path) -> u64 {
+    let of_file = |path: &Path| {
+        let metadata = std::fs::metadata(path).ok();
+        metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())
+    };
+    match path.is_dir() {
+        true => files_in(path).unwrap_or_default().iter().map(|path| of_file(path)).sum(),
+        false => of_file(path),
     }
 }
 
@@ -156,6 +186,22 @@ mod tests {
         assert_eq!(error.hint(), "shorten it");
         let streamed = LIMIT.open(file.path()).unwrap().read_to_end(&mut Vec::new()).unwrap_err();
         assert_eq!(streamed.kind(), std::io::ErrorKind::FileTooLarge);
+    }
+
+    #[test]
+    fn files_count_together_also_in_folders_and_through_links() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("inner")).unwrap();
+        std::fs::write(at("a"), [b'x'; 1000]).unwrap();
+        std::fs::write(at("inner/b"), [b'x'; 1000]).unwrap();
+        LIMIT.check_all(&[at("a"), at("inner"), at("missing")]).unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("a", at("link")).unwrap();
+        #[cfg(not(unix))]
+        std::fs::copy(at("a"), at("link")).unwrap();
+        let error = LIMIT.check_all(&[at("a"), at("inner"), at("link")]).unwrap_err().to_string();
+        assert_eq!(error, "a note: found 3 of 2 KiB in all, wanted at most 2 KiB in all");
     }
 
     #[test]

@@ -26,6 +26,11 @@ pub const MIN_VERTICAL_M: f64 = 0.9;
 /// Time between two checks of the distance, and step by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
+/// Most strokes of several drones: eight routes are planned through each.
+const MAX_SHARED: usize = 2500;
+/// Most comparisons of two places while the drones' starts are sought: some seconds.
+const MAX_COMPARED: u64 = 1_000_000_000;
+
 /// Two drones at the moment when they are closest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
@@ -60,7 +65,9 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     }
     let first = found.into_iter().min_by_key(|assignment| assignment.end);
     let assignment = first.ok_or_else(|| Error::Infeasible {
-        what: "two drones come too close to each other, however long one waits".to_owned(),
+        what: "two drones come too close to each other, however long one waits, or no start was \
+               found in a billion comparisons of places"
+            .to_owned(),
         hint: "share the word among fewer drones, or write it larger".into(),
     })?;
     assignment.plans(options, style)
@@ -84,6 +91,14 @@ impl Assignment {
         style: &EvenStyle,
     ) -> Result<Option<Self>> {
         let shares = shares(strokes, whole_letters, options, style)?;
+        let n_strokes = shares.iter().map(Vec::len).sum::<usize>();
+        if n_strokes > MAX_SHARED {
+            let hint = "draw fewer strokes, lower letters.detail, or fly one drone";
+            return Err(Error::Infeasible {
+                what: format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
+                hint: hint.into(),
+            });
+        }
         let homes_m = homes_x_m(&shares);
         let ways = |share: &[PenStroke]| match is_kept(strokes, style) {
             true => vec![share.to_vec()],
@@ -146,7 +161,7 @@ impl Start {
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
-    let mut meetings = Meetings { routes, known: HashMap::new() };
+    let mut meetings = Meetings { routes, known: HashMap::new(), left: MAX_COMPARED };
     for _ in 0..2 * routes.len() {
         let last = match assigned(routes, &order, &mut meetings) {
             Ok(starts) => {
@@ -196,6 +211,8 @@ struct Meetings<'a> {
     routes: &'a [Vec<Route>],
     /// By drones and routes, then by delay.
     known: HashMap<[usize; 4], Vec<Option<bool>>>,
+    /// Comparisons that may still be made; without any, drones count as meeting.
+    left: u64,
 }
 
 impl Meetings<'_> {
@@ -206,7 +223,8 @@ impl Meetings<'_> {
         let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
         let known = self.known.entry([a, of_a.route, b, of_b.route]);
         let known = known.or_insert_with(|| vec![None; n[0] + n[1] + 1]);
-        *known[later].get_or_insert_with(|| one.meets(of_a.delay, other, of_b.delay))
+        *known[later]
+            .get_or_insert_with(|| one.meets(of_a.delay, other, of_b.delay, &mut self.left))
     }
 }
 
@@ -245,10 +263,13 @@ impl Track {
         (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
     }
 
-    fn meets(&self, delay: usize, other: &Self, later: usize) -> bool {
+    /// Whether the drones come too close to each other; they do where no comparison is left.
+    fn meets(&self, delay: usize, other: &Self, later: usize, left: &mut u64) -> bool {
         let end = (self.places.len() + delay).max(other.places.len() + later);
         let mut step = 0;
         while step < end {
+            let Some(rest) = left.checked_sub(1) else { return true };
+            *left = rest;
             let aside_m = (self.at(step, delay).0 - other.at(step, later).0).xy().norm();
             let is_near = aside_m < MIN_HORIZONTAL_M - 1e-9;
             if is_near && self.apart_m(delay, other, later, step).is_some() {
@@ -432,7 +453,7 @@ mod tests {
             let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
             let meets = (0..delay + a.places.len() + b.places.len())
                 .any(|step| a.apart_m(delay, &b, 0, step).is_some_and(near));
-            assert_eq!(a.meets(delay, &b, 0), meets, "{delay} steps later");
+            assert_eq!(a.meets(delay, &b, 0, &mut { u64::MAX }), meets, "{delay} steps later");
             found[usize::from(meets)] += 1;
         }
         assert!(found.iter().all(|n| *n > 10), "{found:?}");

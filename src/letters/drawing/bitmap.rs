@@ -45,6 +45,8 @@ const FAINT: f64 = 0.12;
 /// by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
+/// Share of the picture's rim from which a patch without holes is all of the picture.
+const ALL_INK: f64 = 0.9;
 /// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph.
 /// It was 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs
 /// of scikit-image (astronaut, coffee, cat, motorcycle, grass, tissue).
@@ -96,6 +98,13 @@ pub(super) fn read(
         return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
     };
     let patches = field.patches(threshold, strong);
+    if let [patch] = &patches[..]
+        && patch.len() == 1
+        && field.along_rim(&patch[0]) > ALL_INK * 2.0 * (field.width + field.height - 4) as f64
+    {
+        let found = "a picture that is one color from rim to rim";
+        return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
+    }
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let scale = size(extent)?;

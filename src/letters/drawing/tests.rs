@@ -623,3 +623,15 @@ fn handwriting_on_a_canvas_keeps_its_place() {
     assert!(page("[[[201, 50]]]").unwrap_err().to_string().contains("on the canvas"));
     assert!(page("[]").unwrap_err().to_string().contains("nothing drawn"));
 }
+
+#[test]
+fn a_picture_of_one_color_is_no_drawing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    for gray in [0, 3, 128, 255] {
+        let picture = image::RgbImage::from_pixel(320, 200, image::Rgb([gray; 3]));
+        picture.save(&path).unwrap();
+        let error = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
+        assert!(error.contains("a.png: found a picture"), "{gray}: {error}");
+    }
+}

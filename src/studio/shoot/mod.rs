@@ -58,6 +58,12 @@ pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use response::step_responses;
 pub use shot::{Shot, flight_sha256, known};
 
+/// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
+/// compared, and an hour of flight takes seconds.
+const MAX_TOGETHER_S: f64 = 21_600.0;
+/// Most samples of recordings together, 250 bytes each: five and a half hours at 100 Hz.
+const MAX_SAMPLES: usize = 2_000_000;
+
 /// A scene made ready to be flown and photographed.
 #[derive(Clone, Debug)]
 pub struct Shoot {
@@ -194,8 +200,14 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::strokes`].
+    /// As [`Scene::strokes`]; [`Error::Input`] for plans that last too long together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
+        let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
+        if whole_s > MAX_TOGETHER_S {
+            let found = format!("{} that last {whole_s:.0} s together", plans.len());
+            let wanted = format!("at most {MAX_TOGETHER_S} s");
+            return Err(Error::input("plans", found, wanted, "name fewer plans at a time"));
+        }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
         Ok(Self { plans, ..Self::bare(scene, strokes) })
@@ -208,7 +220,26 @@ impl Shoot {
     ///
     /// As [`Scene::strokes`].
     pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
+        Self::check_recordings(&recordings)?;
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
+    }
+
+    /// Checks that recordings have no more samples than one picture may be made of.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with their number.
+    pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
+        let samples = |recording: &Recording| match recording {
+            Recording::Flight(flight) => flight.samples.len(),
+            Recording::Light(trace) => trace.lamps.iter().map(|lamp| lamp.samples.len()).sum(),
+        };
+        let n: usize = recordings.iter().map(samples).sum();
+        if n <= MAX_SAMPLES {
+            return Ok(());
+        }
+        let hint = "thin the flights out, or cut them to the time of the picture";
+        Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 
     /// Flies the learned plans of the scene's word; without them, as [`Shoot::new`].

@@ -19,6 +19,7 @@ use super::conditions::ROOM_GUST_M_S;
 use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
 use noctograph_core::error::Result;
+use noctograph_core::files::Limit;
 use noctograph_core::flight::{Flight, Quantity, airborne, saturated_s};
 use noctograph_core::settings::Described;
 use noctograph_flying::vehicle::GustOptions;
@@ -36,6 +37,14 @@ const MOST_UNKNOWN: f64 = 0.1;
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Flights from which a spread is taken.
 const LEAST_FLIGHTS: usize = 3;
+/// Logs of an evening: thirty flights of ten minutes with fifty variables at 100 Hz.
+const LOGS: Limit = Limit {
+    bytes: 512 << 20,
+    what: "the logs of an evening",
+    hint: "import a part of the folder at a time, or log fewer variables",
+};
+/// Logs that are read at once: each may take 240 MiB, see [`Budget`](noctograph_core::files::Budget).
+const AT_ONCE: usize = 3;
 /// Time from one outage of the radio to the next, as conditions have it.
 const OUTAGE_EVERY_S: f64 = super::conditions::OUTAGE_EVERY_S;
 
@@ -150,12 +159,15 @@ impl Evening {
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
         let counted = std::sync::atomic::AtomicUsize::new(0);
         let logs = logs_in(folder)?;
+        LOGS.check_all(logs.iter().map(|log| &log.path))?;
         let row = |log: &GatheredLog| {
             let row = EveningLog::new(log, import(&log.path, options), scene);
             done(1 + counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
             row
         };
-        let mut logs: Vec<EveningLog> = logs.par_iter().map(row).collect();
+        let at_once = logs.chunks(AT_ONCE);
+        let rows = at_once.flat_map(|logs| logs.par_iter().map(row).collect::<Vec<_>>());
+        let mut logs: Vec<EveningLog> = rows.collect();
         logs.sort_by_cached_key(|log| [natural(&log.drone), natural(&log.log)]);
         Ok(Self { logs })
     }

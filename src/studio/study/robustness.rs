@@ -6,6 +6,7 @@
 
 use serde::Serialize;
 
+use super::design::MAX_TRIALS;
 use super::statistics::{Estimate, mean_of_probabilities, share};
 use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::scene::NamedScene;
@@ -60,12 +61,12 @@ pub struct Level {
 }
 
 impl RobustnessOptions {
-    /// Checks the multiples.
+    /// Checks the multiples, and the study of them.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for multiples that do not rise, or conditions out of range times the
-    /// largest.
+    /// [`Error::Input`] for multiples that do not rise, conditions out of range times the largest,
+    /// and more flights than a study may have.
     pub fn check(&self) -> Result<()> {
         let rises = self.times.windows(2).all(|pair| pair[0] < pair[1]);
         if self.times.len() < 2 || !rises || self.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
@@ -73,7 +74,39 @@ impl RobustnessOptions {
             let hint = "for example 0, 1, 2, 4, 8";
             return Err(Error::input("times", format!("{:?}", self.times), wanted, hint));
         }
-        self.usual.times(self.times[self.times.len() - 1]).check()
+        self.usual.times(self.times[self.times.len() - 1]).check()?;
+        if self.n_flights() > MAX_TRIALS {
+            let (found, wanted) = (self.n_flights(), format!("at most {MAX_TRIALS}"));
+            return Err(Error::input("flights", found, wanted, "name fewer seeds or multiples"));
+        }
+        self.study(&self.usual).check()
+    }
+
+    /// Checks all, and that the scene can write its words, before the first flight.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::check`] and [`Study::prepare`].
+    pub fn prepare(&self) -> Result<()> {
+        self.check()?;
+        self.study(&self.usual).prepare().map(|_prepared| ())
+    }
+
+    /// Flights of all factors and multiples; equal ones are flown once.
+    #[must_use]
+    pub fn n_flights(&self) -> usize {
+        let n_each: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
+        n_each * self.times.len() * (Factor::all().len() + 1)
+    }
+
+    /// The study of one level.
+    fn study(&self, conditions: &Conditions) -> Study {
+        Study {
+            contenders: vec![self.contender.clone()],
+            words: self.words.clone(),
+            conditions: conditions.clone(),
+            seed: self.seed,
+        }
     }
 }
 
@@ -91,22 +124,26 @@ pub fn robustness(
     options.check()?;
     let mut before = 0;
     let mut endurances = Vec::new();
+    // Without disturbance, and where the usual one of a factor is zero, conditions are equal.
+    let mut flown: Vec<(Conditions, Level)> = Vec::new();
     for factor in Factor::all().map(Some).chain([None]) {
         let widest = factor.map_or(options.usual.clone(), |factor| options.usual.only(factor));
         let mut levels = Vec::new();
         for &times in &options.times {
-            let study = Study {
-                contenders: vec![options.contender.clone()],
-                words: options.words.clone(),
-                conditions: widest.times(times),
-                seed: options.seed,
-            };
-            study.check()?;
+            let study = options.study(&widest.times(times));
             let trials: Vec<Trial> = study.trials().collect();
-            let records =
-                evaluate(&study, &trials, store, &Stop::default(), &|n| done(before + n))?;
+            let equal = flown.iter().find(|(conditions, _)| *conditions == study.conditions);
+            let level = if let Some((_, level)) = equal {
+                done(before + trials.len());
+                Level { times, ..*level }
+            } else {
+                let done = |n| done(before + n);
+                let records = evaluate(&study, &trials, store, &Stop::default(), &done)?;
+                level(times, &records)
+            };
             before += trials.len();
-            levels.push(level(times, &records));
+            flown.push((study.conditions, level));
+            levels.push(level);
         }
         endurances.push(endurance(factor, levels));
     }
