@@ -32,7 +32,6 @@ mod preset;
 mod text;
 
 pub use advice::{Change, SceneAdvice};
-#[cfg(test)]
 pub(crate) use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
