@@ -14,7 +14,6 @@ use super::{message, warn};
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
-use crate::scene::Scene;
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]

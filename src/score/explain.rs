@@ -17,7 +17,6 @@ use super::plane::Placed;
 use super::raster::Raster;
 use super::reader::{Reader, Seen};
 use super::sketch::Sketch;
-use super::strip::Strip;
 use super::verdict::Verdict;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
