@@ -489,6 +489,32 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             server.kill()
 
 
+def a_refusal_is_said_and_the_word_stays(hall):
+    """A word of the block list, and sending that is paused."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "block.txt").write_text("anna\n")
+        server = Server(PROGRAM, "--block", str(Path(folder, "block.txt")))
+        try:
+            page, _ = opened(hall.browser, server.page, viewport=PHONE)
+            ready(page)
+            write(page, "ÀNNA")
+            page.click("#send")
+            until(page, "document.querySelector('#verdict').textContent.includes('not shown here')", 60, "that it is blocked")
+            assert page.input_value("#word") == "ÀNNA" and page.locator("#frame").is_visible()
+            host, _ = opened(hall.browser, server.operator)
+            host.click("#pause")
+            until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'true'")
+            write(page, "OTTO")
+            page.click("#send")
+            until(page, "document.querySelector('#verdict').textContent.includes('paused')", 60, "that sending is paused")
+            host.click("#pause")
+            until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+        finally:
+            server.kill()
+
+
 def the_kiosk_begins_anew_after_a_minute(hall):
     server = Server(PROGRAM, "--kiosk")
     try:
