@@ -99,7 +99,7 @@ def no_keystroke_hangs(hall, sessions=12):
     assert not [line for line in trouble if "ERR_" not in line], trouble
 
 
-def overtaken_requests_are_asked_again(hall, sessions=40):
+def overtaken_requests_are_asked_again(hall, sessions=12):
     """A server that takes whatever arrives last for the newest: the page still ends at its own."""
     page, _ = opened(hall.browser, hall.page, viewport=PHONE)
     ready(page)
@@ -119,9 +119,9 @@ def overtaken_requests_are_asked_again(hall, sessions=40):
             window.asks += 1;
             const wish = JSON.parse(options.body);
             // As over WLAN: what was sent arrives, whether or not the page still waits for it.
-            await wait(80 + 80 * Math.random());
+            await wait(20 + 220 * Math.random());
             const mine = ++arrivals;
-            await wait(60);
+            await wait(120);
             const json = arrivals === mine ? {...shot, number: wish.number} : {number: wish.number, stopped: true};
             if (options.signal?.aborted) throw new DOMException('', 'AbortError');
             return new Response(JSON.stringify(json), {headers: {'Content-Type': 'application/json'}});
@@ -489,6 +489,32 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             server.kill()
 
 
+def a_refusal_is_said_and_the_word_stays(hall):
+    """A word of the block list, and sending that is paused."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "block.txt").write_text("anna\n")
+        server = Server(PROGRAM, "--block", str(Path(folder, "block.txt")))
+        try:
+            page, _ = opened(hall.browser, server.page, viewport=PHONE)
+            ready(page)
+            write(page, "ÀNNA")
+            page.click("#send")
+            until(page, "document.querySelector('#verdict').textContent.includes('not shown here')", 60, "that it is blocked")
+            assert page.input_value("#word") == "ÀNNA" and page.locator("#frame").is_visible()
+            host, _ = opened(hall.browser, server.operator)
+            host.click("#pause")
+            until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'true'")
+            write(page, "OTTO")
+            page.click("#send")
+            until(page, "document.querySelector('#verdict').textContent.includes('paused')", 60, "that sending is paused")
+            host.click("#pause")
+            until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
+            page.click("#send")
+            page.wait_for_selector("#sent h2", timeout=60_000)
+        finally:
+            server.kill()
+
+
 def the_kiosk_begins_anew_after_a_minute(hall):
     server = Server(PROGRAM, "--kiosk")
     try:
@@ -584,7 +610,7 @@ def states(browser, server):
     def visitor(**options):
         page, _ = opened(browser, server.page, **options)
         return ready(page)
-    for size, scheme in [(PHONE, "light"), (TABLET, "dark"), (DESK, "light"), (PHONE, "dark")]:
+    for size, scheme in [(PHONE, "light"), (TABLET, "dark"), (DESK, "dark")]:
         wide = f"{size['width']} {scheme}"
         page = visitor(viewport=size, color_scheme=scheme)
         yield f"empty {wide}", page

@@ -268,3 +268,55 @@ impl From<Refusal> for Answer {
         Self::whole("text/plain; charset=utf-8", why).with_status(status)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::TcpListener;
+
+    /// A server's end of a connection, and the other one.
+    fn connected() -> (Connection, TcpStream) {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        (Connection::new(listener.accept().unwrap().0), client)
+    }
+
+    #[test]
+    fn a_slow_reader_is_given_up_though_it_takes_a_little_all_the_time() {
+        let (server, mut client) = connected();
+        let reading = std::thread::spawn(move || {
+            let mut part = [0; 512];
+            while client.read(&mut part).is_ok_and(|n| n > 0) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        });
+        let begun = Instant::now();
+        let large = Answer::whole("text/plain", vec![0; 16 << 20]);
+        let sent = server.send(large, begun + Duration::from_millis(400));
+        assert!(sent.is_err_and(|error| is_late(&error)));
+        assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
+        let _ = server.stream.shutdown(Shutdown::Both);
+        reading.join().unwrap();
+    }
+
+    #[test]
+    fn a_request_that_trickles_is_given_up() {
+        let (mut server, mut client) = connected();
+        server.deadline = Instant::now() + Duration::from_millis(300);
+        std::thread::spawn(move || {
+            while client.write_all(b"x").is_ok() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        });
+        assert_eq!(server.head().unwrap_err().0, 408);
+    }
+
+    #[test]
+    fn who_hangs_up_is_gone() {
+        let (server, client) = connected();
+        assert!(!server.is_gone());
+        drop(client);
+        std::thread::sleep(Duration::from_millis(20));
+        assert!(server.is_gone());
+    }
+}

@@ -1,14 +1,21 @@
 //! Large photos that are kept for a while, for downloads and for those who send them to be flown.
 
 use std::collections::VecDeque;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
+use super::super::output::Output;
 use super::studio::OUT;
-use super::wish::Subject;
+use super::wish::{Subject, Wish};
+use crate::error::Result;
+use noctograph_core::files::Limit;
+
+const SAID: &str = "said.json";
+const LIMIT: Limit = Limit { bytes: 16 << 20, what: "a photo's figures", hint: "take it again" };
 
 /// Most photos that are kept, and of a visitor; each takes some 3 MB in the temporary folder.
 const MOST: usize = 128;
@@ -21,13 +28,25 @@ pub(super) struct Kept {
     pub(super) id: String,
     pub(super) visitor: String,
     pub(super) subject: Subject,
-    /// What was said of it.
-    pub(super) said: Arc<Value>,
     /// Lives as long as somebody needs its files.
     pub(super) folder: Arc<TempDir>,
 }
 
 impl Kept {
+    /// Keeps a photo with what was said of it, which waits on the disk and not in memory.
+    pub(super) fn new(id: String, wish: Wish, folder: Arc<TempDir>, said: &Value) -> Result<Self> {
+        let Wish { visitor, subject, .. } = wish;
+        let kept = Self { id, visitor, subject, folder };
+        Output::create(&kept.file(SAID))?.keep(|out| write!(out, "{said}"))?;
+        Ok(kept)
+    }
+
+    /// What was said of it.
+    pub(super) fn said(&self) -> Value {
+        let text = LIMIT.read_text(&self.file(SAID)).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    }
+
     /// A file of it.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(OUT).join(name)

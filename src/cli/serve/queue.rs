@@ -11,7 +11,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::said::Said;
-use super::worker::Task;
+use super::wish::Task;
 use crate::shoot::Stop;
 
 /// Most jobs that wait.

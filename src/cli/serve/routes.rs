@@ -19,8 +19,7 @@ use super::page::FILES;
 use super::queue::{Numbers, Outcome, Queue};
 use super::said::{Key, Said};
 use super::studio::{JPEG, OUT, PNG, REPLAY};
-use super::wish::{MAX_WORD, Wish, is_name};
-use super::worker::Task;
+use super::wish::{MAX_WORD, Task, Wish, is_name};
 use super::{address, qr};
 use crate::export::zip::zip;
 use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
@@ -281,8 +280,9 @@ impl Server {
         };
         let task = task(&wish);
         let is_large = matches!(task, Task::Large(..));
+        let number_of = wish.number;
         let number = |mut value: Value| {
-            value["number"] = json!(wish.number);
+            value["number"] = json!(number_of);
             Answer::json(&value)
         };
         let ticket = {
@@ -299,13 +299,11 @@ impl Server {
         let outcome = asked.waited(queue, &ticket);
         Ok(number(match outcome {
             Outcome::Made(said, folder) if is_large => {
-                let Wish { visitor, subject, .. } = &wish;
-                let (visitor, subject) = (visitor.clone(), subject.clone());
                 let id = address::secret().map_err(|_| Key::Broken)?;
                 let mut said = (*said).clone();
                 said["id"] = json!(id);
-                let kept = Arc::new(said.clone());
-                self.photos.keep(Kept { id, visitor, subject, said: kept, folder });
+                let kept = Kept::new(id, wish, folder, &said).map_err(|_| Key::DiskFull)?;
+                self.photos.keep(kept);
                 said
             }
             Outcome::Made(said, _) => (*said).clone(),
@@ -328,8 +326,9 @@ impl Server {
             "flight.zip" => (Task::Script(subject()), "application/zip"),
             _ => return Err(Key::Gone),
         };
-        if name == "flight.zip" && kept.said["stops"].as_array().is_some_and(|it| !it.is_empty()) {
-            return Ok(Said::of_stops(&kept.said["stops"]).answer());
+        let stops = if name == "flight.zip" { kept.said()["stops"].take() } else { json!([]) };
+        if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
+            return Ok(Said::of_stops(&stops).answer());
         }
         // A place of its own: a download ends no photo, and another download of it does.
         let ticket = self.large.ask(&format!("{}/{name}", kept.id), task).ok_or(Key::Busy)?;
@@ -363,7 +362,7 @@ impl Server {
             language: &language,
             photo: &photo,
             folder: &folder,
-            said: &kept.said,
+            said: &kept.said(),
             subject: &kept.subject,
         })?;
         let page = self.guard.address.of_entry(self.hall.ip, &id);

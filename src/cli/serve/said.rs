@@ -7,7 +7,6 @@ use serde_json::{Value, json};
 
 use super::super::advice::{mentioned, typed};
 use super::http::Answer;
-use super::wish::Subject;
 use crate::error::Error;
 use crate::preflight::{Checked, Severity};
 use crate::shoot::Problem;
@@ -79,6 +78,67 @@ keys! {
     Conflict "conflict" 409 "somebody else was faster" "look again";
 }
 
+/// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
+const STOPS: &[&str] = &[
+    "stop-acceleration",
+    "stop-altitude-hold",
+    "stop-battery",
+    "stop-camera",
+    "stop-corridor",
+    "stop-coverage",
+    "stop-doubled-stroke",
+    "stop-evenness",
+    "stop-flight",
+    "stop-flight-time",
+    "stop-frame",
+    "stop-headlights",
+    "stop-jump",
+    "stop-led-memory",
+    "stop-light-never-off",
+    "stop-lit-dwell",
+    "stop-lit-transit",
+    "stop-lost-stroke",
+    "stop-memory",
+    "stop-motors",
+    "stop-pen-jump",
+    "stop-picture",
+    "stop-separation",
+    "stop-speed",
+    "stop-tail",
+    "stop-tilt",
+    "stop-volume",
+    "stop-wake",
+    "stop-other",
+];
+
+/// Keys of advice: the settings that a remedy changes first.
+const ADVICE: &[&str] = &[
+    "set-camera.focus_m",
+    "set-camera.framing",
+    "set-camera.metering",
+    "set-camera.shutter_open_s",
+    "set-camera.width_px",
+    "set-controller.kind",
+    "set-letters.cap_height_m",
+    "set-letters.font",
+    "set-letters.spacing_m",
+    "set-light.led_bitmask",
+    "set-light.ring",
+    "set-photo.ambient_cd_m2",
+    "set-plan.light_clock",
+    "set-plan.lights",
+    "set-plan.reference",
+    "set-plan.stroke_speed_m_s",
+    "set-plan.style",
+    "set-other",
+];
+
+/// A key of a list, or the last, which stands for any other.
+fn listed(keys: &'static [&'static str], key: &str) -> String {
+    let known = keys.iter().find(|known| **known == key);
+    (*known.or(keys.last()).unwrap_or(&"")).to_owned()
+}
+
 impl Said {
     /// A refusal in words of its own.
     pub(super) fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
@@ -100,9 +160,9 @@ impl Said {
         Self { text, ..Self::from(key).with_values(json!({ "stops": stops })) }
     }
 
-    /// An error of a stage.
-    pub(super) fn of_error(error: &Error, subject: &Subject) -> Self {
-        let key = key_of(error, subject);
+    /// An error of a stage, which followed a picture or something else.
+    pub(super) fn of_error(error: &Error, is_picture: bool) -> Self {
+        let key = key_of(error, is_picture);
         let values = match error {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
@@ -145,8 +205,9 @@ impl Said {
             "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
             "drone": checked.drone,
         });
-        let key = format!("stop-{}", row.check.replace(' ', "-"));
+        let key = format!("stop-{}", row.check.replace(' ', "-").to_lowercase());
         let text = format!("{}: {}", row.check, checked.found());
+        let key = listed(STOPS, &key);
         let said = Self { key, values, text, hint: row.change(mentioned) };
         (row.severity == Severity::Stop).then_some(said)
     }
@@ -154,7 +215,8 @@ impl Said {
     /// A change that helps.
     pub(super) fn of_remedy(remedy: &Remedy) -> Option<Self> {
         let first = remedy.changes.first()?;
-        let (key, values) = (format!("set-{}", first.key), json!({ "value": first.value }));
+        let key = listed(ADVICE, &format!("set-{}", first.key));
+        let values = json!({ "value": first.value });
         Some(Self { key, values, text: typed(&remedy.changes), hint: String::new() })
     }
 
@@ -174,6 +236,15 @@ impl Said {
     }
 }
 
+/// What became of a job.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Made {
+    Made(Value),
+    Failed(Said),
+    Stopped,
+}
+
 impl From<Key> for Said {
     fn from(key: Key) -> Self {
         let [text, hint] = key.sentences();
@@ -187,7 +258,7 @@ impl From<Key> for Answer {
     }
 }
 
-fn key_of(error: &Error, subject: &Subject) -> Key {
+fn key_of(error: &Error, is_picture: bool) -> Key {
     match error {
         Error::Letter { .. } => Key::LetterMissing,
         Error::Input { place, found, wanted, .. } => {
@@ -195,7 +266,7 @@ fn key_of(error: &Error, subject: &Subject) -> Key {
             let is_drawing = place.contains("drawing.") && !place.contains("letters.drawing");
             match &**wanted {
                 _ if is_at("settings") || is_at("request") || is_at("visitor") => Key::PageOld,
-                "at least one stroke" if subject.is_picture() => Key::PictureNone,
+                "at least one stroke" if is_picture => Key::PictureNone,
                 "at least one stroke" => Key::DrawingEmpty,
                 _ if is_drawing && ["of more ", "more than "].iter().any(|w| found.contains(w)) => {
                     Key::DrawingLarge
@@ -229,14 +300,7 @@ fn without_paths(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::wish::Wish;
     use super::*;
-
-    fn subject(wish: &Value) -> Subject {
-        let mut wish = wish.clone();
-        wish["visitor"] = "me".into();
-        Wish::parse(wish.to_string().as_bytes()).unwrap().subject
-    }
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {
@@ -244,41 +308,59 @@ mod tests {
         assert_eq!(without_paths(text), "drawing.svg:3: found a  b, wanted 1/2 m");
     }
 
+    /// Every key has a sentence in every language of the page, with the values that are its own.
     #[test]
-    fn every_refusal_has_a_key_and_a_sentence_without_a_path() {
-        let folder = tempfile::tempdir().unwrap();
-        let of = |wish: Value| {
-            let subject = subject(&wish);
-            let typed = subject.arguments(folder.path());
-            let error = typed.and_then(super::super::wish::preview_args).and_then(|it| it.shoot());
-            let said = Said::of_error(&error.unwrap_err(), &subject);
-            let temporary = folder.path().to_str().unwrap();
-            assert!(!said.text.contains(temporary) && !said.hint.contains(temporary), "{said:?}");
-            said.key
-        };
-        let svg = |text: &str| json!({ "drawing": { "kind": "svg", "text": text } });
-        let json = |text: &str| json!({ "drawing": { "kind": "json", "text": text } });
-        assert_eq!(of(json!({ "word": "A\u{1f600}" })), "letter-missing");
-        assert_eq!(of(svg("<svg xmlns='http://www.w3.org/2000/svg'/>")), "drawing-empty");
-        assert_eq!(of(svg("no")), "drawing-broken");
-        assert_eq!(of(json("{\"strokes\": 3}")), "drawing-broken");
-        assert_eq!(of(json("{\"strokes\": []}")), "drawing-empty");
-        let jpg = json!({ "drawing": { "kind": "jpg", "text": "AAAA" } });
-        assert_eq!(of(jpg), "drawing-broken");
-        let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
-        let long = json!({ "strokes": far }).to_string();
-        assert!(["flight-long", "drawing-large"].contains(&&*of(json(&long))));
-        assert_eq!(of(json!({ "word": "A", "room": "--help" })), "page-old");
-        assert_eq!(of(json!({ "word": "A", "settings": { "seed": "x" } })), "not-possible");
-    }
-
-    /// Keys that a page has to word; blessed, so that its tables of words can be compared with it.
-    #[test]
-    fn the_page_knows_every_key() {
-        let mut names: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
-        names.sort_unstable();
-        let n = names.len();
-        names.dedup();
-        assert_eq!(names.len(), n, "each once");
+    fn the_page_words_every_key_in_every_language() {
+        let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
+        let problems = [
+            Problem::ShutterCloses { at_s: 1.0, early_s: 1.0 },
+            Problem::ShutterOpens { at_s: 1.0, late_s: 1.0 },
+            Problem::Unlit,
+            Problem::FacesAway { away_frac: 0.5 },
+            Problem::Overexposed { white_frac: 0.5, settings: String::new() },
+            Problem::Underexposed(String::new()),
+            Problem::Gaps { spans_s: Vec::new(), bridged_m: None },
+            Problem::LostStrokes { font: String::new(), letters: String::new() },
+            Problem::Drawing(String::new()),
+            Problem::Outside { what: "word", sides: String::new() },
+            Problem::NoPicture(String::new()),
+        ];
+        let obstacles: Vec<String> = problems.iter().map(|it| Said::of_problem(it).key).collect();
+        let reasons = [
+            "misread",
+            "no-light",
+            "not-in-photo",
+            "other-length",
+            "out-of-range",
+            "too-small",
+            "unsure",
+        ];
+        let keys = json!({
+            "errors": errors, "obstacles": obstacles, "reasons": reasons, "advice": ADVICE,
+            "stops": STOPS,
+        });
+        // What tests/exhibit.py compares with the tables of words.
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/src/cli/serve/page/keys.json");
+        if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
+            std::fs::write(file, format!("{keys:#}\n")).unwrap();
+        }
+        let known: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+        assert_eq!(known, keys, "NOCTOGRAPH_BLESS=1 writes {file} anew");
+        let tables =
+            super::super::page::FILES.iter().filter(|(name, _)| name.starts_with("words/"));
+        let tables: Vec<_> = tables.collect();
+        assert!(tables.len() >= 4, "languages");
+        for (name, text) in tables {
+            let table: Value = serde_json::from_str(text).unwrap();
+            for (group, keys) in keys.as_object().unwrap() {
+                for key in keys.as_array().unwrap() {
+                    let words = &table[group][key.as_str().unwrap()];
+                    assert!(
+                        words.as_str().is_some_and(|it| !it.is_empty()),
+                        "{name}: {group} {key}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -12,9 +12,8 @@ use serde_json::{Value, json};
 use super::super::preview::{PreviewArgs, Seen, previewed};
 use super::super::{Args, Verb, export, output::Output, show};
 use super::replay::{boxes, replay};
-use super::said::Said;
-use super::wish::{Subject, preview_args};
-use super::worker::{Made, Task};
+use super::said::{Made, Said};
+use super::wish::{Subject, Task, preview_args};
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::photo::{Photo, jpeg};
@@ -22,11 +21,16 @@ use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
+use crate::strokes::Strokes;
 use noctograph_core::files::files_in;
 
-/// Pixels of the photo while one types, the same where others wait, and of the large one.
+/// Pixels of the photo while one types: alone, where others wait, and where a hall waits, in which
+/// it is not read either; and of the large photo.
 const LIVE: f64 = 960.0 * 540.0;
-const HURRIED: f64 = 640.0 * 360.0;
+const SHARED: f64 = 640.0 * 360.0;
+const CROWDED: f64 = 480.0 * 270.0;
+/// Visitors who wait that make a crowd.
+const CROWD: usize = 4;
 const LARGE: f64 = 1920.0 * 1080.0;
 const LIVE_QUALITY: u8 = 85;
 const LARGE_QUALITY: u8 = 92;
@@ -56,13 +60,13 @@ impl Studio {
         &self,
         task: &Task,
         folder: &Path,
-        is_hurried: bool,
+        n_waiting: usize,
         stop: &Stop,
     ) -> Result<Made> {
         let out = folder.join(OUT);
         std::fs::create_dir(&out).map_err(|source| Error::write(&out, source))?;
         match task {
-            Task::Live(subject) => self.live(subject, folder, is_hurried, stop),
+            Task::Live(subject) => self.live(subject, folder, n_waiting, stop),
             Task::Large(subject, advice) => self.large(subject, folder, *advice),
             Task::Plan(subject) => self.plan(subject, folder),
             Task::Report(subject) => self.report(subject, folder),
@@ -79,17 +83,23 @@ impl Studio {
         &self,
         subject: &Subject,
         folder: &Path,
-        is_hurried: bool,
+        n_waiting: usize,
         stop: &Stop,
     ) -> Result<Made> {
         let mut typed = self.typed(subject, folder)?;
-        typed.push(subject.size(if is_hurried { HURRIED } else { LIVE }).into());
+        let pixels = match n_waiting {
+            0 => LIVE,
+            1..CROWD => SHARED,
+            _ => CROWDED,
+        };
+        typed.push(subject.size(pixels).into());
         let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
         let shoot = Shoot { judging, backend, stop: stop.clone(), ..preview_args(typed)?.shoot()? };
         stop.check()?;
         let shot = shoot.clone().take(&|_, _| {})?;
         stop.check()?;
-        let judge = || match shoot.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
+        let is_judged = |strokes: &&Strokes| n_waiting < CROWD && is_judged(strokes);
+        let judge = || match shoot.strokes.as_ref().filter(is_judged) {
             None => Ok(None),
             Some(strokes) => {
                 let reader = Reader::new(strokes, &shoot.scene.score)?;
@@ -100,7 +110,7 @@ impl Studio {
         let mut said = json!({
             "photo": format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg)),
             "verdict": verdict?.as_ref().map(|verdict| show::verdict_json(Some(verdict), None)),
-            "replay": replay(&shot),
+            "replay": replay(&shot), "judged": n_waiting < CROWD,
         });
         describe(&shot, &mut said);
         Ok(Made::Made(said))

@@ -23,8 +23,8 @@ pub(super) fn days_since(time: &str) -> Option<f64> {
     Some((now_s as f64 - (days_to([year, month, day])? * DAY_S + s) as f64) / DAY_S as f64)
 }
 
-/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar (Hinnant, "chrono-Compatible
-/// Low-Level Date Algorithms").
+/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar (Hinnant,
+/// "chrono-Compatible Low-Level Date Algorithms").
 fn date(days: u64) -> [u64; 3] {
     // Years begin in March, so that the leap day is the last.
     let days = days + 719_468;

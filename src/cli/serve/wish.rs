@@ -113,6 +113,34 @@ pub(super) struct Subject {
     aspect: Option<f64>,
 }
 
+/// What can be made.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Task {
+    /// The photo while one types.
+    Live(Subject),
+    /// The large photo, with advice or without.
+    Large(Subject, bool),
+    /// The drawing of the plans (SVG).
+    Plan(Subject),
+    /// The report (HTML).
+    Report(Subject),
+    /// The scripts that fly it, with what they need.
+    Script(Subject),
+}
+
+impl Task {
+    pub(super) fn subject(&self) -> &Subject {
+        match self {
+            Self::Live(subject)
+            | Self::Large(subject, _)
+            | Self::Plan(subject)
+            | Self::Report(subject)
+            | Self::Script(subject) => subject,
+        }
+    }
+}
+
 /// A drawing in place of a word. A picture's text is base64.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -260,5 +288,45 @@ pub(super) fn preview_args(arguments: Vec<OsString>) -> Result<PreviewArgs> {
                 "reload the page",
             ))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    fn subject(wish: &Value) -> Subject {
+        let mut wish = wish.clone();
+        wish["visitor"] = "me".into();
+        Wish::parse(wish.to_string().as_bytes()).unwrap().subject
+    }
+
+    #[test]
+    fn every_refusal_has_a_key_and_a_sentence_without_a_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |wish: Value| {
+            let subject = subject(&wish);
+            let typed = subject.arguments(folder.path());
+            let error = typed.and_then(preview_args).and_then(|it| it.shoot());
+            let said = Said::of_error(&error.unwrap_err(), subject.is_picture());
+            let temporary = folder.path().to_str().unwrap();
+            assert!(!said.text.contains(temporary) && !said.hint.contains(temporary), "{said:?}");
+            said.key
+        };
+        let svg = |text: &str| json!({ "drawing": { "kind": "svg", "text": text } });
+        let json = |text: &str| json!({ "drawing": { "kind": "json", "text": text } });
+        assert_eq!(of(json!({ "word": "A\u{1f600}" })), "letter-missing");
+        assert_eq!(of(svg("<svg xmlns='http://www.w3.org/2000/svg'/>")), "drawing-empty");
+        assert_eq!(of(svg("no")), "drawing-broken");
+        assert_eq!(of(json("{\"strokes\": 3}")), "drawing-broken");
+        assert_eq!(of(json("{\"strokes\": []}")), "drawing-empty");
+        let jpg = json!({ "drawing": { "kind": "jpg", "text": "AAAA" } });
+        assert_eq!(of(jpg), "drawing-broken");
+        let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
+        let long = json!({ "strokes": far }).to_string();
+        assert!(["flight-long", "drawing-large"].contains(&&*of(json(&long))));
+        assert_eq!(of(json!({ "word": "A", "room": "--help" })), "page-old");
+        assert_eq!(of(json!({ "word": "A", "settings": { "seed": "x" } })), "not-possible");
     }
 }

@@ -14,12 +14,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::queue::{Doing, Outcome, Queue};
-use super::said::{Key, Said};
+use super::said::{Key, Made, Said};
 use super::studio::Studio;
-use super::wish::Subject;
+use super::wish::Task;
 use crate::error::{Error, Result};
 use crate::shoot::Stop;
 
@@ -32,34 +32,6 @@ const STOP_PATIENCE: Duration = Duration::from_millis(300);
 /// Longest line of a worker: a photo of 2.5 megapixels in base64.
 const MAX_LINE: u64 = 32 << 20;
 
-/// What can be made.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Task {
-    /// The photo while one types.
-    Live(Subject),
-    /// The large photo, with advice or without.
-    Large(Subject, bool),
-    /// The drawing of the plans (SVG).
-    Plan(Subject),
-    /// The report (HTML).
-    Report(Subject),
-    /// The scripts that fly it, with what they need.
-    Script(Subject),
-}
-
-impl Task {
-    pub(super) fn subject(&self) -> &Subject {
-        match self {
-            Self::Live(subject)
-            | Self::Large(subject, _)
-            | Self::Plan(subject)
-            | Self::Report(subject)
-            | Self::Script(subject) => subject,
-        }
-    }
-}
-
 /// A line to a worker.
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -69,8 +41,8 @@ enum Order {
         task: Task,
         /// Where its files go.
         folder: PathBuf,
-        /// Whether others wait behind it.
-        hurried: bool,
+        /// How many wait behind it.
+        n_waiting: usize,
     },
     Stop {
         number: u64,
@@ -82,14 +54,6 @@ enum Order {
 struct Answer {
     number: u64,
     made: Made,
-}
-
-#[derive(Debug, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Made {
-    Made(Value),
-    Failed(Said),
-    Stopped,
 }
 
 /// How workers of one kind are started and waited for.
@@ -198,12 +162,12 @@ impl Worker {
         folder: &Path,
         patience: Duration,
     ) -> std::result::Result<Made, End> {
-        let (number, hurried) = (doing.number, doing.n_waiting > 0);
+        let Doing { number, n_waiting, .. } = *doing;
         self.order(&Order::Make {
             number,
             task: doing.task.clone(),
             folder: folder.into(),
-            hurried,
+            n_waiting,
         })?;
         let begun = Instant::now();
         let mut told = None;
@@ -259,9 +223,9 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
             match order {
                 Order::Stop { number } if number == doing.0 => doing.1.now(),
                 Order::Stop { .. } => {}
-                Order::Make { number, task, folder, hurried } => {
+                Order::Make { number, task, folder, n_waiting } => {
                     *doing = (number, Stop::default());
-                    let _ = orders.send((number, task, folder, hurried, doing.1.clone()));
+                    let _ = orders.send((number, task, folder, n_waiting, doing.1.clone()));
                 }
             }
         }
@@ -270,13 +234,13 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
     });
     listening.map_err(|error| super::no_thread(&error))?;
     let studio = Studio::new(base);
-    for (number, task, folder, hurried, stop) in jobs {
+    for (number, task, folder, n_waiting, stop) in jobs {
         // A job has nothing that outlives it: what a panic leaves broken is dropped.
-        let done = catch_unwind(AssertUnwindSafe(|| studio.make(&task, &folder, hurried, &stop)));
+        let done = catch_unwind(AssertUnwindSafe(|| studio.make(&task, &folder, n_waiting, &stop)));
         let made = match done {
             Ok(Ok(made)) => made,
             Ok(Err(Error::Stopped)) => Made::Stopped,
-            Ok(Err(error)) => Made::Failed(Said::of_error(&error, task.subject())),
+            Ok(Err(error)) => Made::Failed(Said::of_error(&error, task.subject().is_picture())),
             Err(_) => Made::Failed(Key::Broken.into()),
         };
         let line = serde_json::to_string(&Answer { number, made }).expect("it is plain data");

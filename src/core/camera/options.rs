@@ -92,17 +92,20 @@ settings! {
 
     /// Pose of the camera.
     pub enum Framing tagged {
-        /// Square in front of the middle of the word, at the distance at which the word has its
-        /// share of the picture.
+        /// In front of the middle of the word, at the distance at which the word has its share of
+        /// the picture.
         "word" => Word(WordFraming),
         /// As given.
         "fixed" => Fixed(FixedPose),
     }
 
-    /// A camera square in front of the word.
+    /// A camera in front of the word.
     pub struct WordFraming {
         /// Share of the width or height of the picture that the word fills, whichever comes first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
+        /// Height of the camera, from which it looks at the middle of the word; square in front of
+        /// it if left out. An LED ring, which shines down, is seen from below.
+        height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 
     /// A camera at a given pose.
@@ -177,7 +180,8 @@ impl CameraOptions {
                 let aspect = f64::from(self.width_px) / f64::from(self.height_px);
                 let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
                 let distance_m = width_m * self.focal_length_m() / self.body.sensor_width_m();
-                let position_m = middle - Vector3::y() * distance_m;
+                let mut position_m = middle - Vector3::y() * distance_m;
+                position_m.z = framing.height_m.unwrap_or(middle.z);
                 (position_m, camera_from_world(middle - position_m))
             }
             Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
@@ -287,6 +291,18 @@ mod tests {
         let pose = FixedPose { target_m: Some([0.15, -3.0, 0.75]), ..FixedPose::default() };
         let error = refused(&|c| c.framing = Framing::Fixed(pose.clone()));
         assert!(error.contains("camera.framing.target_m"), "{error}");
+    }
+
+    #[test]
+    fn a_low_camera_looks_up_at_the_middle_of_the_word() {
+        let framing = Framing::Word(WordFraming { height_m: Some(0.1), ..Default::default() });
+        let options = CameraOptions { framing, ..CameraOptions::default() };
+        let camera = options.camera(NOOR_M, 57.0).unwrap();
+        let image = camera.image_from_world(Vector3::new(0.15, 0.0, 0.75)).unwrap();
+        let off_px = (image.x_px - 960.0).abs().max((image.y_px - 540.0).abs());
+        assert!(off_px < 1e-9 && camera.position_m.z == 0.1, "{image:?}");
+        let square = CameraOptions::default().camera(NOOR_M, 57.0).unwrap();
+        assert_eq!(camera.position_m.xy(), square.position_m.xy());
     }
 
     #[test]

@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn sides_and_centimeters_are_named() {
-        let framing = Framing::Word(WordFraming { fill_frac: 1.0 });
+        let framing = Framing::Word(WordFraming { fill_frac: 1.0, ..Default::default() });
         let camera = CameraOptions { framing, ..CameraOptions::default() };
         let camera = camera.camera([-0.6, 0.5, 0.9, 1.0], 1.0).unwrap();
         let at = |x: f64, z: f64| Vector3::new(x, 0.0, z);

@@ -283,7 +283,11 @@ fn framed(
     room_m: [f64; 3],
 ) -> Result<(CameraOptions, f64)> {
     let filled = |fill_frac| {
-        let framing = Framing::Word(WordFraming { fill_frac });
+        let height_m = match &options.framing {
+            Framing::Word(framing) => framing.height_m,
+            Framing::Fixed(_) => None,
+        };
+        let framing = Framing::Word(WordFraming { fill_frac, height_m });
         CameraOptions { framing, ..options.clone() }
     };
     let least_m = -filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y;

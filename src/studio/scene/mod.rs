@@ -8,7 +8,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use noctograph_core::camera::{CameraOptions, Metering};
+use noctograph_core::camera::{CameraOptions, Framing, Metering};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
@@ -156,6 +156,9 @@ impl Scene {
         // to what is set for one run.
         if let Some(file_gives_way) = chooses_ring(&layers) {
             scene.light.ring = RingEffect::Solid(RingColor::default());
+            if let Framing::Word(framing) = &mut scene.camera.framing {
+                framing.height_m = Some(RING_CAMERA_M);
+            }
             let light = layers[0].get_mut("light").and_then(Value::as_table_mut);
             light.filter(|_| file_gives_way).map(|light| light.remove("ring"));
         }
@@ -307,14 +310,18 @@ fn style_of(scene: &Table) -> Option<&str> {
     style.as_str().or_else(|| style.get("kind")?.as_str())
 }
 
-/// Whether a ring is chosen without an effect of it: by the file, the first of the tables, or
-/// (`true`) by a table after it, whatever the file has.
+/// Height of the camera where a ring writes, whose LEDs shine straight down: on a bag of beans on
+/// the floor. Square in front of the word, what is below the camera would be dark.
+const RING_CAMERA_M: f64 = 0.15;
+
+/// Whether a ring alone is chosen, without an effect of it: by the file, the first of the tables,
+/// or (`true`) by a table after it, whatever the file has.
 fn chooses_ring(tables: &[Table]) -> Option<bool> {
     let lights = |table: &Table| table.get("plan")?.get("lights")?.as_array().cloned();
     let has_effect = |table: &Table| table.get("light").is_some_and(|it| it.get("ring").is_some());
     let (at, lights) =
         tables.iter().enumerate().rev().find_map(|(at, it)| Some((at, lights(it)?)))?;
-    let is_ring = lights.iter().any(|lamp| lamp.as_str() == Some("ring"));
+    let is_ring = matches!(&*lights, [lamp] if lamp.as_str() == Some("ring"));
     let is_free = !tables[usize::from(at > 0)..].iter().any(has_effect);
     (is_ring && is_free).then_some(at > 0)
 }
@@ -337,6 +344,8 @@ mod tests {
         let solid = RingEffect::Solid(RingColor::default());
         let chosen = ("plan.lights", "[\"ring\"]");
         assert_eq!(ring("", &[chosen]), solid);
+        let low = Scene::parse_with("", "scene", &[chosen]).unwrap().camera.framing;
+        assert!(matches!(low, Framing::Word(it) if it.height_m == Some(RING_CAMERA_M)));
         assert_eq!(ring("[plan]\nlights = [\"ring\"]\n", &[]), solid);
         assert_eq!(ring("[light]\nring = \"off\"\n", &[chosen]), solid);
         let named = "[plan]\nlights = [\"ring\"]\n[light]\nring = \"off\"\n";
