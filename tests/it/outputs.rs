@@ -151,7 +151,7 @@ fn the_files_of_a_study_are_of_one_run() {
     let limited = "trap '' XFSZ; ulimit -f $1; shift; exec \"$0\" \"$@\"";
     let (rank, learn) = (["rank", "cf21", "--words", "I:2"], ["learn", "cf21", "I"]);
     let robustness = ["robustness", "cf21", "--words", "I:1", "--times", "0,1"];
-    let tune = ["tune", "cf21", "--words", "I:1", "--budget", "20", "--test-seeds", "0"];
+    let tune = ["tune", "cf21", "--words", "I:1", "--budget", "34", "--test-seeds", "0"];
     let rounds = ["--rounds", "1", "--repeats", "2"];
     // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
     let cases: [(&str, &[&str], &[&str], &[&str]); 4] = [
