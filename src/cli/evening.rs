@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::flags::warn_of;
 use super::outcome::{Report, line, typed, wrapped};
 use super::output::OutputFolder;
 use super::studies::counter;
@@ -25,6 +26,9 @@ pub(super) fn run(
     let bar = counter("reading", logs_in(folder)?.len());
     let evening = Evening::import(folder, options, scene, &bar)?;
     drop(bar);
+    for log in &evening.logs {
+        warn_of(Path::new(&log.log), &log.warnings);
+    }
     let written = OutputFolder::create(output)?;
     let (found, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&found);

@@ -166,6 +166,9 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, rate != 1.0 || is_odd, why)
         }
+        // Version 1 has the milliseconds of the operating system, as far as its stamps do not show
+        // otherwise.
+        (None, _) if recording.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             let rate = release.clock();
             (rate, rate != 1.0, format!("as that of firmware {firmware}, which flew"))
@@ -304,12 +307,19 @@ mod tests {
     }
 
     #[test]
-    fn a_radio_log_is_stamped_by_true_ticks() {
+    fn a_radio_log_and_an_old_card_are_stamped_by_true_ticks() {
         let block = Block { time_s: vec![84.0, 168.0], ..Block::default() };
         let firmware = Some("2025.12".to_owned());
         let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
         settle(&mut log, &ImportOptions::default());
         assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
+        (log.pace, log.wrap_s) = (Pace::Microseconds, Some(4e6));
+        settle(&mut log, &ImportOptions::default());
+        assert_eq!(
+            (log.blocks[0].time_s[1], log.warnings.len()),
+            (168.0, 0),
+            "version 1 of a card"
+        );
         let told = ImportOptions { clock_ratio: Some(SLOW_CLOCK), ..ImportOptions::default() };
         settle(&mut log, &told);
         assert!((log.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", log.blocks[0].time_s);

@@ -41,7 +41,7 @@ pub(super) enum Pace {
     #[default]
     Ticks,
     /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and with release
-    /// 2026.08.
+    /// 2026.08. Version 1 has milliseconds, and wraps.
     Microseconds,
 }
 

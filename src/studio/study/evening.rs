@@ -20,7 +20,7 @@ use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
 use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
-use noctograph_core::flight::{Flight, Quantity, airborne, saturated_s};
+use noctograph_core::flight::{Flight, Quantity, Warning, airborne, saturated_s};
 use noctograph_core::settings::Described;
 use noctograph_flying::vehicle::GustOptions;
 use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
@@ -66,6 +66,8 @@ pub struct EveningLog {
     pub flaws: Vec<Flaw>,
     /// What it says of its drone; `None` where it says nothing.
     pub figures: Option<LogFigures>,
+    /// What was guessed, mended or left out as it was read.
+    pub warnings: Vec<String>,
 }
 
 /// What speaks against a log.
@@ -262,11 +264,16 @@ impl Evening {
 
 impl EveningLog {
     fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
+        let read = flight.as_ref().map_or(&[][..], |flight| &flight.warnings);
+        // Figures need the motors and the body's rates: what else is not logged is not missed.
+        let read = read.iter().filter(|warning| !matches!(warning, Warning::Unlogged(_)));
+        let warnings: Vec<String> = read.map(ToString::to_string).collect();
         let row = |flaws, figures| Self {
             drone: log.drone.clone(),
             log: log.name.clone(),
             flaws,
             figures,
+            warnings: warnings.clone(),
         };
         let flight = match flight {
             Ok(flight) => flight,

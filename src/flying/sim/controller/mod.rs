@@ -36,8 +36,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Learns that another kind of setpoint follows: the drone levels out, returns from it, or lands
-    /// after full states.
+    /// Learns that another kind of setpoint follows: the drone levels out, returns from it, or
+    /// lands after full states.
     fn change_mode(&mut self, _: &State) {}
 
     /// What the controller remembers from one command to the next and acts on, as values that may

@@ -162,3 +162,18 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
     let missing = noctograph_core::error::Error::Stopped;
     assert!(matches!(flaws(Err(missing))[..], [Flaw::Unreadable(_)]));
 }
+
+#[test]
+fn what_was_guessed_as_a_log_was_read_is_told() {
+    let (scene, folder) = (Scene::preset(Preset::Cf21), tempfile::tempdir().unwrap());
+    let rows = (0..200).map(|i| format!("{},0,0.1,0.5", 0.01 * f64::from(i)));
+    let text = format!("# firmware: 2025.12\nt,x,y,z\n{}\n", rows.collect::<Vec<_>>().join("\n"));
+    std::fs::write(folder.path().join("cf1-1.csv"), text).unwrap();
+    let firmware = Some(scene.vehicle.firmware);
+    let options = ImportOptions { firmware, ..ImportOptions::default() };
+    let evening = Evening::import(folder.path(), &options, &scene, &|_| {}).unwrap();
+    let said = &evening.logs[0].warnings;
+    assert!(said.iter().any(|warning| warning.contains("firmware 2025.12")), "{said:?}");
+    assert!(said.iter().any(|warning| warning.contains("z is taken to point up")), "{said:?}");
+    assert!(said.iter().all(|warning| !warning.contains("set to zero")), "{said:?}");
+}
