@@ -23,9 +23,9 @@ use crate::shoot::{Recording, Shoot};
 use crate::study::Conditions;
 use noctograph_core::files::Limit;
 
-/// Flights, logs and light traces that are read together: each may be as large as all.
+/// Flights, logs and light traces that are read together: sixteen drones for six minutes.
 const FLIGHTS: Limit = Limit {
-    bytes: 256 << 20,
+    bytes: 384 << 20,
     what: "flights",
     hint: "thin them out, cut them to the time of the picture, or read fewer at a time",
 };

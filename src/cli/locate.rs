@@ -21,8 +21,8 @@ use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
-    RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
-    nis_interval, position_error,
+    RangeSample, Reference, Room, Track, check_count, link_errors, locate, locate_enlarged,
+    locate_shared, nis_interval, position_error,
 };
 use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
@@ -126,6 +126,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     for (drone, log) in logs.iter().enumerate() {
         let of_log = ranges(&log.flight, drone).map_err(|error| error.in_file(log.path))?;
         samples.push(of_log);
+        check_count(samples.iter().map(Vec::len).sum())?;
     }
     let mut alignments = align_logs(&mut logs, &mut samples, args.clocks, &anchors_m, &options)?;
     let samples: Vec<RangeSample> = samples.into_iter().flatten().collect();
@@ -282,6 +283,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
             before = distance_m;
             found.push(RangeSample { time_s: sample.time_s, link, distance_m });
         }
+        check_count(found.len())?;
     }
     if known {
         return Ok(found);

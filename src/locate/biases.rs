@@ -16,9 +16,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::pass::{Innovations, Model, STATES, together};
+use super::pass::{Innovations, Model, STATES, together, work};
 use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_link};
-use super::smoother::work;
 use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};

@@ -38,7 +38,7 @@ pub use reference::{LinkError, PositionError, Reference, link_errors, position_e
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
 pub use residuals::{LinkResidual, nis_interval};
 pub use shared_anchor::{FiveRanges, SharedAnchorObserver, locate_shared, shared_anchor};
-pub use smoother::{LocateOptions, Located, locate};
+pub use smoother::{LocateOptions, Located, check_count, locate};
 pub use track::Track;
 
 /// What a range is measured between.

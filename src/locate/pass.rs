@@ -3,7 +3,7 @@
 //! State: position and velocity of each drone, then the biases of the ranges, which are constant.
 //! Each drone moves with a constant velocity but for white acceleration noise.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
@@ -73,6 +73,14 @@ pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeS
         left = rest;
         Some(step)
     })
+}
+
+/// Multiplications of a pass forward with a bias for every link, and of one backward.
+pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
+    let links: BTreeSet<Link> = samples.iter().map(|sample| sample.link).collect();
+    let (states, steps) = ((STATES * n_drones) as f64, together(samples).count() as f64);
+    let all = states + links.len() as f64;
+    samples.len() as f64 * all * all + steps * 6.0 * states * states * states
 }
 
 impl<'a> Model<'a> {

@@ -9,14 +9,12 @@
 //! A link that the gate refuses five times in a row is believed again, as in flight. Where the
 //! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
 
-use std::collections::BTreeSet;
-
 use nalgebra::{Matrix3, Vector3};
 
 use super::biases::repair;
 use super::mirror::{Ambiguity, ambiguities};
 use super::pairs::{counted_once, since_both_are_logged};
-use super::pass::{Model, STATES, STEP_S, together};
+use super::pass::{Model, STEP_S, work};
 use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
 use super::solve::{Solved, solve};
 use super::start::start;
@@ -31,6 +29,8 @@ const MOST_RANGES: usize = 1_500_000;
 /// Most multiplications of a pass, [`work`]: some seconds. Ten minutes of three drones with eight
 /// anchors take 2.4·10⁹ at 50 Hz.
 const MOST_WORK: f64 = 4e9;
+const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
+                     drones without ranges between them are located as well alone";
 const CUT_SHORT: &str = "not all links were tried as the one that contradicts the others: the logs \
                          are long; locate a part of the flight";
 
@@ -104,9 +104,10 @@ pub fn locate(
     samples: &[RangeSample],
     options: &LocateOptions,
 ) -> Result<Located> {
+    check_count(samples.len())?;
     let mut samples = checked(anchors_m, n_drones, samples)?;
     since_both_are_logged(&mut samples);
-    check_size(n_drones, &samples)?;
+    check_work(n_drones, &samples)?;
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
@@ -139,34 +140,29 @@ pub fn locate(
     Ok(located)
 }
 
-/// Refuses logs whose passes would take minutes each, or more memory than the program may.
-fn check_size(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
-    let (ranges, work) = (samples.len(), work(n_drones, samples));
-    if ranges <= MOST_RANGES && work <= MOST_WORK {
+/// Refuses more ranges than [`locate`] takes: a caller that gathers them asks as it goes.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the limit.
+pub fn check_count(n: usize) -> Result<()> {
+    if n <= MOST_RANGES {
         return Ok(());
     }
-    let millions = |n: f64| n / 1e6;
-    let found = format!(
-        "{:.1} million ranges of {n_drones} drones, {:.0} million multiplications a pass",
-        millions(ranges as f64),
-        millions(work)
-    );
-    let wanted = format!(
-        "at most {:.1} million ranges and {:.0} million multiplications",
-        millions(MOST_RANGES as f64),
-        millions(MOST_WORK)
-    );
-    let hint = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
-                drones without ranges between them are located as well alone";
-    Err(Error::input("ranges", found, wanted, hint))
+    let wanted = format!("at most {:.1} million of all drones", MOST_RANGES as f64 / 1e6);
+    Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Multiplications of a pass forward with a bias for every link, and of one backward.
-pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
-    let links: BTreeSet<Link> = samples.iter().map(|sample| sample.link).collect();
-    let (states, steps) = ((STATES * n_drones) as f64, together(samples).count() as f64);
-    let all = states + links.len() as f64;
-    samples.len() as f64 * all * all + steps * 6.0 * states * states * states
+/// Refuses logs whose passes would take minutes each.
+fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
+    let work = work(n_drones, samples);
+    if work <= MOST_WORK {
+        return Ok(());
+    }
+    let (n, [found, most]) = (samples.len(), [work, MOST_WORK].map(|work| work / 1e6));
+    let found =
+        format!("{n} of {n_drones} drones, {found:.0} million multiplications for each pass");
+    Err(Error::input("ranges", found, format!("at most {most:.0} million"), FEWER))
 }
 
 /// Whether the ranges contradict their noise, or a link the others.

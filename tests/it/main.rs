@@ -20,6 +20,7 @@ mod golden;
 mod hostile;
 mod json;
 mod letters;
+mod limits;
 mod locate;
 mod log_gaps;
 mod obstacles;

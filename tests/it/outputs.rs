@@ -143,6 +143,9 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
     assert_eq!(names_in(&out), ["photo.png", "scene.toml"], "nothing half-written");
 }
 
+/// A limit of a file's size, an order and its further arguments, and the files that it writes.
+type Fills<'a> = (&'a str, &'a [&'a str], &'a [&'a str], &'a [&'a str]);
+
 /// A disk that fills up between two files of one run, for which the limit of a file's size stands,
 /// and a folder in the way of the last one.
 #[test]
@@ -154,7 +157,7 @@ fn the_files_of_a_study_are_of_one_run() {
     let tune = ["tune", "cf21", "--words", "I:1", "--budget", "34", "--test-seeds", "0"];
     let rounds = ["--rounds", "1", "--repeats", "2"];
     // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
-    let cases: [(&str, &[&str], &[&str], &[&str]); 4] = [
+    let cases: [Fills<'_>; 4] = [
         ("16", &rank, &[], &["ranking.csv", "ranking.json", "flights.csv", "photos.png"]),
         ("40", &learn, &rounds, &["scene.toml", "plan-I.csv"]),
         ("8", &robustness, &[], &["robustness.csv", "robustness.svg"]),

@@ -8,6 +8,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::motion::{Motion, State};
+use super::order::SHORTER;
 use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
@@ -219,10 +220,7 @@ impl Course<'_> {
                 "{drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
                 self.n_strokes
             ),
-            hint:
-                "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw fewer strokes, \
-                   or smaller"
-                    .into(),
+            hint: SHORTER.into(),
         })
     }
 

@@ -13,6 +13,7 @@ use kurbo::{BezPath, Shape as _};
 use usvg::roxmltree::{Document, Node, NodeId};
 
 use super::style::{Attributes, Named, XLINK};
+use super::xml::Rows;
 
 /// Most elements with those of `use`, clips, masks and markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
@@ -76,9 +77,9 @@ pub(super) fn plain(
     if curves > MAX_CURVES {
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
-    let (text, signs) = (String::new(), Vec::new());
+    let (text, signs, rows) = (String::new(), Vec::new(), &Rows::of(document));
     let mut writer =
-        Writer { document, ids: &counting.ids, attributes, named, text, signs, in_marker: false };
+        Writer { rows, ids: &counting.ids, attributes, named, text, signs, in_marker: false };
     writer.element(document.root_element())?;
     Ok(Plain { text: writer.text, signs: writer.signs })
 }
@@ -228,7 +229,7 @@ const FOREIGN: &[&str] =
 
 /// Writes a document.
 struct Writer<'a, 'input> {
-    document: &'a Document<'input>,
+    rows: &'a Rows,
     ids: &'a Ids<'a, 'input>,
     attributes: &'a HashMap<NodeId, Attributes>,
     named: &'a mut Named,
@@ -244,7 +245,7 @@ impl<'a, 'input> Writer<'a, 'input> {
         if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
             return Ok(());
         }
-        let row = self.document.text_pos_at(node.range().start).row;
+        let row = self.rows.at(node);
         if FOREIGN.contains(&name) {
             return self.sign(node, row);
         }

@@ -11,6 +11,7 @@ use simplecss::{AttributeOperator, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
 
 use super::transform;
+use super::xml::Rows;
 use noctograph_core::files::Budget;
 
 pub(super) const XLINK: &str = "http://www.w3.org/1999/xlink";
@@ -97,7 +98,8 @@ pub(super) fn resolved(
     budget: &Budget,
     named: &mut Named,
 ) -> Result<HashMap<NodeId, Attributes>, String> {
-    let row = |node: Node<'_, '_>| document.text_pos_at(node.range().start).row;
+    let rows = Rows::of(document);
+    let row = |node: Node<'_, '_>| rows.at(node);
     let sheets: Vec<(u32, String)> = document
         .descendants()
         .filter(|node| node.tag_name().name() == "style" && node.is_element())

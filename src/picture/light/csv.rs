@@ -93,9 +93,10 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         .position(|byte| *byte == b'\n')
         .map_or(plain.text.len(), |n| at + n);
     // Empty lines before the head have no row.
-    let renamed = [&plain.text[..at], names.join(",").as_bytes(), &plain.text[end..]].concat();
+    let names = names.join(",");
+    let renamed = plain.text[..at].chain(names.as_bytes()).chain(&plain.text[end..]);
     let lines_before = plain.text[..at].iter().filter(|byte| **byte == b'\n').count();
-    let table = Table::parse(&renamed[..], file)?;
+    let table = Table::parse(renamed, file)?;
     let mut scale = Scale::default();
     if !own {
         let found = unit_of(table.column("t")?);

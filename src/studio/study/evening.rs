@@ -43,7 +43,8 @@ const LOGS: Limit = Limit {
     what: "the logs of an evening",
     hint: "import a part of the folder at a time, or log fewer variables",
 };
-/// Logs that are read at once: each may take 240 MiB, see [`Budget`](noctograph_core::files::Budget).
+/// Logs that are read at once: each may take 240 MiB of its
+/// [`Budget`](noctograph_core::files::Budget).
 const AT_ONCE: usize = 3;
 /// Time from one outage of the radio to the next, as conditions have it.
 const OUTAGE_EVERY_S: f64 = super::conditions::OUTAGE_EVERY_S;

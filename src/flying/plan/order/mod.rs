@@ -30,6 +30,14 @@ const MEASURED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
+/// Transits from which the time of many strokes is taken, and the share of it that they are sure to
+/// take.
+const MEASURED_TRANSITS: usize = 500;
+const MEASURED_SHARE: f64 = 0.85;
+/// Advice for what takes too long.
+pub(super) const SHORTER: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
+                                  fewer strokes, or smaller";
+
 /// A stroke and the way it is drawn.
 type Leg = (usize, usize);
 
@@ -41,7 +49,43 @@ pub(super) fn in_order(
     style: &EvenStyle,
 ) -> Result<Vec<PenStroke>> {
     let drawn = as_drawn(strokes, speed_m_s)?;
-    Ok(if is_kept(strokes, style) { drawn } else { shortest(&drawn, speed_m_s, style) })
+    let flown = if is_kept(strokes, style) { drawn } else { shortest(&drawn, speed_m_s, style) };
+    check_duration(&flown, speed_m_s, style)?;
+    Ok(flown)
+}
+
+/// Refuses many strokes that take too long by far, from a part of their transits: to plan each one
+/// is most of the work of a plan.
+fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
+    if flown.len() < 2 * MEASURED_TRANSITS {
+        return Ok(());
+    }
+    let stride = flown.len().div_ceil(MEASURED_TRANSITS);
+    let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    let tour = Tour { ways: &ways, style, measured: true };
+    let transits = (1..flown.len()).step_by(stride);
+    let transit_s = transits.map(|to| tour.between_s(Some((to - 1, 0)), Some((to, 0))));
+    let dark_s = stride as f64 * transit_s.filter(|dark_s| dark_s.is_finite()).sum::<f64>();
+    let lit_s = flown.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
+    if MEASURED_SHARE * (lit_s + dark_s) <= MAX_DURATION_S {
+        return Ok(());
+    }
+    Err(Error::Infeasible {
+        what: format!(
+            "{} strokes take some {:.0} s, the longest flight is {MAX_DURATION_S} s",
+            flown.len(),
+            lit_s + dark_s
+        ),
+        hint: SHORTER.into(),
+    })
+}
+
+/// Time for which a stroke is lit; a dot is for a time, too.
+fn lit_s(stroke: &PenStroke, speed_m_s: f64) -> f64 {
+    match stroke.dot_m() {
+        Some(_) => dot_s(speed_m_s),
+        None => stroke.duration_s(speed_m_s),
+    }
 }
 
 /// Whether strokes keep their order and direction.
@@ -56,12 +100,8 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    // Dots are lit for a time, too.
-    let lit_s = |stroke: &PenStroke| match stroke.dot_m() {
-        Some(_) => dot_s(speed_m_s),
-        None => stroke.duration_s(speed_m_s),
-    };
-    let (n, lit_s) = (drawn.len(), drawn.iter().map(lit_s).sum::<f64>());
+    let lit_s = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
+    let n = drawn.len();
     let (what, hint) = if n > MAX_STROKES {
         let hint = "draw fewer strokes, or lower letters.detail";
         (format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"), hint)
@@ -348,6 +388,19 @@ mod tests {
         let found = shortest_legs(&ways, &style);
         let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
+    }
+
+    #[test]
+    fn many_strokes_are_refused_by_a_part_of_their_transits_and_dots_count() {
+        let style = EvenStyle::default();
+        let row = |n: u32, apart_m: f64| -> Vec<PenStroke> {
+            let at = |k: u32| Vector2::new(apart_m * f64::from(k), 1.0);
+            (0..n).map(|k| PenStroke::even(0, vec![at(k)])).collect()
+        };
+        check_duration(&row(3000, 0.01), 0.2, &style).unwrap();
+        let error = check_duration(&row(3000, 1.0), 0.2, &style).unwrap_err().to_string();
+        assert!(error.contains("3000 strokes take some"), "{error}");
+        assert!((lit_s(&row(1, 0.0)[0], 0.2) - 0.2).abs() < 1e-12, "a dot's light");
     }
 
     #[test]
