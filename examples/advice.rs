@@ -2,7 +2,7 @@
 //! flown and read again with seeds that the advice did not see.
 //!
 //! ```sh
-//! cargo run --release --example advice > docs/advice.md
+//! cargo run --release --example advice      # the table of docs/advice.md (docs/figures advice)
 //! ```
 
 use noctograph::error::Error;
@@ -102,11 +102,6 @@ fn main() -> Outcome<()> {
 
 #[expect(clippy::print_stdout, reason = "an example's result")]
 fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
-    println!("# Whether advice helps\n");
-    println!("Scenes with a fault, and what `preview` advises first, followed as it is typed.");
-    println!("Readability is the mean over three flights with seeds that the advice did not");
-    println!("see. Made by\n");
-    println!("    cargo run --release --example advice > docs/advice.md\n");
     println!("| fault | word | readability | first advice | gain it names | readability after |");
     println!("|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));

@@ -62,23 +62,22 @@ fn main() -> Outcome<()> {
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     match words[..] {
         ["setups", n] => {
+            print_out(&heading("who measures what", n));
             SETUPS.iter().try_for_each(|(name, scene, set)| row(name, scene, set, n.parse()?))
         }
-        ["fleets", n] => (2..=6).try_for_each(|drones| {
-            let drones = drones.to_string();
-            // A drone writes a letter at least.
-            let set = [
-                ("word", "NOORNOOR"),
-                ("plan.drones", drones.as_str()),
-                ("sensors.uwb.heard", "[]"),
-            ];
-            row(
-                &format!("{drones} drones, all anchors each, and each other"),
-                LINKS,
-                &set,
-                n.parse()?,
-            )
-        }),
+        ["fleets", n] => {
+            print_out(&heading("drones", n));
+            (2..=6).try_for_each(|drones| {
+                let drones = drones.to_string();
+                // A drone writes a letter at least.
+                let set = [
+                    ("word", "NOORNOOR"),
+                    ("plan.drones", drones.as_str()),
+                    ("sensors.uwb.heard", "[]"),
+                ];
+                row(&drones, LINKS, &set, n.parse()?)
+            })
+        }
         ["photos", seed, folder] => photos(seed.parse()?, Path::new(folder)),
         _ => Err("type setups N, fleets N, or photos SEED FOLDER".into()),
     }
@@ -91,6 +90,11 @@ fn shoot(scene: &str, set: &[(&str, &str)]) -> Outcome<Shoot> {
 
 fn seeded(shoot: &Shoot, seed: u64) -> Shoot {
     Shoot { scene: Scene { seed, ..shoot.scene.clone() }, ..shoot.clone() }
+}
+
+/// The head of a table, as docs/cooperative.md has it.
+fn heading(what: &str, n_flights: &str) -> String {
+    format!("| {what} | error | bound | NEES/3 | legible of {n_flights} |\n|---|---|---|---|---|")
 }
 
 /// Prints the row of a table: error, bound, consistency, and how many photos read.
@@ -109,10 +113,8 @@ fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome
     for (seed, _) in flown.iter().enumerate().filter(|(_, one)| !one.legible) {
         write!(unread, " {seed}")?;
     }
-    let (error_cm, bound_cm, ratio) = (100.0 * error_m, 100.0 * bound_m, error_m / bound_m);
-    print_out(&format!(
-        "| {name} | {error_cm:.2} cm | {bound_cm:.2} | {ratio:.2} | {nees:.2} | {legible} of {n} |"
-    ));
+    let (error_cm, bound_cm) = (100.0 * error_m, 100.0 * bound_m);
+    print_out(&format!("| {name} | {error_cm:.1} cm | {bound_cm:.1} | {nees:.2} | {legible} |"));
     if flown.len() <= 16 {
         print_out(&format!("seeds that do not read:{unread}"));
     }

@@ -20,11 +20,10 @@ use crate::logs::{OnClock, is_one_log};
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
-    /// CSV, tables of motion captures and other programs (docs/files.md). Any other folder holds
-    /// the logs of an evening, which become one page and a conditions file: those of exported
-    /// scripts by their drones, others each drone's in a folder with its name, or with its name
-    /// before the first
-    /// - or _ of theirs
+    /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
+    /// folder holds the logs of an evening, which become one page and a conditions file: those of
+    /// exported scripts by their drones, others each drone's in a folder with its name, or with
+    /// its name before the first - or _ of theirs
     log: PathBuf,
     /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
     /// are inferred from the setpoints (in the letters of the scene or of a preset)

@@ -72,8 +72,8 @@ pub use self::tune::report as tuning_table;
     version,
     max_term_width = 80,
     arg_required_else_help = true,
-    after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), 1 \
-                  not legible, not safe to fly or ambiguous, 2 error."
+    after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or ambiguous, 2 \
+                  error."
 )]
 struct Args {
     #[command(subcommand)]
@@ -86,17 +86,21 @@ struct Args {
     threads: usize,
 }
 
-/// Declares the verbs by their use, in the order of the help. Each is a module with its arguments
-/// and a function `run`.
+/// Declares the verbs by their use, in the order of the help, each with commands that show it at
+/// work; a test runs them, in this order, in one folder (`tests/it/examples.rs`). A verb is a
+/// module with its arguments and a function `run`.
 macro_rules! verbs {
-    ($($group:literal { $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident),)+ })+) => {
+    ($($group:literal {
+        $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident) $examples:literal,)+
+    })+) => {
         #[derive(Debug, Subcommand)]
         enum Verb {
             $($($(#[$meta])* $verb($module::$args),)+)+
         }
 
-        /// Names of the verbs by their use.
-        const GROUPS: &[(&str, &[&str])] = &[$(($group, &[$(stringify!($module)),+])),+];
+        /// Names of the verbs by their use, with their examples.
+        const GROUPS: &[(&str, &[(&str, &str)])] =
+            &[$(($group, &[$((stringify!($module), $examples)),+])),+];
 
         fn run(verb: &Verb) -> Result<Report> {
             match verb {
@@ -107,83 +111,102 @@ macro_rules! verbs {
 }
 
 verbs! {
-    "See it" {
+    "Begin with" {
         /// Preview the photograph of a word, and say whether it reads
-        Preview(preview::PreviewArgs),
+        Preview(preview::PreviewArgs)
+            "noctograph preview HELLO\n\
+             noctograph preview NOOR --set camera.iso=200 --seed 7 -o noor",
         /// Serve the page: photos while one types or draws, in the browser
-        Serve(serve::ServeArgs),
+        Serve(serve::ServeArgs) "noctograph serve --open",
+        /// Check that a word or a plan is safe to fly and will show
+        Check(check::CheckArgs) "noctograph check HELLO --room 4x6x2.5",
+        /// Export a plan for drones: scripts, trajectories, shows, gains
+        Export(export::ExportArgs)
+            "noctograph export HELLO --room 4x6x2.5 --to cflib -o HELLO.py",
+        /// Expose flights: their long-exposure photograph (PNG, EXR)
+        Expose(expose::ExposeArgs)
+            "noctograph expose noctograph-out/flight.csv --word HELLO -o photo.png",
+        /// Judge whether a photograph's word is legible, and why not
+        Score(score::ScoreArgs) "noctograph score photo.png HELLO -o overlay.png",
     }
     "Stage by stage" {
         /// Plan the flight of a word: setpoints and light commands (CSV)
-        Plan(plan::PlanArgs),
+        Plan(plan::PlanArgs) "noctograph plan NOOR -o plan.csv",
         /// Simulate the flight of a plan (CSV)
-        Fly(fly::FlyArgs),
-        /// Expose flights: their long-exposure photograph (PNG, EXR)
-        Expose(expose::ExposeArgs),
-        /// Judge whether a photograph's word is legible, and why not
-        Score(score::ScoreArgs),
-    }
-    "Read a photo" {
+        Fly(fly::FlyArgs) "noctograph fly plan.csv --seed 1 -o flight.csv",
         /// Read the word in a photograph (blind recognition)
-        Read(read::ReadArgs),
+        Read(read::ReadArgs) "noctograph read photo.png",
     }
     "Before a flight" {
-        /// Check that a word or a plan is safe to fly and will show
-        Check(check::CheckArgs),
         /// Meter the lamps: stops over saturation, and the right settings
-        Meter(meter::MeterArgs),
+        Meter(meter::MeterArgs) "noctograph meter HELLO --set camera.body=galaxy-s24",
         /// Map how well stations or anchors can place the drone
-        Coverage(coverage::CoverageArgs),
-        /// Export a plan for drones: scripts, trajectories, shows, gains
-        Export(export::ExportArgs),
+        Coverage(coverage::CoverageArgs) "noctograph coverage HELLO --room 4x6x2.5",
     }
     "After a flight" {
         /// Convert the log of a real flight (CSV)
-        Import(import::ImportArgs),
+        Import(import::ImportArgs) "noctograph import log.csv --word NOOR -o flown.csv",
         /// Compare two flights: errors, lag, drift and plots
-        Compare(compare::CompareArgs),
+        Compare(compare::CompareArgs) "noctograph compare flight.csv flown.csv --align flown",
         /// Lay a render over a real photograph, and show the difference
-        ComparePhoto(compare_photo::ComparePhotoArgs),
+        ComparePhoto(compare_photo::ComparePhotoArgs) "noctograph compare-photo photo.png real.jpg",
         /// Identify thrust, center of mass and noise from a flight log
-        Identify(identify::IdentifyArgs),
+        Identify(identify::IdentifyArgs) "noctograph identify log.csv",
         /// Locate drones from logs of ultra-wideband ranges
-        Locate(locate::LocateArgs),
+        Locate(locate::LocateArgs) "noctograph locate ranges.csv --anchors anchors.yaml",
     }
-    "Choose a controller" {
+    "Controllers" {
         /// Print controller gains, poles and stability margins
-        Gains(gains::GainsArgs),
+        Gains(gains::GainsArgs) "noctograph gains --scene team",
         /// Rank scenes by the probability that their words are read
-        Rank(rank::RankArgs),
+        Rank(rank::RankArgs) "noctograph rank team tuned --words NO:4",
         /// Tune gains, observer and speed for legible words
-        Tune(tune::TuneArgs),
+        Tune(tune::TuneArgs)
+            "noctograph tune cf21 --words I:1 --budget 40 --test-words O --test-seeds 1",
         /// Learn a word's setpoints and light schedule from its flights
-        Learn(learn::LearnArgs),
+        Learn(learn::LearnArgs) "noctograph learn cf21 NO --rounds 2 --repeats 2",
         /// Find which disturbance makes a word illegible first
-        Robustness(robustness::RobustnessArgs),
+        Robustness(robustness::RobustnessArgs)
+            "noctograph robustness cf21 --words I:1 --times 1,4",
         /// Hold an altitude on three imperfect sensors: figures and plots
-        Hold(hold::HoldArgs),
+        Hold(hold::HoldArgs) "noctograph hold --scenario calm --runs 4",
     }
-    "Show" {
+    "Files" {
         /// Print a scene file: every key with its meaning and unit
-        Scene(scene::SceneArgs),
+        Scene(scene::SceneArgs) "noctograph scene > my.toml",
         /// Report what a verb wrote into a folder, as one page (HTML)
-        Report(report::ReportArgs),
-    }
-    "Install" {
+        Report(report::ReportArgs) "noctograph report noctograph-rank",
         /// Generate shell completions and man pages
-        Generate(generate::GenerateArgs),
+        Generate(generate::GenerateArgs)
+            "noctograph generate man\nnoctograph generate completions bash > noctograph.bash",
     }
 }
 
-/// The command with its verbs in groups, which clap does not have.
+/// The command, whose help names the verbs by their use: the first with what they do, so that all
+/// of it fits a screen. clap has no groups of verbs.
 fn command() -> Command {
-    let command = Args::command();
+    let mut command = Args::command();
     let mut verbs = String::new();
-    for (title, names) in GROUPS {
-        verbs += &format!("\n{title}:\n");
-        for name in names.iter().map(|name| name.replace('_', "-")) {
-            let verb = command.find_subcommand(&name).expect("verbs are named as their modules");
-            verbs += &format!("  {name:15}{}\n", verb.get_about().unwrap_or_default());
+    for (k, (title, members)) in GROUPS.iter().enumerate() {
+        let names: Vec<String> =
+            members.iter().map(|(module, _)| module.replace('_', "-")).collect();
+        if k == 0 {
+            verbs += &format!("\n{title}:\n");
+        } else {
+            verbs += &format!("  {title:17}{}\n", names.join(", "));
+        }
+        for (name, (_, examples)) in names.iter().zip(*members) {
+            let verb = command.find_subcommand(name).expect("verbs are named as their modules");
+            if k == 0 {
+                verbs += &format!("  {name:9}{}\n", verb.get_about().unwrap_or_default());
+            }
+            let said = verb.get_after_help().map_or(String::new(), |said| format!("\n\n{said}"));
+            let examples = examples.replace('\n', "\n  ");
+            let help = format!("Example:\n  {examples}{said}");
+            command = command.mut_subcommand(name, |verb| verb.after_help(help));
+        }
+        if k == 0 {
+            verbs += "\nFurther verbs, which `noctograph VERB --help` explains:\n";
         }
     }
     command.help_template(format!(
@@ -418,13 +441,23 @@ mod tests {
     fn every_verb_is_in_the_help_and_every_flag_has_help() {
         command().debug_assert();
         let help = command().render_help().to_string();
-        for verb in Args::command().get_subcommands() {
+        let words: Vec<&str> = help.split([' ', ',', '\n']).collect();
+        for verb in command().get_subcommands().filter(|verb| verb.get_name() != "help") {
             let name = verb.get_name();
-            assert!(help.contains(&format!("\n  {name:15}")), "{name}");
+            assert!(words.contains(&name), "{name}");
+            let example = verb.clone().get_after_help().map(ToString::to_string);
+            let first = format!("Example:\n  noctograph {name} ");
+            assert!(example.is_some_and(|text| text.starts_with(&first)), "{name}");
             for flag in verb.get_arguments() {
                 assert!(flag.get_help().is_some(), "{name} {}", flag.get_id());
             }
         }
+    }
+
+    #[test]
+    fn the_help_fits_a_screen() {
+        let lines = command().render_help().to_string().lines().count();
+        assert!(lines <= 30, "{lines} lines");
     }
 
     #[test]
@@ -438,11 +471,11 @@ mod tests {
         // `scene` writes it down. `export` refuses what `check`, which flies, stops.
         let noisy = [
             "preview",
-            "fly",
-            "expose",
             "check",
-            "meter",
             "export",
+            "expose",
+            "fly",
+            "meter",
             "rank",
             "tune",
             "learn",
@@ -473,7 +506,9 @@ mod tests {
     #[test]
     fn every_flag_of_the_documentation_is_in_the_help() {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-        let pages = std::fs::read_dir(root.join("docs")).unwrap().map(|e| e.unwrap().path());
+        let folders = ["docs", "docs/tutorials", "docs/how-to", "docs/reference"];
+        let pages = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+        let pages = pages.map(|entry| entry.unwrap().path());
         let pages = pages.filter(|page| page.extension().is_some_and(|end| end == "md"));
         let (mut n, mut wrong) = (0, Vec::new());
         for page in pages.chain([root.join("README.md")]) {

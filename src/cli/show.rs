@@ -238,8 +238,8 @@ pub(super) fn in_part(part: Part) -> &'static str {
     }
 }
 
-/// A verdict as in verdict.json and in every `--json`: see docs/verdict.md. Without a verdict, as
-/// of a drawing, its keys are left out.
+/// A verdict as in verdict.json and in every `--json`: see docs/reference/verdict.md. Without a
+/// verdict, as of a drawing, its keys are left out.
 pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<String>) -> Value {
     let mut json = serde_json::to_value(verdict).expect("a verdict is plain data");
     json["flight_sha256"] = flight_sha256.into();

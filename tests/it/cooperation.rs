@@ -175,7 +175,7 @@ const ANCHORS: [[f64; 3]; 5] =
     [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
 
 /// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
-fn recorded() -> [(&'static str, String); 3] {
+pub(crate) fn recorded() -> [(&'static str, String); 3] {
     recorded_at(ANCHORS)
 }
 

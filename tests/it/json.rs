@@ -1,4 +1,4 @@
-//! docs/json.md: every key that a verb prints with `--json` is there, and each key of its tables is
+//! docs/reference/json.md: every key that a verb prints with `--json` is there, and each key of its tables is
 //! printed.
 
 use std::collections::BTreeSet;
@@ -54,7 +54,7 @@ fn of_tables(section: &str) -> BTreeSet<String> {
 
 #[test]
 fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
-    let page = include_str!("../../docs/json.md");
+    let page = include_str!("../../docs/reference/json.md");
     let section = |title: &str| {
         let (_, rest) = page.split_once(&format!("\n## {title}\n")).unwrap();
         rest.split("\n## ").next().unwrap()
@@ -73,7 +73,8 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
         keys(&value, &mut all);
         let documented = quoted(section(verb));
         let unknown = all.iter().filter(|key| !documented.contains(*key) && !shared.contains(*key));
-        wrong.extend(unknown.map(|key| format!("{verb}: `{key}` is not in docs/json.md")));
+        wrong
+            .extend(unknown.map(|key| format!("{verb}: `{key}` is not in docs/reference/json.md")));
         let top = value.as_object().unwrap().keys().cloned();
         printed.entry(verb).or_insert_with(BTreeSet::new).extend(top);
     }
@@ -84,9 +85,9 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Checks of `docs/json.md`: the first column of the table of limits.
+/// Checks of `docs/reference/json.md`: the first column of the table of limits.
 fn documented_checks() -> BTreeSet<String> {
-    let page = include_str!("../../docs/json.md");
+    let page = include_str!("../../docs/reference/json.md");
     let (_, table) = page.split_once("| check | value | limit |\n|---|---|---|\n").unwrap();
     let rows = table.lines().map_while(|line| line.strip_prefix("| "));
     rows.flat_map(|row| row.split(" | ").next().unwrap().split(", ").map(str::to_owned)).collect()

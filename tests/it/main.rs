@@ -13,6 +13,7 @@ mod cooperation;
 mod coverage;
 mod dialects;
 mod digests;
+mod examples;
 mod exports;
 mod faults;
 mod foreign;

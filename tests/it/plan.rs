@@ -22,11 +22,11 @@ fn the_papers_letters_are_flagged_and_may_fly() {
     for finding in findings.iter().filter(|finding| finding["severity"] != "fine") {
         assert_ne!(finding["change"], "", "{finding}");
     }
-    let page = include_str!("../../docs/json.md");
+    let page = include_str!("../../docs/reference/json.md");
     for finding in findings {
         let name = finding["check"].as_str().unwrap();
         let is_there = |line: &str| line.starts_with("| ") && line.contains(name);
-        assert!(page.lines().any(is_there), "docs/json.md says what {name} measures");
+        assert!(page.lines().any(is_there), "docs/reference/json.md says what {name} measures");
     }
 }
 

@@ -346,9 +346,9 @@ fn unusable_input_is_refused_by_name() {
     assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
 }
 
-/// Keys of the tables of `docs/verdict.md`, table by table.
+/// Keys of the tables of `docs/reference/verdict.md`, table by table.
 fn documented() -> Vec<Vec<&'static str>> {
-    let tables = include_str!("../../../docs/verdict.md").split("\n\n");
+    let tables = include_str!("../../../docs/reference/verdict.md").split("\n\n");
     let key = |row: &'static str| row.strip_prefix("| `")?.split('`').next();
     let mut tables: Vec<Vec<&str>> = tables.map(|t| t.lines().filter_map(key).collect()).collect();
     tables.retain(|keys| !keys.is_empty());
