@@ -1,8 +1,8 @@
 //! Light commands as firmware parameters.
 //!
 //! Lamps listen to parameters: those of decks to the ones of [`CHANNELS`], a lamp of one's own to
-//! the one in its row of the emitter table. The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
-//! time of the radio and half a tick.
+//! the one in its row of the emitter table. The firmware shows a change at its next tick of 50 ms;
+//! plans on the light's clock are led by the time of the radio and half a tick.
 //!
 //! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
 //! trajectory on board, so that a late packet moves none of them.

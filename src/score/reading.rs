@@ -42,8 +42,8 @@ const EVEN: f64 = 0.5;
 /// second on one core. What is noise has many lines of many columns.
 const MOST_COLUMNS: usize = 12_000;
 
-/// Least mean share of the letters of writing, and least share of a letter alone: a heart is read as
-/// letters of less, a moon as an U of 0.67. Of 84 photographs that were blurred, dimmed, turned,
+/// Least mean share of the letters of writing, and least share of a letter alone: a heart is read
+/// as letters of less, a moon as an U of 0.67. Of 84 photographs that were blurred, dimmed, turned,
 /// scaled and compressed at random, the 77 that were read right have 0.68 and more.
 const LEAST_WRITING: f64 = 0.67;
 const LEAST_LETTER: f64 = 0.85;
