@@ -419,10 +419,7 @@ mod tests {
                     let lag = found.lag.unwrap();
                     (n, held) =
                         (n + 1, held + u32::from((lag.lag_s - lag_s).abs() <= lag.half_width_s));
-                    assert!(
-                        (lag.lag_s - lag_s).abs() < 0.25 * lag_s,
-                        "{kind:?} {lag_s} s: {lag:?}"
-                    );
+                    assert!((lag.lag_s - lag_s).abs() < 0.05, "{kind:?} {lag_s} s: {lag:?}");
                     let off = found.k_f_n / options.vehicle.k_f_n - 1.0;
                     assert!(off.abs() < 0.003, "{kind:?} {lag_s} s: k_F is off by {off}");
                 }
