@@ -7,9 +7,9 @@
 //! those of its loops.
 //!
 //! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
-//! (1975), for the weights. The gain is designed without the drone's drag; the model that is printed,
-//! its poles and margins have it. Not modeled: the observer's own part in the margins, the time
-//! between two ticks.
+//! (1975), for the weights. The gain is designed without the drone's drag; the model that is
+//! printed, its poles and margins have it. Not modeled: the observer's own part in the margins,
+//! the time between two ticks.
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
 use serde::{Serialize, Serializer};

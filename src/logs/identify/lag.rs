@@ -1,13 +1,13 @@
 //! The rotors' lag, from how the body's roll and pitch answer the motors:
 //! `J Δ²w = k Δ(∫ torque of motors that follow in τ)`, over spans of equal length.
 //!
-//! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the cause:
-//! lags are then read 20 to 70 ms too long. So both sides are compared in what they share with the
-//! design's acceleration around the moment, which neither the air nor the gyroscope changes
-//! (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for System
-//! Identification, 1983; in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the
-//! one that leaves the least of it; its confidence comes from leaving out one stretch of the flight
-//! after the other, as in [`super::yaw`].
+//! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the
+//! cause: lags are then read 20 to 70 ms too long. So both sides are compared in what they share
+//! with the design's acceleration around the moment, which neither the air nor the gyroscope
+//! changes (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for
+//! System Identification, 1983; in closed loop Gilson, Van den Hof, Automatica 41, 2005). The
+//! lag is the one that leaves the least of it; its confidence comes from leaving out one stretch
+//! of the flight after the other, as in [`super::yaw`].
 //!
 //! Not done: flights whose design never moves, as a hover, tell nothing.
 

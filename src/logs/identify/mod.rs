@@ -1,14 +1,15 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
 //! In: a [`Flight`] and what is [`Assumed`] of the drone. Out: [`Identified`]. Method, as the
-//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
-//! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
-//! by finite differences; thrust per command, of rotors that follow in the assumed time, is fitted to
-//! the accelerometer, and the mean motor commands show the torque that compensates a displaced center of mass. Inertia comes from a
-//! pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is
-//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]). The
-//! rotors' lag comes from how roll and pitch answer ([`RotorLag`]), uneven air from the torque that
-//! answers it ([`UnevenAir`]).
+//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while
+//! airborne, of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x +
+//! B u)`, with ẋ by finite differences; thrust per command, of rotors that follow in the assumed
+//! time, is fitted to the accelerometer, and the mean motor commands show the torque that
+//! compensates a displaced center of mass. Inertia comes from a pendulum test
+//! ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is fitted to the
+//! yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]). The rotors' lag
+//! comes from how roll and pitch answer ([`RotorLag`]), uneven air from the torque that answers
+//! it ([`UnevenAir`]).
 //!
 //! Not done: inertia from flight, where slow logs do not show it.
 

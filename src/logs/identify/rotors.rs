@@ -14,8 +14,8 @@ const FREE_M: f64 = 0.15;
 /// Samples over which the climb is measured at either end.
 const CLIMB: usize = 10;
 
-/// Thrust of each motor times time, from each sample to the next, in units of its command: the speed
-/// of the rotors follows the root of the command, thrust goes with its square.
+/// Thrust of each motor times time, from each sample to the next, in units of its command: the
+/// speed of the rotors follows the root of the command, thrust goes with its square.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
@@ -55,8 +55,8 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
 }
 
 /// Thrust per command that carries the drone, N: of motors that follow in a time, in free air.
-/// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and the
-/// climb, over the whole time.
+/// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and
+/// the climb, over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
