@@ -86,9 +86,7 @@ fn text_of(found: &Identified) -> String {
     if let Some(lag) = found.lag {
         let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
         let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
-        text += &format!(
-            "rotor lag     {ms:.0} ± {doubt_ms:.0} ms when repeated, and may read 30 ms long{note}\n"
-        );
+        text += &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms (95 %){note}\n");
     }
     if let Some(air) = found.air {
         let [x, y] = air.torque_sigma_n_m;

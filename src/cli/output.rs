@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
@@ -21,6 +21,12 @@ pub(super) enum Outputs {
 impl Outputs {
     /// Opens `path`, or by default `kind.csv` or the folder `kinds`.
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
+        let named = path.filter(|path| n > 1 && path.extension().is_some_and(|e| e == "csv"));
+        if let Some(path) = named.filter(|path| !path.is_dir()) {
+            let (found, hint) = (format!("a file for {n} drones"), "leave out .csv");
+            let place = path.display().to_string();
+            return Err(Error::input(place, found, "a folder for a file of each", hint));
+        }
         let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         Ok(match n {
             1 => Self::One(Output::create(&path(format!("{kind}.csv")))?),

@@ -6,11 +6,13 @@ use std::sync::{Mutex, PoisonError};
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use super::plan::PyPlan;
 use super::scene::PyScene;
-use super::{Reduced, array, data_frame, numbers, raised, reduced, run, save};
+use super::{Ends, Reduced, array, data_frame, numbers, raised, reduced, run, run_showing, save};
 use noctograph::error::{Error, Result};
+use noctograph::flight::table::MAX_DURATION_S;
 use noctograph::flight::{Flight, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
@@ -28,8 +30,12 @@ use noctograph::sim::Session;
 ///     Rising times in s, shape (N,).
 /// position_m : numpy.ndarray
 ///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
-/// light : numpy.ndarray, optional
-///     Level of the headlights, 0 to 1, shape (N,); 1 by default.
+/// light : numpy.ndarray or dict of str to numpy.ndarray, optional
+///     Level of the headlights, 0 to 1, shape (N,); 1 by default. Of other lamps by their channels, those of
+///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"``
+///     and ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of
+///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
+///     lights it when you say.
 /// attitude_rad : numpy.ndarray, optional
 ///     Yaw, pitch and roll in rad, shape (N, 3); 0 by default.
 /// design_m : numpy.ndarray, optional
@@ -82,7 +88,7 @@ impl PyFlight {
             let hint = "one row for each time, all of them finite";
             raised(py, &Error::input(name, found, wanted, hint))
         };
-        let finite = |name: &str, array, columns| {
+        let finite = |name: &str, array: &Bound<'py, PyAny>, columns| {
             let values = numbers(array, name, columns)?;
             match values.iter().position(|value| value.is_nan() || value.abs() > 1e6) {
                 Some(at) => {
@@ -93,12 +99,20 @@ impl PyFlight {
             }
         };
         let times_s = finite("time_s", time_s, 1)?;
+        let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
+        let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
+        if lasts_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
+            let found = format!("{lasts_s} s with a sample every {step_s:.1} s");
+            let hint = "times are in seconds: divide milliseconds by 1000";
+            let wanted = "at most an hour, and a sample every two seconds";
+            return Err(raised(py, &Error::input("time_s", found, wanted, hint)));
+        }
         if let Some(at) = times_s.windows(2).position(|pair| pair[0] >= pair[1]) {
             let found = format!("{} after {}", times_s[at + 1], times_s[at]);
             return Err(refuse("time_s", found, "rising times".into()));
         }
         let n = times_s.len();
-        let column = |name: &str, array: Option<_>, columns, usual| {
+        let column = |name: &str, array: Option<&Bound<'py, PyAny>>, columns, usual| {
             let Some(array) = array else { return Ok(vec![usual; columns * n]) };
             let values = finite(name, array, columns)?;
             if values.len() == columns * n {
@@ -108,7 +122,32 @@ impl PyFlight {
             Err(refuse(name, found, format!("{n} rows, as time_s")))
         };
         let positions_m = column("position_m", Some(position_m), 3, 0.0)?;
-        let lights = column("light", light, 1, 1.0)?;
+        let level = |name: &str, array: Option<&Bound<'py, PyAny>>| {
+            let levels = column(name, array, 1, 1.0)?;
+            match levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
+                None => Ok(levels),
+                Some(row) => {
+                    let found = format!("{} in row {row}", levels[row]);
+                    let hint = "1 is the lamp at full: divide bytes by 255";
+                    Err(raised(py, &Error::input(name, found, "levels from 0 to 1", hint)))
+                }
+            }
+        };
+        let lights: BTreeMap<String, Vec<f64>> = match light.map(|it| (it, it.cast::<PyDict>())) {
+            Some((_, Ok(channels))) => channels
+                .iter()
+                .map(|(name, levels)| {
+                    let name = name.extract::<String>()?;
+                    let levels = level(&format!("light[{name:?}]"), Some(&levels))?;
+                    Ok((name, levels))
+                })
+                .collect::<PyResult<_>>()?,
+            other => {
+                let levels = level("light", other.map(|(array, _)| array))?;
+                BTreeMap::from([(HEADLIGHTS.to_owned(), levels)])
+            }
+        };
+        let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
         let angles_rad = column("attitude_rad", attitude_rad, 3, 0.0)?;
         let designs_m = column("design_m", design_m.or(Some(position_m)), 3, 0.0)?;
         let point =
@@ -121,12 +160,13 @@ impl PyFlight {
                 Attitude { yaw_rad, pitch_rad, roll_rad }
             },
             design_m: point(&designs_m, row),
-            letter: (lights[row] > 0.0).then_some(0),
+            letter: is_lit(row).then_some(0),
             ..FlightSample::default()
         });
+        let samples = samples.collect();
         Ok(Self::new(Flight {
-            samples: samples.collect(),
-            lights: BTreeMap::from([(HEADLIGHTS.to_owned(), lights)]),
+            samples,
+            lights,
             unlogged: [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors]
                 .into(),
             ..Flight::default()
@@ -264,6 +304,9 @@ impl PyFlight {
     }
 }
 
+/// Longest mean time between samples of somebody's flight: a stroke takes a second or two.
+const LONGEST_STEP_S: f64 = 2.0;
+
 /// A scene without the feedforward and the light timing that are made for its own controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene.plan.reference = ReferenceKind::Design;
@@ -271,17 +314,51 @@ pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene
 }
 
+/// Whether a function of Python takes a third argument by its place: the time.
+fn takes_time(py: Python<'_>, function: &Py<PyAny>) -> bool {
+    let taken = || -> PyResult<bool> {
+        let inspect = py.import("inspect")?;
+        let parameters = inspect.call_method1("signature", (function,))?.getattr("parameters")?;
+        let mut places = 0;
+        for parameter in parameters.call_method0("values")?.try_iter()? {
+            match parameter?.getattr("kind")?.str()?.to_cow()?.as_ref() {
+                "POSITIONAL_ONLY"
+                | "POSITIONAL_OR_KEYWORD"
+                | "positional-only"
+                | "positional or keyword" => places += 1,
+                "VAR_POSITIONAL" | "variadic positional" => places += 3,
+                _ => {}
+            }
+        }
+        Ok(places >= 3)
+    };
+    taken().unwrap_or(false)
+}
+
 /// A flight by a controller of Python; `Ok(Err)` is what it raised.
 fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<PyResult<Flight>> {
+    let timed = Python::attach(|py| takes_time(py, function));
     while let Some((state, reference)) = session.waits() {
         stop.check()?;
+        let time_s = session.time_s();
         let motors = Python::attach(|py| {
-            let arguments = (array(py, &state, 1)?, array(py, &reference, 1)?);
-            let motors = numbers(&function.bind(py).call1(arguments)?, "controller", 1)?;
-            motors.try_into().map_err(|motors: Vec<f64>| {
-                let (found, wanted) = (format!("{} numbers", motors.len()), "four motor commands");
+            let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
+            let function = function.bind(py);
+            let motors = match timed {
+                true => function.call1((state, reference, time_s))?,
+                false => function.call1((state, reference))?,
+            };
+            let motors = numbers(&motors, "controller", 1)?;
+            let refuse = |found: String, wanted: &str| {
                 let hint = "return m1 to m4, 0 to 65535";
                 raised(py, &Error::input("controller", found, wanted, hint))
+            };
+            if let Some(motor) = motors.iter().position(|motor| motor.is_nan()) {
+                let found = format!("NaN for m{} at {time_s:.3} s", motor + 1);
+                return Err(refuse(found, "four motor commands"));
+            }
+            motors.try_into().map_err(|motors: Vec<f64>| {
+                refuse(format!("{} numbers", motors.len()), "four motor commands")
             })
         });
         match motors {
@@ -302,23 +379,29 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 ///     The scene's own by default; with a controller, those of ``plan.reference = "design"`` and
 ///     ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller.
 /// controller : callable, optional
-///     ``controller(state, reference)`` returns the motor commands m1 to m4, 0 to 65535, in place of the
+///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the
 ///     scene's controller; for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
 ///     pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y
 ///     left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-///     acceleration (m/s²), in the world. It is called ``rates.attitude_hz`` times a second (500 by default)
-///     while the motors are on.
+///     acceleration (m/s²), in the world; ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
+///     called ``rates.attitude_hz`` times a second (500 by default) while the motors are on.
+///
+/// covariance : bool
+///     Whether ``Flight.extra`` has what the drone's Kalman filter thinks of its estimate: ``estimate_sigma_m``, the
+///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error over its
+///     covariance, a third, 1 on average in the air where the filter is honest. A fleet's filter always has.
 ///
 /// Returns
 /// -------
 /// list of Flight
 #[pyfunction]
-#[pyo3(signature = (scene, plans = None, *, controller = None))]
+#[pyo3(signature = (scene, plans = None, *, controller = None, covariance = false))]
 pub(super) fn fly(
     py: Python<'_>,
     scene: &PyScene,
     plans: Option<Vec<PyRef<'_, PyPlan>>>,
     controller: Option<Py<PyAny>>,
+    covariance: bool,
 ) -> PyResult<Vec<PyFlight>> {
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let scene = scene.0.clone();
@@ -330,10 +413,19 @@ pub(super) fn fly(
             None => Shoot::new(scene)?,
             Some(plans) => Shoot::with_plans(scene, plans)?,
         };
+        let session = || match covariance {
+            true => shoot.session_with_covariance(),
+            false => shoot.session(),
+        };
         match (&controller, shoot.plans.len()) {
-            (None, _) => shoot.fly(&|_, _| {}).map(Ok),
+            (None, n) if n > 1 || !covariance => shoot.fly(&|_, _| {}).map(Ok),
+            (None, _) => {
+                let mut session = session()?;
+                session.fly_by_itself()?;
+                Ok(Ok(vec![session.finish()]))
+            }
             (Some(function), 1) => {
-                let flown = flown_by(function, shoot.session()?, &until)?;
+                let flown = flown_by(function, session()?, &until)?;
                 Ok(flown.map(|flight| vec![flight]))
             }
             (Some(_), n) => {
@@ -342,7 +434,8 @@ pub(super) fn fly(
             }
         }
     };
-    Ok(run(py, &stop, stage)??.into_iter().map(PyFlight::new).collect())
+    let flown = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage)??;
+    Ok(flown.into_iter().map(PyFlight::new).collect())
 }
 
 /// Reads the log of a real flight: JSON of the AE483 course, CSV of cfclient, µSD card, plain CSV.

@@ -44,16 +44,25 @@ fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(shot::score, module)?)?;
     module.add_function(wrap_pyfunction!(shot::read, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::setting, module)?)?;
     module.add_function(wrap_pyfunction!(study::outcomes, module)?)?;
+    module.add_function(wrap_pyfunction!(study::trials, module)?)?;
     module.add_function(wrap_pyfunction!(study::ranking, module)?)?;
     module.add_function(wrap_pyfunction!(study::tuning, module)?)
+}
+
+/// A place without the line of a scene's text that nobody wrote: `scene:327: camera.iso`.
+fn without_line(place: &str) -> &str {
+    let rest = place.strip_prefix("scene:").and_then(|rest| rest.split_once(": "));
+    rest.filter(|(line, _)| line.bytes().all(|b| b.is_ascii_digit())).map_or(place, |(_, key)| key)
 }
 
 /// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint } => {
-            ("InputError", vec![place.clone(), found.clone(), wanted.clone(), hint.clone()])
+            let place = without_line(place).to_owned();
+            ("InputError", vec![place, found.clone(), wanted.clone(), hint.clone()])
         }
         Error::Letter { position, letter, wanted, hint } => {
             let (place, found) = (format!("word, position {position}"), format!("{letter:?}"));
@@ -106,14 +115,24 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and left to itself: its
-/// result is dropped.
+/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and given a moment: its result
+/// is dropped.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
     stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    run_showing(py, stop, |_| Ok(()), stage)
+    run_showing(py, stop, |_| Ok(()), Ends::ByItself, stage)
+}
+
+/// What becomes of a stage that was told to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ends {
+    /// It calls no Python: it ends when it looks for the stop.
+    ByItself,
+    /// It calls functions of Python, and must not do so when the interpreter ends: it is waited
+    /// for.
+    Joined,
 }
 
 /// As [`run`], with a call of `show` now and then and at the end; what it raises stops the stage.
@@ -121,20 +140,28 @@ fn run_showing<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
     mut show: impl FnMut(Python<'_>) -> PyResult<()> + Send,
+    ends: Ends,
     stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let done = py.detach(|| {
         let (sender, receiver) = channel();
-        std::thread::spawn(move || {
+        let worker = std::thread::spawn(move || {
             // Nobody listens after Ctrl-C.
             let _ = sender.send(stage());
         });
+        let looked = |looked: PyResult<()>| {
+            looked.inspect_err(|_| {
+                stop.now();
+                while ends == Ends::Joined && !worker.is_finished() {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            })
+        };
         loop {
             match receiver.recv_timeout(LOOK) {
                 Ok(done) => return Ok(done),
                 Err(RecvTimeoutError::Timeout) => {
-                    Python::attach(|py| py.check_signals().and_then(|()| show(py)))
-                        .inspect_err(|_| stop.now())?;
+                    looked(Python::attach(|py| py.check_signals().and_then(|()| show(py))))?;
                 }
                 Err(RecvTimeoutError::Disconnected) => {
                     let text = "the program failed: please report what it printed";

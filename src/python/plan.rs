@@ -1,23 +1,101 @@
 //! Plans: what is sent to a drone.
 
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use nalgebra::Vector3;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use super::scene::PyScene;
-use super::{Reduced, array, data_frame, raised, reduced, run, save};
+use super::{Reduced, array, data_frame, numbers, raised, reduced, run, save};
 use noctograph::error::Error;
-use noctograph::plan::Plan;
+use noctograph::plan::{HEADLIGHTS, Plan, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
 
 /// The plan of one drone: setpoints and light commands in the order of time.
+///
+/// Parameters
+/// ----------
+/// time_s : numpy.ndarray
+///     Rising times from 0 on in s, shape (N,). Between them the design moves on by velocity and acceleration.
+/// position_m : numpy.ndarray
+///     Position of the design in m, x right, y into the scene, z up, shape (N, 3); z up to 0 asks for motors off.
+/// light : numpy.ndarray or dict of str to numpy.ndarray, optional
+///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels; 0 by
+///     default.
+/// velocity_m_s, acceleration_m_s2 : numpy.ndarray, optional
+///     In the axes of the position, shape (N, 3); 0 by default.
+/// sent_m : numpy.ndarray, optional
+///     Positions that are sent in place of the design's, shape (N, 3).
+/// yaw_rad : float
+///     Heading of the nose over the whole flight.
 #[pyclass(frozen, name = "Plan", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyPlan(pub(super) Plan);
 
 #[pymethods]
 impl PyPlan {
+    #[new]
+    #[pyo3(signature = (time_s, position_m, *, light = None, velocity_m_s = None, acceleration_m_s2 = None, sent_m = None, yaw_rad = 0.0))]
+    #[expect(clippy::too_many_arguments, reason = "Python names them")]
+    fn new<'py>(
+        py: Python<'py>,
+        time_s: &Bound<'py, PyAny>,
+        position_m: &Bound<'py, PyAny>,
+        light: Option<&Bound<'py, PyAny>>,
+        velocity_m_s: Option<&Bound<'py, PyAny>>,
+        acceleration_m_s2: Option<&Bound<'py, PyAny>>,
+        sent_m: Option<&Bound<'py, PyAny>>,
+        yaw_rad: f64,
+    ) -> PyResult<Self> {
+        let times_s = numbers(time_s, "time_s", 1)?;
+        let n = times_s.len();
+        let column = |name: &str, array: Option<&Bound<'py, PyAny>>, columns: usize| {
+            let values = array
+                .map_or_else(|| Ok(vec![0.0; columns * n]), |it| numbers(it, name, columns))?;
+            if values.len() == columns * n {
+                return Ok(values);
+            }
+            let found = format!("{} rows", values.len() / columns);
+            let wanted = format!("{n} rows, as time_s");
+            Err(raised(py, &Error::input(name, found, wanted, "one row for each time")))
+        };
+        let rows = |name: &str, array| -> PyResult<Vec<Vector3<f64>>> {
+            let values = column(name, array, 3)?;
+            Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
+        };
+        let positions_m = rows("position_m", Some(position_m))?;
+        let velocities_m_s = rows("velocity_m_s", velocity_m_s)?;
+        let accelerations_m_s2 = rows("acceleration_m_s2", acceleration_m_s2)?;
+        let sent_m = sent_m.map(|_| rows("sent_m", sent_m)).transpose()?.unwrap_or_default();
+        let lights = match light.map(|it| (it, it.cast::<PyDict>())) {
+            Some((_, Ok(channels))) => channels
+                .iter()
+                .map(|(name, levels)| Ok((name.extract()?, column("light", Some(&levels), 1)?)))
+                .collect::<PyResult<_>>()?,
+            other => {
+                let levels = column("light", other.map(|(array, _)| array), 1)?;
+                BTreeMap::from([(HEADLIGHTS.to_owned(), levels)])
+            }
+        };
+        let setpoint = |row: usize| Setpoint {
+            time_s: times_s[row],
+            position_m: positions_m[row],
+            velocity_m_s: velocities_m_s[row],
+            acceleration_m_s2: accelerations_m_s2[row],
+            letter: lights.values().any(|levels: &Vec<f64>| levels[row] > 0.0).then_some(0),
+        };
+        let setpoints = (0..n).map(setpoint).collect();
+        let plan = Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad };
+        // The file's reader is the one check of times, levels and reach.
+        let mut csv = Vec::new();
+        plan.write_csv(&mut csv).expect("memory can be written");
+        Plan::parse_csv(&csv, "plan").map(Self).map_err(|error| raised(py, &error))
+    }
+
     /// Reads the plan that ``save`` or ``noctograph plan`` wrote to a file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
@@ -56,6 +134,32 @@ impl PyPlan {
     fn velocity_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let points = self.0.setpoints.iter().flat_map(|setpoint| setpoint.velocity_m_s.data.0[0]);
         array(py, &points.collect::<Vec<_>>(), 3)
+    }
+
+    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position; shape (N,
+    /// 3).
+    #[getter]
+    fn acceleration_m_s2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let all = self.0.setpoints.iter();
+        let points = all.flat_map(|setpoint| setpoint.acceleration_m_s2.data.0[0]);
+        array(py, &points.collect::<Vec<_>>(), 3)
+    }
+
+    /// numpy.ndarray: Position that is sent with each setpoint in m: the design's, or one that leads
+    /// the drone's controller; shape (N, 3).
+    #[getter]
+    fn sent_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let rows = 0..self.0.setpoints.len();
+        let points = rows.flat_map(|row| self.0.sent_m(row).data.0[0]);
+        array(py, &points.collect::<Vec<_>>(), 3)
+    }
+
+    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel; each
+    /// of shape (N,).
+    #[getter]
+    fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
+        let columns = self.0.lights.iter();
+        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
     }
 
     /// numpy.ndarray: Whether a lamp is to be lit from each setpoint on, 0 to 1; shape (N,).

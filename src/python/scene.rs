@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use nalgebra::DMatrix;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyTuple};
 
-use super::{Reduced, array, raised, reduced, run, save};
+use super::{Reduced, array, raised, reduced, run, save, to_python};
+use noctograph::error::Error;
 use noctograph::scene::Scene;
 use noctograph::shoot::Stop;
 use noctograph::sim::design::{MOTOR_LAG_S, design};
@@ -99,6 +100,24 @@ impl PyScene {
         design.k.map(array).transpose()
     }
 
+    /// Value of a key, dotted as in ``set``: a number, a text, a list or a dict.
+    ///
+    /// Parameters
+    /// ----------
+    /// key : str
+    ///     As ``"vehicle.mass_kg"``; a table's name gives its keys.
+    fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
+        let scene = serde_json::to_value(&self.0).expect("a scene is a table");
+        let found = key.split('.').try_fold(&scene, |value, part| {
+            value.get(part).or_else(|| value.get(part.parse::<usize>().ok()?))
+        });
+        let hint = "`noctograph scene` prints every key; None is a key that is not set";
+        match found {
+            Some(value) => to_python(py, value),
+            None => Err(raised(py, &Error::input(key, "no such key", "a key of the scene", hint))),
+        }
+    }
+
     /// The whole scene as TOML, every key with its meaning.
     fn to_toml(&self) -> String {
         self.0.to_toml()
@@ -137,17 +156,48 @@ fn flatten(
         let key = format!("{path}{}", key.extract::<String>()?);
         if let Ok(table) = value.cast::<PyDict>() {
             flatten(table, &format!("{key}."), into)?;
-        } else if let Ok(text) = value.extract::<String>() {
-            into.push((key, text));
-        } else if let Ok(flag) = value.cast::<PyBool>() {
-            into.push((key, flag.is_true().to_string()));
         } else {
-            // Arrays of numpy become lists; numbers and lists read alike in JSON and TOML.
-            let value =
-                if value.hasattr("tolist")? { value.call_method0("tolist")? } else { value };
-            let json = value.py().import("json")?.call_method1("dumps", (value,))?;
-            into.push((key, json.extract()?));
+            into.push((key, setting(&value)?));
         }
     }
     Ok(())
+}
+
+/// A value as the command line takes it: a text as it is, everything else as TOML.
+#[pyfunction]
+pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    value.extract::<String>().or_else(|_not_text| toml(value))
+}
+
+/// A value of Python as TOML: numbers, texts, lists, tables, and arrays and scalars of numpy.
+fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    if let Ok(flag) = value.cast::<PyBool>() {
+        return Ok(flag.is_true().to_string());
+    }
+    if let Ok(table) = value.cast::<PyDict>() {
+        let pair = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+            Ok(format!("{} = {}", serde_json::json!(key.extract::<String>()?), toml(&value)?))
+        };
+        let pairs = table.iter().map(pair).collect::<PyResult<Vec<_>>>()?;
+        return Ok(format!("{{ {} }}", pairs.join(", ")));
+    }
+    if let Ok(text) = value.extract::<String>() {
+        return Ok(serde_json::json!(text).to_string());
+    }
+    if value.hasattr("tolist")? {
+        return toml(&value.call_method0("tolist")?);
+    }
+    if value.cast::<PyInt>().is_ok() {
+        return value.str()?.extract();
+    }
+    if let Ok(number) = value.cast::<PyFloat>() {
+        // TOML writes them as Rust does: inf, -inf; NaN in small letters.
+        return Ok(format!("{:?}", number.value()).to_lowercase());
+    }
+    if value.cast::<PyList>().is_ok() || value.cast::<PyTuple>().is_ok() {
+        let items = value.try_iter()?.map(|item| toml(&item?)).collect::<PyResult<Vec<_>>>()?;
+        return Ok(format!("[{}]", items.join(", ")));
+    }
+    let (found, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
+    Err(raised(value.py(), &Error::input("set", found, wanted, "convert it to one of these")))
 }

@@ -8,12 +8,13 @@ use rayon::prelude::*;
 
 use super::flight::for_any_controller;
 use super::scene::PyScene;
+use super::study::columns;
 use super::{array, array_of, numbers, raised, run, to_python};
 use noctograph::error::{Error, Result};
 use noctograph::scene::NamedScene;
 use noctograph::shoot::Stop;
 use noctograph::sim::Session;
-use noctograph::study::{Conditions, Prepared};
+use noctograph::study::{Conditions, Outcome, Prepared};
 
 /// One of the flights, and what became of it.
 #[derive(Debug)]
@@ -65,6 +66,12 @@ impl PySessions {
         self.prepared.scene().sim().rates.attitude_hz()
     }
 
+    /// Duration of the plan, s.
+    #[getter]
+    fn duration_s(&self) -> f64 {
+        self.prepared.plans().first().map_or(0.0, noctograph::plan::Plan::duration_s)
+    }
+
     /// Begins flights again: those whose seed is not None.
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
         let begin = |(flying, seed): (&mut Flying, Option<u64>)| {
@@ -91,6 +98,11 @@ impl PySessions {
         if motors.len() != 4 * n {
             let (found, wanted) = (motors.len() / 4, format!("{n} rows"));
             return Err(raised(py, &Error::input("motors", found, wanted, "one row a flight")));
+        }
+        if let Some(row) = motors.chunks(4).position(|row| row.iter().any(|m| m.is_nan())) {
+            let found = format!("NaN in row {row}");
+            let hint = "a motor command is a number: look for 0 / 0 and for logarithms";
+            return Err(raised(py, &Error::input("motors", found, "numbers", hint)));
         }
         let turn = |((flying, motors), n): ((&mut Flying, &[f64]), u32)| {
             let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none()) else {
@@ -137,6 +149,33 @@ impl PySessions {
         found.set_item("landed", array_of(py, &landed, "?", &[landed.len()])?)?;
         found.set_item("lost", array_of(py, &lost, "?", &[lost.len()])?)?;
         Ok(found)
+    }
+
+    /// Ends all flights: the outcomes of their photos, as columns of one row and as JSON. Those who
+    /// were lost have none.
+    fn outcomes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        let mut flying = self.all();
+        let grounded = || Flying { seed: 0, session: None, lost: None };
+        let ended: Vec<Flying> =
+            flying.iter_mut().map(|flying| std::mem::replace(flying, grounded())).collect();
+        drop(flying);
+        let prepared = Arc::clone(&self.prepared);
+        let stop = Stop::default();
+        let until = stop.clone();
+        let judge = move |flying: Flying| {
+            until.check()?;
+            match (flying.lost, flying.session) {
+                (None, Some(session)) => Ok(prepared.judge(vec![session.finish()], flying.seed)?.0),
+                (lost, _) => {
+                    let how = lost.unwrap_or_else(|| "it was never flown".into());
+                    Ok(Outcome::lost(prepared.word(), how))
+                }
+            }
+        };
+        let stage = move || ended.into_par_iter().map(judge).collect::<Result<Vec<_>>>();
+        let found = run(py, &stop, stage)?;
+        let json = found.iter().map(|it| serde_json::json!(it).to_string()).collect();
+        Ok((columns(py, &found, [1, found.len()])?, json))
     }
 
     /// Ends a flight: the outcome of its photo.

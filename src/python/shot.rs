@@ -11,6 +11,7 @@ use super::scene::PyScene;
 use super::{Reduced, array_of, raised, run, save, to_python};
 use noctograph::cli::verdict_table;
 use noctograph::error::Error;
+use noctograph::logs::ImportOptions;
 use noctograph::photo::{self, Photo};
 use noctograph::report::escaped;
 use noctograph::score::{Reader, View};
@@ -22,6 +23,51 @@ use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
+}
+
+/// Largest picture in a notebook, bytes; as text it is a third more.
+const MOST_BYTES: usize = 150_000;
+
+impl PyShot {
+    /// The photo as JPEG of at most [`MOST_BYTES`]: of lower quality, and then halved, until it is.
+    fn small(&self) -> Vec<u8> {
+        let Photo { width_px, height_px, rgb8, .. } = &self.shot.photo;
+        let mut photo = Photo {
+            width_px: *width_px,
+            height_px: *height_px,
+            rgb8: rgb8.clone(),
+            scene_toml: None,
+        };
+        loop {
+            for quality in [90, 75, 60] {
+                let bytes = photo::jpeg(&photo, quality);
+                if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {
+                    return bytes;
+                }
+            }
+            photo = halved(&photo);
+        }
+    }
+}
+
+/// A photo of half the width and height: each pixel the mean of four.
+fn halved(photo: &Photo) -> Photo {
+    let (width_px, height_px) = (photo.width_px / 2, photo.height_px / 2);
+    let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
+    let at = |x: u32, y: u32, channel: usize| {
+        u16::from(photo.rgb8[3 * (y as usize * photo.width_px as usize + x as usize) + channel])
+    };
+    for (y, x) in (0..height_px).flat_map(|y| (0..width_px).map(move |x| (2 * y, 2 * x))) {
+        for channel in 0..3 {
+            let sum = at(x, y, channel)
+                + at(x + 1, y, channel)
+                + at(x, y + 1, channel)
+                + at(x + 1, y + 1, channel);
+            #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes")]
+            rgb8.push((sum / 4) as u8);
+        }
+    }
+    Photo { width_px, height_px, rgb8, scene_toml: None }
 }
 
 #[pymethods]
@@ -91,16 +137,17 @@ impl PyShot {
         Ok((photograph.unbind(), (self.scene(), self.flights())))
     }
 
-    fn _repr_png_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        self.to_png(py)
+    /// Picture for notebooks, at most 200 kB: ``to_png`` and ``save`` have the photo itself.
+    fn _repr_jpeg_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.small())
     }
 
-    /// The photo, and the verdict as ``noctograph score`` prints it.
+    /// The photo, at most 200 kB, and the verdict as ``noctograph score`` prints it.
     fn _repr_html_(&self) -> String {
-        let png = BASE64_STANDARD.encode(self.shot.file.as_deref().unwrap_or_default());
+        let jpeg = BASE64_STANDARD.encode(self.small());
         let table = self.shot.verdict.as_ref().map_or_else(String::new, verdict_table);
         format!(
-            "<img width=\"100%\" src=\"data:image/png;base64,{png}\"><pre>{}</pre>",
+            "<img width=\"100%\" src=\"data:image/jpeg;base64,{jpeg}\"><pre>{}</pre>",
             escaped(&table)
         )
     }
@@ -121,8 +168,9 @@ impl PyShot {
 /// ----------
 /// scene : Scene
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
-/// flights : list of Flight, optional
-///     One for each drone, from any simulator; by default the scene's plans are flown.
+/// flights : list of Flight, str or os.PathLike, optional
+///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's places,
+///     directions and candela, as ``noctograph expose`` takes them); by default the scene's plans are flown.
 ///
 /// Returns
 /// -------
@@ -132,10 +180,22 @@ impl PyShot {
 pub(super) fn photograph(
     py: Python<'_>,
     scene: &PyScene,
-    flights: Option<Vec<PyRef<'_, PyFlight>>>,
+    flights: Option<Vec<Bound<'_, PyAny>>>,
 ) -> PyResult<PyShot> {
+    let recording = |it: &Bound<'_, PyAny>| match it.cast::<PyFlight>() {
+        Ok(flight) => Ok(Recording::Flight(flight.get().flight.clone())),
+        Err(_no_flight) => {
+            let path: PathBuf = it.extract()?;
+            let read = Recording::read(&path, &ImportOptions::default());
+            read.map(|(recording, _)| recording).map_err(|error| raised(py, &error))
+        }
+    };
     let recordings: Option<Vec<Recording>> =
-        flights.map(|all| all.iter().map(|it| Recording::Flight(it.flight.clone())).collect());
+        flights.map(|all| all.iter().map(recording).collect::<PyResult<_>>()).transpose()?;
+    if recordings.as_ref().is_some_and(Vec::is_empty) {
+        let hint = "leave it out to fly the scene's plans";
+        return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));
+    }
     let scene = scene.0.clone();
     let stop = Stop::default();
     let until = stop.clone();
@@ -171,23 +231,8 @@ pub(super) fn score<'py>(
     image: &Bound<'py, PyAny>,
     scene: &PyScene,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let image = py.import("numpy")?.call_method1("ascontiguousarray", (image,))?;
-    let shape: Vec<usize> = image.getattr("shape")?.extract()?;
-    let dtype: String = image.getattr("dtype")?.str()?.extract()?;
-    let sides = match (&*shape, &*dtype) {
-        ([height, width, 3], "uint8") => {
-            u32::try_from(*width).ok().zip(u32::try_from(*height).ok())
-        }
-        _ => None,
-    };
-    let Some((width_px, height_px)) = sides else {
-        let (found, wanted) =
-            (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
-        return Err(raised(py, &Error::input("image", found, wanted, "leave out transparency")));
-    };
-    let bytes = image.call_method0("tobytes")?;
-    let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();
-    let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+    let photo = pixels(image)?;
+    let (width_px, height_px) = (photo.width_px, photo.height_px);
     let mut scene = scene.0.clone();
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
     let stage = move || {
@@ -202,16 +247,45 @@ pub(super) fn score<'py>(
 ///
 /// Parameters
 /// ----------
-/// path : str or os.PathLike
-///     PNG or JPEG.
+/// photo : str, os.PathLike or numpy.ndarray
+///     PNG or JPEG, or an array of shape (height, width, 3), uint8, sRGB.
 ///
 /// Returns
 /// -------
 /// str
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
-pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String> {
+    if photo.hasattr("dtype")? {
+        let photo = pixels(photo)?;
+        return run(py, &Stop::default(), move || {
+            Ok(noctograph::score::read(&photo).of_writing().text)
+        });
+    }
+    let path: PathBuf = photo.extract()?;
     run(py, &Stop::default(), move || {
         Ok(noctograph::score::read(&photo::read(&path)?).of_writing().text)
     })
+}
+
+/// A photo of an array's pixels.
+fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
+    let py = image.py();
+    let image = py.import("numpy")?.call_method1("ascontiguousarray", (image,))?;
+    let shape: Vec<usize> = image.getattr("shape")?.extract()?;
+    let dtype: String = image.getattr("dtype")?.str()?.extract()?;
+    let sides = match (&*shape, &*dtype) {
+        ([height, width, 3], "uint8") if height * width > 0 => {
+            u32::try_from(*width).ok().zip(u32::try_from(*height).ok())
+        }
+        _ => None,
+    };
+    let Some((width_px, height_px)) = sides else {
+        let (found, wanted) =
+            (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
+        return Err(raised(py, &Error::input("image", found, wanted, "leave out transparency")));
+    };
+    let bytes = image.call_method0("tobytes")?;
+    let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();
+    Ok(Photo { width_px, height_px, rgb8, scene_toml: None })
 }

@@ -1,5 +1,6 @@
 //! Studies: many flights and what is read of them.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,13 +11,13 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::scene::PyScene;
-use super::{array_of, run, run_showing, to_python};
+use super::{Ends, array_of, raised, run_showing, to_python};
 use noctograph::cli::{ranking_report, tuning_table};
 use noctograph::error::Result;
 use noctograph::scene::{NamedScene, Scene};
 use noctograph::shoot::Stop;
 use noctograph::study::{
-    Candidate, Conditions, Flown, Knob, Limits, Outcome, Prepared, Store, Study, Trial,
+    Candidate, Conditions, Flown, Knob, Limits, Outcome, Prepared, Record, Store, Study, Trial,
     TuneOptions, evaluate, rank, tune,
 };
 
@@ -64,9 +65,17 @@ pub(super) fn outcomes<'py>(
         Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
     };
     let tick = shown(progress.as_ref(), &done, n_scenes * n_seeds);
-    let found = run_showing(py, &stop, tick, stage)?;
+    let found = run_showing(py, &stop, tick, Ends::ByItself, stage)?;
+    columns(py, &found, [n_scenes, n_seeds])
+}
+
+/// Outcomes as arrays of (scenes, seeds): those of `Outcomes` of `noctograph/studies.py`.
+pub(super) fn columns<'py>(
+    py: Python<'py>,
+    found: &[Outcome],
+    shape: [usize; 2],
+) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    let shape = [n_scenes, n_seeds];
     let numbers = |of: &dyn Fn(&Outcome) -> f64| {
         let values: Vec<f64> = found.iter().map(of).collect();
         array_of(py, bytemuck::cast_slice(&values), "f8", &shape)
@@ -84,14 +93,36 @@ pub(super) fn outcomes<'py>(
         columns.set_item(name, numbers(&figure)?)?;
     }
     let read = |row: &[Outcome]| row.iter().map(|outcome| outcome.read.clone()).collect();
-    let rows: Vec<Vec<String>> = found.chunks(n_seeds.max(1)).map(read).collect();
+    let rows: Vec<Vec<String>> = found.chunks(shape[1].max(1)).map(read).collect();
     columns.set_item("read", rows)?;
     Ok(columns)
 }
 
-/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json`
-/// with the flights.
+/// What is ranked: scenes by name, words with their numbers of seeds, conditions.
+fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, seed: u64) -> Study {
+    let contenders =
+        scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
+    Study { contenders, words, conditions: Conditions::still(), seed }
+}
+
+/// The flights of a ranking, in their order: contender, word and seed.
 #[pyfunction]
+pub(super) fn trials(
+    py: Python<'_>,
+    scenes: Vec<(String, PyRef<'_, PyScene>)>,
+    words: Vec<(String, u32)>,
+    seed: u64,
+) -> PyResult<Vec<(usize, usize, u64)>> {
+    let study = study(scenes, words, seed);
+    study.check().map_err(|error| raised(py, &error))?;
+    Ok(study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect())
+}
+
+/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json`
+/// with the flights. `flown` has the outcomes of trials that were flown elsewhere, as JSON, by their
+/// place among [`trials`].
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub(super) fn ranking<'py>(
     py: Python<'py>,
     scenes: Vec<(String, PyRef<'_, PyScene>)>,
@@ -99,26 +130,41 @@ pub(super) fn ranking<'py>(
     conditions: &str,
     seed: u64,
     folder: Option<PathBuf>,
+    flown: BTreeMap<usize, String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
-    let contenders: Vec<NamedScene> =
-        scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
+    let mut study = study(scenes, words, seed);
     let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
     let (until, counter, conditions) = (stop.clone(), Arc::clone(&done), conditions.to_owned());
-    let total = words.iter().map(|(_, n)| *n as usize).sum::<usize>() * contenders.len();
+    let each = study.words.iter().map(|(_, n)| *n as usize).sum::<usize>();
+    let total = each * study.contenders.len() - flown.len();
     let stage = move || {
-        let study = Study { contenders, words, conditions: Conditions::find(&conditions)?, seed };
+        study.conditions = Conditions::find(&conditions)?;
         study.check()?;
         let trials: Vec<Trial> = study.trials().collect();
+        let rest = trials.iter().enumerate().filter(|(at, _)| !flown.contains_key(at));
+        let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let counted = |n| counter.store(n, Ordering::Relaxed);
-        let records = evaluate(&study, &trials, store.as_ref(), &until, &counted)?;
+        let mut others = evaluate(&study, &rest, store.as_ref(), &until, &counted)?.into_iter();
+        let record = |(at, trial): (usize, &Trial)| match flown.get(&at) {
+            None => others.next().expect("a record for each trial"),
+            Some(outcome) => Record {
+                scene: "a controller of Python".into(),
+                contender: study.contenders[trial.contender].name.clone(),
+                word: study.words[trial.word].0.clone(),
+                seed: trial.seed,
+                outcome: serde_json::from_str(outcome).expect("it was made here"),
+            },
+        };
+        let records: Vec<Record> = trials.iter().enumerate().map(record).collect();
         let report = ranking_report(&study, &rank(&study, &records), records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
         Ok((report.text, json))
     };
-    let (text, json) = run_showing(py, &stop, shown(progress.as_ref(), &done, total), stage)?;
+    let show = shown(progress.as_ref(), &done, total);
+    let (text, json) = run_showing(py, &stop, show, Ends::ByItself, stage)?;
     Ok((text, to_python(py, &json)?))
 }
 
@@ -139,8 +185,8 @@ pub(super) fn tuning<'py>(
 ) -> PyResult<(String, Bound<'py, PyAny>, PyScene)> {
     let (base, stop) = (scene.0.clone(), Stop::default());
     let (until, conditions) = (stop.clone(), conditions.to_owned());
-    let raised = Arc::new(Mutex::new(None));
-    let (failed, ended) = (Arc::clone(&raised), stop.clone());
+    let thrown = Arc::new(Mutex::new(None));
+    let (failed, ended) = (Arc::clone(&thrown), stop.clone());
     let mut watch = move |n_flights: usize, best: &Candidate| {
         let Some(callback) = &callback else { return true };
         let call = |py: Python<'_>| {
@@ -166,10 +212,10 @@ pub(super) fn tuning<'py>(
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
         Ok((tuning_table(&options, &tuned), tuned))
     };
-    let found = run(py, &stop, stage);
+    let found = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
     // What the callback raised is the cause of the end.
-    let raised = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let (text, tuned) = raised.map_or(found, Err)?;
+    let thrown = thrown.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let (text, tuned) = thrown.map_or(found, Err)?;
     let json = json!({
         "flights": tuned.n_flights,
         "helped": tuned.helped(),

@@ -9,6 +9,7 @@ import os
 import pathlib
 import pickle
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +25,10 @@ SMALL = {"camera.width_px": 640, "camera.height_px": 360}
 
 
 def program(*arguments, cwd):
-    command = [os.environ["NOCTOGRAPH"], *arguments]
+    found = os.environ.get("NOCTOGRAPH") or shutil.which("noctograph")
+    if not found:
+        pytest.skip("the program is not installed: NOCTOGRAPH names it")
+    command = [found, *arguments]
     return subprocess.run(command, cwd=cwd, check=False, capture_output=True, text=True).stdout
 
 
@@ -111,6 +115,160 @@ def test_a_controller_in_python_flies():
         nc.fly(scene, controller=lambda state, reference: [1, 2, 3])
     with pytest.raises(nc.InputError, match="2 plans"):
         nc.fly(nc.Scene(word="NOOR", set={"plan.drones": 2}), controller=lqr)
+    with pytest.raises(nc.InputError, match="NaN for m2"):
+        nc.fly(scene, controller=lambda state, reference: [0, np.nan, 0, 0])
+
+
+def hover_lqr(scene):
+    """The scene's own gain without its rotors, of one drone or of many."""
+    k, motors = nc.Scene(scene, set={"controller.kind": "lqr"}).gain()[:, :12], scene.motors_from_wrench
+
+    def lqr(state, reference):
+        error = np.array(state)
+        error[..., :3] -= reference[..., :3]
+        return (np.array([0, 0, 0, 9.81 * scene.mass_kg]) - error @ k.T) @ motors.T
+
+    return lqr
+
+
+def test_a_controller_is_told_the_time():
+    scene = nc.Scene(word="I", set=SMALL)
+    lqr, times = hover_lqr(scene), []
+
+    def timed(state, reference, time_s):
+        times.append(time_s)
+        return lqr(state, reference)
+
+    (flight,) = nc.fly(scene, controller=timed)
+    assert np.allclose(np.diff(times), 1 / 500) and 0 <= times[0] < times[-1] <= flight.time_s[-1]
+    first_up = flight.time_s[np.flatnonzero(flight.motors.max(axis=1) > 0)[0]]
+    assert abs(times[0] - first_up) <= 1 / 250, "from the first tick on"
+
+
+def test_controllers_in_python_fly_many_and_are_ranked():
+    scene = nc.Scene(word="I", set={"air.gusts": "none", **SMALL})
+    lqr, made = hover_lqr(scene), []
+
+    class Counting:
+        def __init__(self):
+            self.calls = 0
+            made.append(self)
+
+        def __call__(self, state, reference):
+            self.calls += 1
+            return lqr(state, reference)
+
+    one = nc.fly_many(scene, 3, controller=Counting, progress=False)
+    all_at_once = nc.fly_many(scene, 3, controller=lqr, vectorized=True, progress=False)
+    assert len(made) == 3 and min(each.calls for each in made) > 1000
+    for name in ("probability", "contour_m", "rmse_x_m", "lost"):
+        assert np.allclose(getattr(one, name), getattr(all_at_once, name)), name
+        assert getattr(one, name).shape == (1, 3)
+    (flight,) = nc.fly(nc.Scene(scene, seed=2), controller=lqr)
+    lit = np.flatnonzero(flight.lights["headlights"])
+    error_m = (flight.position_m - flight.design_m)[lit[0]:lit[-1] + 1, 0]
+    assert one.rmse_x_m[0, 2] == pytest.approx(np.sqrt(np.mean(error_m**2)), rel=0.05), "the flight of `fly`"
+
+    def falling(state, reference, time_s):
+        return np.where((time_s > 5)[:, None], [65535, 65535, 0, 0], lqr(state, reference))
+
+    falls = nc.fly_many(scene, 2, controller=falling, vectorized=True, progress=False)
+    assert falls.lost.all() and not falls.probability.any() and np.isnan(falls.contour_m).all()
+    ranked = nc.rank({"python": (scene, lqr), "pid": nc.Scene("pid", set=SMALL)}, ["I"], seeds=4, vectorized=True, progress=False)
+    assert [flight["contender"] for flight in ranked["flights"]].count("python") == 4 and len(ranked["measures"]) == 2
+    with pytest.raises(nc.InputError, match=r"\(2, 4\)"):
+        nc.fly_many(scene, 2, controller=lambda state, reference: [0, 0, 0, 0], vectorized=True, progress=False)
+
+
+def test_a_flight_has_the_covariance_of_its_filter():
+    scene = nc.Scene(word="I")
+    (flight,), (plain,) = nc.fly(scene, covariance=True), nc.fly(scene)
+    assert (flight.position_m == plain.position_m).all() and (flight.motors == plain.motors).all()
+    sigma_m, nees = flight.extra["estimate_sigma_m"], flight.extra["estimate_nees"]
+    lit = flight.lights["headlights"] > 0
+    error_m = np.linalg.norm(flight.estimate_m - flight.position_m, axis=1)
+    assert "estimate_nees" not in plain.extra and (sigma_m[lit] > 0).all() and sigma_m[lit].max() < 0.2
+    assert (3 * nees[lit] >= 0.99 * (error_m[lit] / sigma_m[lit]) ** 2 - 1e-3).all()
+
+
+def test_plans_are_made_of_arrays():
+    (plan,) = nc.plan(nc.Scene(word="I"))
+    same = nc.Plan(plan.time_s, plan.position_m, light=plan.lights, velocity_m_s=plan.velocity_m_s,
+                   acceleration_m_s2=plan.acceleration_m_s2, sent_m=plan.sent_m)  # fmt: skip
+    for name in ("time_s", "position_m", "velocity_m_s", "acceleration_m_s2", "sent_m"):
+        assert np.allclose(getattr(same, name), getattr(plan, name), atol=2e-6), name
+    assert (same.lights["headlights"] == plan.lights["headlights"]).all()
+    time_s = np.arange(0, 8, 0.02)
+    up = np.clip(time_s / 4, 0, 1)[:, None] * [0, 0, 0.8]
+    (flight,) = nc.fly(nc.Scene(word="I"), [nc.Plan(time_s, up, light=(time_s > 4).astype(float))])
+    assert abs(flight.position_m[-1, 2] - 0.8) < 0.1
+    for arguments in [([0, 1], np.zeros((3, 3))), ([1, 0], np.zeros((2, 3))), ([0, np.nan], np.zeros((2, 3)))]:
+        with pytest.raises(nc.InputError):
+            nc.Plan(*arguments)
+
+
+def test_keys_are_read_and_set_with_any_value_of_python():
+    scene = nc.Scene(word="I", set={"camera.iso": np.int64(200), "vehicle.mass_kg": np.float32(0.034), "seed": np.int64(4)})
+    assert scene.get("camera.iso") == 200 and scene.get("vehicle.mass_kg") == pytest.approx(0.034)
+    assert scene.get("vehicle")["arm_m"] == scene.get("vehicle.arm_m") and scene.get("word") == "I"
+    assert scene.get("controller.lqr.k") is None and scene.seed == 4
+    anchors = [{"x": 1}, (1, 2.5, "a\"b", True)]
+    assert nc._noctograph.setting(anchors) == '[{ "x" = 1 }, [1, 2.5, "a\\"b", true]]'
+    steps = [{"x_m": [-1.0, 1.0], "y_m": [2.0, 3.0], "height_m": 0.2}]
+    assert nc.Scene(set={"floor.steps": steps}).get("floor.steps")[0]["height_m"] == 0.2
+    with pytest.raises(nc.InputError, match="no such key"):
+        scene.get("camera.isoo")
+    with pytest.raises(nc.InputError) as caught:
+        nc.Scene(scene, set={"camera.iso": -1})
+    assert caught.value.place == "camera.iso", "not a line of a text that nobody wrote"
+    with pytest.raises(nc.InputError) as caught:
+        nc.check(scene, set={"camera.iso": -1})
+    assert "noctograph-" not in str(caught.value)
+
+
+def test_what_cannot_be_meant_is_refused():
+    n = 100
+    time_s, still = np.arange(n) / 50, np.ones((n, 3))
+    for light in (2.0, -1.0):
+        with pytest.raises(nc.InputError, match="light"):
+            nc.Flight(time_s, still, light=np.full(n, light))
+    with pytest.raises(nc.InputError, match="milliseconds"):
+        nc.Flight(1000 * time_s, still)
+    with pytest.raises(nc.InputError, match="flights"):
+        nc.photograph(nc.Scene(word="I"), [])
+
+
+def test_several_lamps_and_colors_are_photographed(tmp_path):
+    time_s = np.linspace(0, 6, 601)
+    line = np.stack([time_s / 6 - 0.5, 0 * time_s, 1 + 0 * time_s], axis=1)
+    on, off = np.ones(601), np.zeros(601)
+    scene = nc.Scene(word="", set={"light.ring": "memory", "plan.lights": ["ring"], **SMALL})
+
+    def light_of(red, green):
+        channels = {"ring": on, "ring.red": red, "ring.green": green, "ring.blue": off}
+        return nc.photograph(scene, [nc.Flight(time_s, line, light=channels)]).film_lx_s.sum(axis=(0, 1))
+
+    red, both = light_of(on, off), light_of(on, 0.5 * on)
+    assert red[0] > 0 and red[1] == red[2] == 0, red
+    assert both[1] > 0 and both[2] == 0 and both[0] == pytest.approx(red[0], rel=0.1), both
+    with pytest.raises(nc.InputError, match="ring.red"):
+        light_of(2 * on, off)
+    flight = nc.Flight(time_s, line)
+    flight.save(tmp_path / "flight.csv")
+    scene = nc.Scene(word="", set=SMALL)
+    assert nc.photograph(scene, [tmp_path / "flight.csv"]).film_sha256 == nc.photograph(scene, [flight]).film_sha256
+
+
+def test_commands_of_the_lab_are_functions(shot):
+    assert nc.read(shot.image) == "RIGA"
+    scene = nc.Scene(word="I", set=SMALL)
+    assert nc.meter(scene).text
+    learned = nc.learn("team", "I", rounds=1, repeats=2)
+    assert len(learned["rounds"]) == 2 and {"scene.toml", "plan-I.csv"} <= set(learned.files)
+    assert nc.Plan.from_csv(learned.files["plan-I.csv"].decode()).duration_s > 1
+    assert nc.locate(region=True, scene="two-drones-three-anchors").text
+    with pytest.raises(nc.InfeasibleError):
+        nc.export(nc.Scene(word="NOOR", set={"plan.stroke_speed_m_s": 5.0}), "poly4d")
 
 
 def test_environments_are_those_of_gymnasium():
@@ -120,6 +278,13 @@ def test_environments_are_those_of_gymnasium():
     scene = nc.Scene("cf21", word="I")
     env = nc.Env(scene)
     check_env(env)
+    import gymnasium
+
+    made = gymnasium.make("noctograph.learning:noctograph/Write-v0", scene=scene)
+    assert made.reset(seed=1)[0].shape == (18,)
+    with pytest.raises(nc.InputError, match="NaN"):
+        env.reset(seed=1)
+        env.step(np.array([0, np.nan, 0, 0]))
     k = nc.Scene(scene, set={"controller.kind": "lqr"}).gain()[:, :12]
     hover = scene.motors_from_wrench @ [0, 0, 0, 9.81 * scene.mass_kg]
 
@@ -149,6 +314,22 @@ def test_environments_are_those_of_gymnasium():
         nc.VectorEnv(nc.Scene(word="NOOR", set={"plan.drones": 2}))
     with pytest.raises(nc.InputError, match="wanted 3 rows"):
         drones.step(np.zeros((2, 4)))
+
+
+def test_stable_baselines_takes_the_environment():
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3 import PPO
+
+    drones = nc.sb3_env(nc.Scene("cf21", word="I"), 2, control_hz=100)
+    first = drones.reset()
+    assert first.shape == (2, 18)
+    for _ in range(600):
+        observations, rewards, over, infos = drones.step(np.tile([1, 1, 0, 0], (2, 1)))
+        if over.any():
+            break
+    index = int(np.flatnonzero(over)[0])
+    assert infos[index]["terminal_observation"].any() and observations.shape == (2, 18) and rewards.shape == (2,)
+    PPO("MlpPolicy", drones, n_steps=16, batch_size=16, n_epochs=1).learn(32)
 
 
 def test_many_flights_are_those_of_the_command_line(tmp_path):
@@ -224,6 +405,10 @@ def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
     for block in blocks:
         exec(block, names)
     assert blocks
+    if path.startswith("examples"):
+        # What the examples found, not only that they ran.
+        assert not names["found"].lost.any() and (names["found"].probability[0] > 0.5).any(), names["found"]
+        assert names["exported"].files
 
 
 def test_errors_say_what_is_wrong():
@@ -284,6 +469,18 @@ def test_the_interpreter_is_free_meanwhile():
     assert len(ticks) > 10 and max(np.diff(ticks)) < 0.1
 
 
+def test_ctrl_c_ends_a_controller_and_its_interpreter():
+    code = "import noctograph as nc, itertools; f = lambda s, r, c=itertools.count(): next(c) == 20 and print(1, flush=True) or [40000] * 4; nc.fly(nc.Scene(word='NOOR' * 8), controller=lambda s, r: f(s, r) and __import__('time').sleep(0.005) or [0] * 4)"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    child.stdout.readline()
+    child.send_signal(signal.SIGINT)
+    _, error = child.communicate(timeout=20)
+    assert b"KeyboardInterrupt" in error and child.returncode in (1, 130, -signal.SIGINT), (child.returncode, error)
+
+
 def test_ctrl_c_ends_a_stage():
     code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
     # Where the tests run in the background, SIGINT is ignored, and its child would inherit that.
@@ -328,8 +525,24 @@ def test_products_are_pickled(shot):
 
 def test_notebooks_show_products(shot):
     assert "<img" in shot._repr_html_() and "reads as RIGA" in shot._repr_html_()
+    assert len(shot._repr_jpeg_()) < 200_000 and len(shot._repr_html_()) < 220_000 < len(shot.to_png())
     for product in [shot.flights[0], nc.plan(shot.scene)[0]]:
         assert product._repr_svg_().startswith("<svg")
+
+
+#: What a notebook must have found, in its own names.
+RESULTS = {
+    "2-tune-an-lqr": """
+assert found.legible.all() and found.probability.min() > 0.8, "with the rotors in the model"
+assert nc.fly_many(small, seeds=2, controller=textbook_lqr, vectorized=True, progress=False).lost.all()
+""",
+    "4-write-your-own-controller": """
+shots = {name: nc.photograph(scene, nc.fly(scene, controller=it)) for name, it in {"integral": WithIntegral()}.items()}
+assert shots["integral"].verdict["read"] == "TEA" and shots["integral"].verdict["readability"] > 0.5, shots["integral"]
+assert firmware.verdict["read"] == "TEA"
+assert found.legible.mean() > 0.8 and not found.lost.any(), found
+""",
+}
 
 
 @pytest.mark.parametrize("path", sorted((HERE.parent / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
@@ -339,6 +552,9 @@ def test_notebooks_run(path, tmp_path):
         pytest.importorskip(needed)
     notebook = nbformat.read(path, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells), "kept without outputs"
+    checks = RESULTS.get(path.stem)
+    if checks:
+        notebook.cells.append(nbformat.v4.new_code_cell(checks))
     nbclient.NotebookClient(notebook, timeout=60, resources={"metadata": {"path": tmp_path}}).execute()
     pictures = [key for cell in notebook.cells for output in cell.get("outputs", []) for key in output.get("data", {})]
     assert sum(key.startswith("image/") for key in pictures) >= 2
@@ -348,9 +564,13 @@ def test_notebooks_run(path, tmp_path):
 def test_types_are_those_of_the_program():
     stub = ast.parse((pathlib.Path(nc.__file__).parent / "_noctograph.pyi").read_text())
     for class_ in (node for node in stub.body if isinstance(node, ast.ClassDef)):
-        declared = {node.name for node in class_.body if isinstance(node, ast.FunctionDef)} - {"__init__"}
+        declared = {node.name for node in class_.body if isinstance(node, ast.FunctionDef)} - {"__init__", "__new__"}
         there = set(vars(getattr(nc._noctograph, class_.name))) - {"__doc__", "__module__", "__new__", "__repr__"}
         assert declared == there, class_.name
+    pytest.importorskip("mypy")
+    stubtest = [sys.executable, "-m", "mypy.stubtest", "noctograph._noctograph", "--ignore-disjoint-bases"]
+    found = subprocess.run(stubtest, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stdout + found.stderr
     functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
     assert functions == {name for name, it in vars(nc._noctograph).items() if type(it).__name__ == "builtin_function_or_method"}
     pyright = pathlib.Path(sys.executable).parent / "pyright"
@@ -362,7 +582,7 @@ def test_types_are_those_of_the_program():
 
 def test_every_public_name_is_documented():
     for name in nc.__all__:
-        if name in ("Env", "VectorEnv") and not importlib.util.find_spec("gymnasium"):
+        if name in ("Env", "VectorEnv", "sb3_env") and not importlib.util.find_spec("gymnasium"):
             continue
         thing = getattr(nc, name)
         if name == "__version__":

@@ -56,6 +56,8 @@ pub struct Avionics {
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
+    /// Whether the filter of a drone alone logs its covariance; a fleet's always does.
+    logs_covariance: bool,
 }
 
 /// Kinds of setpoints that the firmware tells apart.
@@ -110,6 +112,7 @@ impl Avionics {
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
+            logs_covariance: false,
         })
     }
 
@@ -284,9 +287,16 @@ impl Avionics {
             battery: plant.battery_v().zip(plant.energy_j()),
             covariance_m2: match &self.estimator {
                 Estimator::Cooperative(filter) => Some(filter.covariance_m2()),
+                Estimator::Ekf(filter) if self.logs_covariance => Some(filter.covariance_m2()),
+                Estimator::Firmware(filter) if self.logs_covariance => Some(filter.covariance_m2()),
                 _ => None,
             },
         }
+    }
+
+    /// From now on, a filter that has a covariance logs it.
+    pub(super) fn log_covariance(&mut self) {
+        self.logs_covariance = true;
     }
 
     /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at

@@ -7,7 +7,8 @@
 //! those of its loops.
 //!
 //! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
-//! (1975), for the weights. Not modeled: the observer's own part in the margins, drag,
+//! (1975), for the weights. The gain is designed without the drone's drag; the model that is
+//! printed, its poles and margins have it. Not modeled: the observer's own part in the margins,
 //! the time between two ticks.
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
@@ -15,7 +16,7 @@ use serde::{Serialize, Serializer};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
-use crate::vehicle::{Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
+use crate::vehicle::{Mixer, Motion, State, Vehicle, VehicleOptions, Wrench, motion_derivative};
 use noctograph_core::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain,
     poles, unobservable_states, with_input_lag,
@@ -121,9 +122,10 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let vehicle = Vehicle::new(&options.vehicle);
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
+    let real = a + drag(&options.vehicle);
     let mut design = match options.controller.kind {
         ControllerKind::Pid | ControllerKind::Geometric => Design::of_loops(
-            &dynamic(&a),
+            &dynamic(&real),
             &dynamic(&b),
             &LinearController::new(options),
             motor_lag_s,
@@ -131,14 +133,15 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         _ => {
             let model = with_integrals(options, &a, &b);
             let gain = Gain::new(options, &model)?;
+            let model = with_integrals(options, &real, &b);
             Design::of_gain(&model, &gain, modeled_lag_s(options), motor_lag_s)
         }
     };
     // The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
-    (design.a, design.b) = (dynamic(&a), dynamic(&b));
+    (design.a, design.b) = (dynamic(&real), dynamic(&b));
     design.controllability_rank =
-        observability_rank(&dynamic(&a.transpose()), &dynamic(&per_size.transpose()));
+        observability_rank(&dynamic(&real.transpose()), &dynamic(&per_size.transpose()));
     design.observe(options)?;
     design.weigh(options, &vehicle);
     design.warn(options);
@@ -282,6 +285,24 @@ impl Design {
             self.warnings.push(text.into());
         }
     }
+}
+
+/// What the air adds to A at hover: drag of body and rotors, and the moment of the air across the
+/// rotors, for a small velocity in the body frame.
+fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
+    const VELOCITY: usize = 6;
+    const RATE: usize = 9;
+    let hover_n = 0.25 * vehicle.mass_kg * GRAVITY_M_S2;
+    let rotors = 4.0 * vehicle.rotor_drag_n_s2_m * (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
+    let mut drag = SMatrix::zeros();
+    for (axis, of_rotors) in [rotors, rotors, 0.0].into_iter().enumerate() {
+        let slows = (vehicle.body_drag_n_s_m[axis] + of_rotors) / vehicle.mass_kg;
+        drag[(VELOCITY + axis, VELOCITY + axis)] = -slows;
+    }
+    let [j_x, j_y, _] = vehicle.inertia_kg_m2;
+    drag[(RATE, VELOCITY + 1)] = vehicle.airspeed_moment_n_s / j_x;
+    drag[(RATE + 1, VELOCITY)] = -vehicle.airspeed_moment_n_s / j_y;
+    drag
 }
 
 /// Row of the yaw, which the observer leaves out.

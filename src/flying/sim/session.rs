@@ -29,9 +29,46 @@ impl Session {
     /// As [`fly`](crate::sim::fly).
     pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
         let rig = rigs(&[(&plan, *drone)])?.0.remove(0);
-        let mut session = Self { plan, rig, tick: 0, lands: false };
-        session.run()?;
-        Ok(session)
+        Self { plan, rig, tick: 0, lands: false }.begun()
+    }
+
+    /// The same, whose flight has the standard deviation of the estimated position and its
+    /// normalized squared error (`estimate_sigma_m`, `estimate_nees`), where the drone's filter has
+    /// a covariance.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    ///
+    /// # Panics
+    ///
+    /// As [`Self::new`].
+    pub fn with_covariance(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
+        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
+        rig.avionics.log_covariance();
+        Self { plan, rig, tick: 0, lands: false }.begun()
+    }
+
+    fn begun(mut self) -> Result<Self> {
+        self.run()?;
+        Ok(self)
+    }
+
+    /// Flies to the end by the drone's own controller.
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`](crate::sim::fly).
+    pub fn fly_by_itself(&mut self) -> Result<()> {
+        while !self.lands {
+            let time_s = self.time_s();
+            self.rig.avionics.control(&self.plan, time_s);
+            let Self { plan, rig, tick, .. } = self;
+            rig.conclude(plan, *tick, time_s, &mut |_, _, _| {})?;
+            self.tick += 1;
+            self.run()?;
+        }
+        Ok(())
     }
 
     /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
@@ -180,5 +217,26 @@ mod tests {
         let mut session = Session::new(hover(9.0), &Drone::new(&options, 1)).unwrap();
         let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
         assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
+    }
+
+    #[test]
+    fn a_filters_covariance_is_logged_and_changes_nothing() {
+        let mut options = SimOptions::default();
+        options.observer.kind = crate::sim::EstimatorKind::Ekf;
+        let (plan, drone) = (hover(3.0), Drone::new(&options, 1));
+        let plain = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let mut session = Session::with_covariance(plan, &drone).unwrap();
+        session.fly_by_itself().unwrap();
+        let mut logged = session.finish();
+        let sigma_m = logged.extra.remove("estimate_sigma_m").unwrap();
+        let nees = logged.extra.remove("estimate_nees").unwrap();
+        assert_eq!(logged, plain, "the same flight");
+        assert_eq!((sigma_m.len(), nees.len()), (plain.samples.len(), plain.samples.len()));
+        for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
+            let error_m = (sample.estimate_m - sample.position_m).norm();
+            assert!((1e-4..0.5).contains(&sigma_m[row]), "{}", sigma_m[row]);
+            // Of a covariance whose largest axis is at most the whole.
+            assert!(3.0 * nees[row] >= 0.99 * (error_m / sigma_m[row]).powi(2) - 1e-4);
+        }
     }
 }

@@ -191,7 +191,8 @@ settings! {
     /// autocorrelation falls to 0.5, 0 and 0.5 after a second. A tenth is added for the part above
     /// 1 Hz.
     pub struct GustOptions {
-        /// Standard deviation along world x, y, z.
+        /// Standard deviation along world x, y, z. Stiller air turns the drone less, too: the
+        /// torque has a key of its own, torque_sigma_n_m.
         sigma_m_s: [f64; 3] = [0.08; 3], in 0.0..=50.0;
         /// Correlation time: the size of an eddy over the speed at which it drifts past.
         time_s: f64 = 1.0, in 1e-2..=1e4;

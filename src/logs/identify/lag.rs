@@ -1,12 +1,20 @@
 //! The rotors' lag, from how the body's roll and pitch answer the motors:
-//! `J Δ²w = k Δ(∫ torque asked of motors that follow in τ)`, over spans of equal length.
+//! `J Δ²w = k Δ(∫ torque of motors that follow in τ)`, over spans of equal length.
 //!
-//! Differences of neighboring spans, since uneven air turns a drone slowly (over seconds) and its
-//! controller answers it: without them the answer looks like a lag of half the true one. The lag is
-//! the one whose torque explains the most of both axes; its confidence comes from leaving out one
-//! stretch of the flight after the other, as in [`super::yaw`].
+//! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the
+//! cause: lags are then read 20 to 70 ms too long. So both sides are compared in what they share
+//! with the design's acceleration around the moment, which neither the air nor the gyroscope
+//! changes (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for
+//! System Identification, 1983; in closed loop Gilson, Van den Hof, Automatica 41, 2005). The
+//! lag is the one that leaves the least of it; its confidence comes from leaving out one stretch
+//! of the flight after the other, as in [`super::yaw`].
+//!
+//! Not done: flights whose design never moves, as a hover, tell nothing.
+
+use nalgebra::{DMatrix, DVector};
 
 use super::ends_at_hole;
+use super::rotors::impulses;
 use super::yaw::{STRETCHES, T_95};
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 use noctograph_core::flight::{Flight, FlightSample};
@@ -14,13 +22,17 @@ use noctograph_core::flight::{Flight, FlightSample};
 /// Length of a span: two or more samples of a log of 50 Hz, short against the lag.
 const SPAN_S: f64 = 0.04;
 /// Lags that are tried: up to twice the longest published one, in steps.
-const LONGEST_S: f64 = 0.3;
+const LONGEST_S: f64 = 0.35;
 const STEP_S: f64 = 0.005;
+/// Spans before and after a moment of the design in which the drone answers it: 0.4 s, by which a
+/// plan leads its controller, and 0.8 s, in which a slow one settles.
+const SPANS_BEFORE: usize = 10;
+const SPANS_AFTER: usize = 20;
 /// Fewest pairs of spans of a fit: ten to a stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Largest half width of the confidence interval of a usable result: half of the spread of
-/// published lags, 0.02 to 0.14 s.
-const LARGEST_DOUBT_S: f64 = 0.03;
+/// Largest half width of the confidence interval of a usable result: the spread of published lags,
+/// 0.02 to 0.14 s.
+const LARGEST_DOUBT_S: f64 = 0.1;
 /// Least share of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
 
@@ -29,60 +41,200 @@ const LEAST_EXPLAINED: f64 = 0.1;
 pub struct RotorLag {
     /// Time in which a motor follows its command: 63 % of a step.
     pub lag_s: f64,
-    /// Half the width of the interval in which it repeats, 95 %. Its bias, 3 to 31 ms too long in
-    /// simulated flights (docs/evening.md), is not in it.
+    /// Half the width of its confidence interval of 95 %.
     pub half_width_s: f64,
     /// Share of the changes of rotation that the motors explain, 0 to 1.
     pub explained: f64,
 }
 
 impl RotorLag {
-    /// Whether the flight shows the lag to 30 ms. A log that is slow or full of holes does not.
+    /// Whether the flight shows a lag, and to 100 ms. A log that is slow or full of holes does not.
     #[must_use]
     pub fn is_identifiable(&self) -> bool {
-        self.half_width_s < LARGEST_DOUBT_S && self.explained > LEAST_EXPLAINED
+        self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
 }
 
-/// Sums over the pairs of spans of each stretch, for either axis: of x², x y and y².
-type Sums = [[[f64; 3]; 2]; STRETCHES];
-
-/// Fits the lag; `None` for a flight too short for a fit.
+/// Fits the lag; `None` for a flight too short for a fit, or whose design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs = runs(flight, samples);
-    let n: usize = runs.iter().map(|run| pairs(run).count()).sum();
+    let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
+        runs.into_iter().map(|run| (run, pairs(run).collect())).collect();
+    let n: usize = runs.iter().map(|(_, pairs)| pairs.len()).sum();
     if n < FEWEST {
         return None;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sixty")]
+    let designs = instruments(&runs)?;
+    let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
     let tries = (LONGEST_S / STEP_S).round() as u32;
     let lags_s = (0..=tries).map(|step| f64::from(step) * STEP_S);
-    let tried: Vec<Sums> = lags_s.map(|lag_s| sums(&runs, lag_s, n)).collect();
-    // Share of the change that is explained with each lag, without one stretch.
-    let explained = |without: Option<usize>| -> Vec<f64> {
-        let share = |sums: &Sums| -> f64 {
-            let axis = |axis: usize| {
-                let parts =
-                    sums.iter().enumerate().filter(|(stretch, _)| Some(*stretch) != without);
-                let [xx, xy, yy] = parts.fold([0.0; 3], |sum: [f64; 3], (_, part)| {
-                    [0, 1, 2].map(|k| sum[k] + part[axis][k])
-                });
-                // Torque that turns the drone the other way explains nothing.
-                if xy > 0.0 && xx * yy > 0.0 { xy * xy / (xx * yy) } else { 0.0 }
-            };
-            0.5 * (axis(0) + axis(1))
-        };
-        tried.iter().map(share).collect()
-    };
-    let all = explained(None);
-    let lag_s = peak(&all);
+    let pushes = |lag_s: f64| changes(&runs, |run| torques(run, lag_s));
+    let parts = Parts::new(&designs, &turns, &lags_s.map(pushes).collect::<Vec<_>>());
+    let all = parts.explained(None)?;
+    let lag_s = peak(&all.curve);
+    let others = (0..STRETCHES).map(|stretch| Some(peak(&parts.explained(Some(stretch))?.curve)));
+    let others: Vec<f64> = others.collect::<Option<_>>()?;
     #[expect(clippy::cast_precision_loss, reason = "twenty")]
     let n = STRETCHES as f64;
-    let others: Vec<f64> = (0..STRETCHES).map(|stretch| peak(&explained(Some(stretch)))).collect();
     let middle = others.iter().sum::<f64>() / n;
     let square: f64 = others.iter().map(|other| (other - middle) * (other - middle)).sum();
     let half_width_s = T_95 * (square * (n - 1.0) / n).sqrt();
-    Some(RotorLag { lag_s, half_width_s, explained: all.into_iter().fold(0.0, f64::max) })
+    Some(RotorLag { lag_s, half_width_s, explained: all.share })
+}
+
+/// Changes from span to span, a row each, about body x and y.
+type Changes = DMatrix<f64>;
+
+/// Products of the design's columns with the rotation and with the torque of each lag, and of these
+/// with themselves, by stretches of the flight.
+struct Parts {
+    design: Vec<DMatrix<f64>>,
+    turn: Vec<[DVector<f64>; 2]>,
+    pushes: Vec<Vec<[DVector<f64>; 2]>>,
+    /// Of the torque with itself and the rotation, and of the rotation with itself, for each lag.
+    plain: Vec<Vec<[[f64; 3]; 2]>>,
+    rows: Vec<usize>,
+}
+
+/// How well the motors explain the rotation with each lag.
+struct Explained {
+    /// The log-likelihood, but for a constant.
+    curve: Vec<f64>,
+    /// Share of all changes of rotation that the motors explain at best, 0 to 1.
+    share: f64,
+}
+
+impl Parts {
+    fn new(designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
+        let n = turns.nrows();
+        let cut = |stretch: usize| stretch * n / STRETCHES;
+        let mut parts = Self {
+            design: Vec::new(),
+            turn: Vec::new(),
+            pushes: Vec::new(),
+            plain: Vec::new(),
+            rows: Vec::new(),
+        };
+        for stretch in 0..STRETCHES {
+            let (from, rows) = (cut(stretch), cut(stretch + 1) - cut(stretch));
+            let [z, y] = [designs, turns].map(|of| of.rows(from, rows));
+            let onto =
+                |of: &Changes| [0, 1].map(|axis| z.tr_mul(&of.column(axis).rows(from, rows)));
+            parts.design.push(z.tr_mul(&z));
+            parts.turn.push(onto(turns));
+            parts.pushes.push(pushes.iter().map(onto).collect());
+            let plain = |of: &Changes| {
+                [0, 1].map(|axis| {
+                    let (x, y) = (of.column(axis), y.column(axis));
+                    let x = x.rows(from, rows);
+                    [x.norm_squared(), x.dot(&y), y.norm_squared()]
+                })
+            };
+            parts.plain.push(pushes.iter().map(plain).collect());
+            parts.rows.push(rows);
+        }
+        parts
+    }
+
+    /// The curve over the lags, without one stretch; `None` where the design's columns say nothing.
+    fn explained(&self, without: Option<usize>) -> Option<Explained> {
+        let kept = || (0..STRETCHES).filter(move |stretch| Some(*stretch) != without);
+        let mut square: DMatrix<f64> = kept().map(|stretch| &self.design[stretch]).sum();
+        let columns = square.nrows();
+        #[expect(clippy::cast_precision_loss, reason = "dozens and thousands")]
+        let (rows, mean) = (
+            kept().map(|stretch| self.rows[stretch]).sum::<usize>() as f64,
+            square.trace() / columns as f64,
+        );
+        // Columns of a word may be alike: a billionth keeps their matrix invertible.
+        for k in 0..columns {
+            square[(k, k)] += 1e-9 * mean;
+        }
+        let factor = square.cholesky()?;
+        let turn =
+            |axis: usize| kept().map(|stretch| &self.turn[stretch][axis]).sum::<DVector<f64>>();
+        let turns = [0, 1].map(turn);
+        let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
+        let at = |lag: usize| {
+            let mut of_lag = [0.0; 2];
+            for axis in 0..2 {
+                let of_stretch = |stretch: usize| &self.pushes[stretch][lag][axis];
+                let push: DVector<f64> = kept().map(of_stretch).sum();
+                let (xx, xy) = (push.dot(&factor.solve(&push)), push.dot(&solved[axis]));
+                let [pxx, pxy, yy] = kept().fold([0.0; 3], |sum: [f64; 3], stretch| {
+                    [0, 1, 2].map(|k| sum[k] + self.plain[stretch][lag][axis][k])
+                });
+                // Torque that turns the drone the other way explains nothing.
+                let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
+                let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
+                of_lag[0] += if noise > 0.0 { shared / noise } else { 0.0 };
+                of_lag[1] += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
+            }
+            of_lag
+        };
+        let both: Vec<[f64; 2]> = (0..self.plain[0].len()).map(at).collect();
+        let share = both.iter().map(|of_lag| 0.5 * of_lag[1]).fold(0.0, f64::max);
+        Some(Explained { curve: both.into_iter().map(|of_lag| of_lag[0]).collect(), share })
+    }
+}
+
+/// The design's acceleration along world x and y, at each pair of spans and those around it, a
+/// column each; `None` where it never moves.
+fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
+    let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
+    let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
+    let n_around = SPANS_BEFORE + SPANS_AFTER + 1;
+    let mut columns = DMatrix::zeros(moves.nrows(), axes.len() * n_around);
+    let mut first = 0;
+    for (_, pairs) in runs {
+        let run = first..first + pairs.len();
+        for row in run.clone() {
+            for (of_axis, axis) in axes.iter().enumerate() {
+                for around in 0..n_around {
+                    // The answer follows its cause, or leads it by what a plan knows.
+                    let cause = (row + SPANS_BEFORE).checked_sub(around);
+                    if let Some(cause) = cause.filter(|cause| run.contains(cause)) {
+                        columns[(row, of_axis * n_around + around)] = moves[(cause, *axis)];
+                    }
+                }
+            }
+        }
+        first = run.end;
+    }
+    (!axes.is_empty()).then_some(columns)
+}
+
+/// Changes of a quantity's rate from span to span.
+fn changes(
+    runs: &[(&[FlightSample], Vec<[usize; 3]>)],
+    of: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
+) -> Changes {
+    let mut rows = Vec::new();
+    for (run, pairs) in runs {
+        let values = of(run);
+        for [a, b, c] in pairs {
+            let [before_s, after_s] =
+                [[a, b], [b, c]].map(|[a, b]| run[*b].time_s - run[*a].time_s);
+            rows.extend([0, 1].map(|axis| {
+                (values[*c][axis] - values[*b][axis]) / after_s
+                    - (values[*b][axis] - values[*a][axis]) / before_s
+            }));
+        }
+    }
+    DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
+}
+
+/// Integral, up to each sample, of the roll and pitch of motors that follow in a time.
+fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
+    let mut sum = [0.0; 2];
+    let added = impulses(run, lag_s).into_iter().map(|impulse| {
+        for (axis, sum) in sum.iter_mut().enumerate() {
+            *sum += (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * impulse[motor]).sum::<f64>();
+        }
+        sum
+    });
+    std::iter::once([0.0; 2]).chain(added.collect::<Vec<_>>()).collect()
 }
 
 /// Where a curve over the lags is highest, by a parabola through the highest point and its
@@ -124,63 +276,4 @@ fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
     });
     let _ = ends.by_ref().take(2).count();
     ends
-}
-
-/// The sums with motors that follow in a time; the `n` pairs of spans are dealt to the stretches in
-/// order.
-fn sums(runs: &[&[FlightSample]], lag_s: f64, n: usize) -> Sums {
-    let (mut sums, mut index) = ([[[0.0; 3]; 2]; STRETCHES], 0);
-    for run in runs {
-        let impulses = impulses(run, lag_s);
-        for [a, b, c] in pairs(run) {
-            let [before_s, after_s] = [[a, b], [b, c]].map(|[a, b]| run[b].time_s - run[a].time_s);
-            let part = &mut sums[index * STRETCHES / n];
-            for (axis, part) in part.iter_mut().enumerate() {
-                let x = (impulses[c][axis] - impulses[b][axis]) / after_s
-                    - (impulses[b][axis] - impulses[a][axis]) / before_s;
-                let rate = |at: usize| run[at].rate_body_rad_s[axis];
-                let y = (rate(c) - rate(b)) / after_s - (rate(b) - rate(a)) / before_s;
-                for (sum, product) in part.iter_mut().zip([x * x, x * y, y * y]) {
-                    *sum += product;
-                }
-            }
-            index += 1;
-        }
-    }
-    sums
-}
-
-/// Integral, up to each sample, of the roll and pitch that motors give which follow in a time.
-fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
-    let asked = |sample: &FlightSample| {
-        [0, 1].map(|axis| -> f64 {
-            (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * sample.motors[motor]).sum()
-        })
-    };
-    // Between two logged commands the motors had others: on a straight line, not the first one
-    // held.
-    let mut line = Vec::with_capacity(run.len());
-    for held in run.chunk_by(|a, b| a.motors == b.motors) {
-        let (from, next) = (&held[0], run.get(line.len() + held.len()));
-        let to = next.filter(|next| next.time_s - from.time_s < SPAN_S).unwrap_or(from);
-        let [first, last] = [from, to].map(asked);
-        let share =
-            |s: &FlightSample| (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
-        let between = |s: &FlightSample| [0, 1].map(|k| first[k] + (last[k] - first[k]) * share(s));
-        line.extend(held.iter().map(between));
-    }
-    let (mut given, mut sum) = (line[0], [0.0; 2]);
-    let mut sums = vec![sum];
-    for (pair, line) in run.windows(2).zip(line.windows(2)) {
-        let dt_s = pair[1].time_s - pair[0].time_s;
-        let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
-        let wanted = [0, 1].map(|axis| 0.5 * (line[0][axis] + line[1][axis]));
-        for axis in 0..2 {
-            let behind = given[axis] - wanted[axis];
-            sum[axis] += wanted[axis] * dt_s + behind * lag_s * (1.0 - stays);
-            given[axis] = wanted[axis] + behind * stays;
-        }
-        sums.push(sum);
-    }
-    sums
 }

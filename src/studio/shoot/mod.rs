@@ -390,6 +390,20 @@ impl Shoot {
         Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed))
     }
 
+    /// The same, whose flight has the filter's covariance ([`Session::with_covariance`]).
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::new`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no plan.
+    pub fn session_with_covariance(&self) -> Result<Session> {
+        let believed = self.scene.sim();
+        Session::with_covariance(self.plans[0].plan.clone(), &self.drone(0, &believed))
+    }
+
     /// Flies, exposes, develops and reads.
     ///
     /// # Errors

@@ -4,7 +4,8 @@
 //! Each round flies the plan with the same seeds and corrects it ([`correct`]). The best plan is
 //! kept, not the last: the one that is read with the highest probability, and of equals the one
 //! closest to the path, both as they are printed. Learning stops when rounds no longer find a
-//! better one. Whether the best is better than the design beyond chance is told pair by pair of flights.
+//! better one. Whether the best is better than the design beyond chance is told pair by pair of
+//! flights.
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control
 //! Systems 26 (2006); for quadrotors Schoellig, Mueller, D'Andrea, "Optimization-based iterative

@@ -141,7 +141,9 @@ impl Outcome {
         }
     }
 
-    pub(super) fn lost(word: &str, how: String) -> Self {
+    /// The outcome of a lost drone: no photo, and how it was lost.
+    #[must_use]
+    pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
             all_read: false,

@@ -22,24 +22,25 @@ from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
 from .commands import (  # noqa: E402
-    Report, check, command, compare, coverage, export, gains, hold, identify, locate,
+    Report, check, command, compare, coverage, export, gains, hold, identify, learn, locate, meter, robustness,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
 if TYPE_CHECKING:
-    from .learning import Env, VectorEnv
+    from .learning import Env, VectorEnv, sb3_env
 
 __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
-    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
-    "photograph", "plan", "preview", "rank", "read", "score", "VectorEnv", "tune", "__version__",
+    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "learn",
+    "locate", "meter", "photograph", "plan", "preview", "rank", "read", "robustness", "sb3_env", "score", "VectorEnv",
+    "tune", "__version__",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     """The environments, which need gymnasium."""
-    if name in ("Env", "VectorEnv"):
+    if name in ("Env", "VectorEnv", "sb3_env"):
         from . import learning
 
         return getattr(learning, name)

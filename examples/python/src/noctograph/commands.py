@@ -8,7 +8,8 @@ import tempfile
 from pathlib import Path
 from typing import Any, cast
 
-from ._noctograph import Flight, Plan, Scene, Shot, command as _command
+from ._noctograph import Flight, Plan, Scene, Shot, command as _command, setting as _setting
+from .errors import InfeasibleError, InputError
 
 PathLike = str | os.PathLike[str]
 
@@ -73,26 +74,24 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
         for name, value in options.items():
             flag = f"--{name.replace('_', '-')}"
             if name == "set":
-                words += [f"--set={key}={_toml(item)}" for key, item in value.items()]
+                words += [f"--set={key}={_setting(item)}" for key, item in value.items()]
             elif value is True:
                 words.append(flag)
             elif value is not None and value is not False:
                 items = cast("list[Any]", value) if isinstance(value, (list, tuple)) else [value]
                 words += [f"{flag}={word(item)}" for item in items]
-        text, keys = _command(words)
+        try:
+            text, keys = _command(words)
+        except InputError as error:
+            # The files of the objects that were handed over are nobody's.
+            parts = (error.place, error.found, error.wanted, error.hint)
+            raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
         return Report(text.replace(folder + os.sep, ""), keys or {})
-
-
-def _toml(value: Any) -> str:
-    """A value as the command line takes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value.tolist() if hasattr(value, "tolist") else value)
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
     """A command that writes files, or one called `name`; where no place is given, the report has them."""
-    if output is not None:
+    if output is not None or options.get("region"):
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
         report = command(verb, *inputs, output=os.path.join(folder, name), **options)
@@ -113,7 +112,7 @@ def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     *plans : Plan
         Plans that fly together; the scene's word by default.
     **options
-        Those of ``noctograph check``, as ``profile="show"``.
+        Those of ``noctograph check``, as ``profile="careful"``.
 
     Returns
     -------
@@ -142,8 +141,16 @@ def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = 
     Returns
     -------
     Report
+
+    Raises
+    ------
+    InfeasibleError
+        Where `check` stops: the drone would not fly it safely, and nothing is written.
     """
-    return _with_files("export", *plans, scene=scene, to=to, output=output, **options)
+    report = _with_files("export", *plans, scene=scene, to=to, output=output, **options)
+    if not report.get("files"):
+        raise InfeasibleError(report.text.strip(), "nothing is exported: nc.check has each finding with its advice")
+    return report
 
 
 def identify(log: PathLike | Flight, **options: Any) -> Report:
@@ -173,7 +180,7 @@ def compare(a: PathLike | Flight, b: PathLike | Flight, *, output: PathLike | No
     output : path, optional
         Folder for the plots; without it, ``report.files`` has them as SVG.
     **options
-        Those of ``noctograph compare``, as ``part="lit"``.
+        Those of ``noctograph compare``, as ``part="letters"``.
 
     Returns
     -------
@@ -192,7 +199,8 @@ def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) ->
     output : path, optional
         Folder for the positions and plots; without it, ``report.files`` has them.
     **options
-        Those of ``noctograph locate``, as ``anchors="anchors.yaml"``, ``region=True``.
+        Those of ``noctograph locate``, as ``anchors="anchors.yaml"``; ``region=True`` without ranges, with a
+        `scene`, for the map of the shared-anchor observer.
 
     Returns
     -------
@@ -260,3 +268,78 @@ def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = Non
     Report
     """
     return _with_files("hold", scenario=scenario, runs=runs, output=output, **options)
+
+
+def learn(
+    scene: Scene | str,
+    word: str | None = None,
+    *,
+    flight: list[PathLike | Flight] | None = None,
+    output: PathLike | None = None,
+    **options: Any,
+) -> Report:
+    """Learns the setpoints and light schedule of a word from its earlier flights.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    word : str, optional
+        Word to write; the scene's by default.
+    flight : list of path or Flight, optional
+        Flights or logs of one plan, to learn one round from; simulated ones by default.
+    output : path, optional
+        Folder for the scene and the plans; without it, ``report.files`` has them.
+    **options
+        Those of ``noctograph learn``, as ``rounds``, ``repeats``, ``gain``, ``sent`` (a Plan).
+
+    Returns
+    -------
+    Report
+        ``report["rounds"]`` and ``report["helped"]``; `Plan.from_csv` reads the plan of ``report.files``.
+    """
+    word = scene.word if word is None and isinstance(scene, Scene) else word
+    return _with_files("learn", scene, word, output=output, flight=flight, **options)
+
+
+def robustness(
+    scene: Scene | str, words: str | None = None, *, output: PathLike | None = None, **options: Any
+) -> Report:
+    """Which of the things that differ from flight to flight breaks a word first.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    words : str, optional
+        Words with their flights, as ``"NOOR:12"``; the scene's word by default.
+    output : path, optional
+        Folder for the tables; without it, ``report.files`` has them.
+    **options
+        Those of ``noctograph robustness``, as ``times="0,1,2,4"``, ``conditions``.
+
+    Returns
+    -------
+    Report
+    """
+    words = scene.word if words is None and isinstance(scene, Scene) else words
+    return _with_files("robustness", scene, output=output, words=words, **options)
+
+
+def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
+    """Stops over saturation of each lamp, and the exposure to set.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    *plans : Plan
+        Plans that fly together; the scene's word by default.
+    **options
+        Those of ``noctograph meter``.
+
+    Returns
+    -------
+    Report
+    """
+    return command("meter", *plans, scene=scene, **options)

@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ._noctograph import Scene, Sessions
+from .errors import InputError
 
 Floats = NDArray[np.float32]
 
@@ -79,10 +80,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def step(self, actions: Any) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Holds motor commands for a step; begins the episodes that ended in the last one."""
+        actions = np.asarray(actions, float)
+        if np.isnan(actions).any():
+            row = int(np.argwhere(np.isnan(actions))[0][0])
+            raise InputError("actions", f"NaN in row {row}", "numbers from -1 to 1", "look at what your policy returns")
         begun = self._over.copy()
         if begun.any():
             self._sessions.reset([self._draw() if over else None for over in begun])
-        commands = np.clip(self._hover * (1 + np.asarray(actions, float)), 0, MOTOR_MAX)
+        commands = np.clip(self._hover * (1 + actions), 0, MOTOR_MAX)
         self._sessions.step(commands, np.where(begun, 0, self._turns).tolist())
         seen = self._sessions.look()
         distance = np.linalg.norm(seen["position_m"] - seen["design_m"], axis=1)
@@ -97,6 +102,15 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             infos = self._add_info(infos, info, int(index))
         return self._observe(seen), reward, self._over.copy(), np.zeros(self.num_envs, bool), infos
 
+    def begin_again(self, observations: Floats) -> Floats:
+        """Begins the episodes that ended in the last step at once; their first observations among the others'."""
+        begun = self._over.copy()
+        self._sessions.reset([self._draw() if over else None for over in begun])
+        seen = self._sessions.look()
+        self._time_s = seen["time_s"]
+        self._over[:] = False
+        return np.where(begun[:, None], self._observe(seen), observations)
+
     def _draw(self) -> int:
         return int(self._seeds.integers(1 << 31))
 
@@ -107,11 +121,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 
 class Env(gymnasium.Env[Any, Any]):
-    """One drone of `VectorEnv`, with the same spaces, reward and parameters."""
+    """One drone of `VectorEnv`, with the same spaces, reward and parameters; also as
+    ``gymnasium.make("noctograph.learning:noctograph/Write-v0", scene=scene)``.
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}
 
-    def __init__(self, scene: Scene, *, control_hz: float = 250, conditions: str = "still") -> None:
+    def __init__(self, scene: Scene | None = None, *, control_hz: float = 250, conditions: str = "still") -> None:
+        scene = Scene(word="I") if scene is None else scene
         self._drones = VectorEnv(scene, 1, control_hz=control_hz, conditions=conditions)
         self.observation_space, self.action_space = OBSERVATIONS, ACTIONS
 
@@ -128,3 +145,26 @@ class Env(gymnasium.Env[Any, Any]):
         observations, rewards, terminated, truncated, infos = self._drones.step(np.asarray(action)[None])
         info = {key: value[0] for key, value in infos.items()}
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+
+def sb3_env(scene: Scene, num_envs: int = 1, *, control_hz: float = 250, conditions: str = "still") -> Any:
+    """`VectorEnv` as Stable-Baselines3 takes it: a `VecEnv` of its own, N drones in one process on all cores.
+
+    The observation of an episode's end is in ``info["terminal_observation"]``, and the next episode has begun, as
+    Stable-Baselines3 wants it.
+
+    Parameters
+    ----------
+    scene, num_envs, control_hz, conditions
+        As for `VectorEnv`.
+
+    Returns
+    -------
+    stable_baselines3.common.vec_env.VecEnv
+    """
+    from . import baselines
+
+    return baselines.Drones(VectorEnv(scene, num_envs, control_hz=control_hz, conditions=conditions))
+
+
+gymnasium.register(id="noctograph/Write-v0", entry_point="noctograph.learning:Env")  # pyright: ignore[reportUnknownMemberType]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import sys
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,12 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._noctograph import Scene, outcomes as _outcomes, ranking as _ranking, tuning as _tuning
+from ._noctograph import Scene, Sessions, outcomes as _outcomes, ranking as _ranking, trials as _trials, tuning as _tuning
 from .commands import PathLike, Report
+from .errors import InputError
 
 Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
+Controller = Callable[..., Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +79,41 @@ class Outcomes:
         return f"<Outcomes: {n} × {s} flights, {self.legible.mean():.0%} legible, {self.lost.sum()} lost>"
 
 
+class _Line:
+    """A progress bar of text, where tqdm is not installed: notebooks and terminals show it."""
+
+    def __init__(self, what: str) -> None:
+        self.what, self.shown, self.begun = what, -1, time.monotonic()
+
+    def show(self, done: int, total: int) -> None:
+        tenths = 1000 * done // max(total, 1)
+        if tenths == self.shown:
+            return
+        self.shown = tenths
+        bar = "#" * (20 * done // max(total, 1))
+        elapsed_s = time.monotonic() - self.begun
+        left = f", {elapsed_s * (total - done) / done:.0f} s left" if done else ""
+        sys.stderr.write(f"\r{self.what} |{bar:<20}| {done}/{total}{left}      ")
+        sys.stderr.flush()
+
+
 @contextmanager
 def _bar(progress: Progress, what: str) -> Any:
-    """The caller's progress, a bar of tqdm where that is installed, or none."""
+    """The caller's progress, a bar of tqdm where that is installed, one of text, or none."""
+    if callable(progress) or not progress:
+        yield progress if callable(progress) else None
+        return
     try:
         with warnings.catch_warnings():
             # Without ipywidgets a notebook has the bar as text.
             warnings.simplefilter("ignore")
             from tqdm.auto import tqdm
     except ImportError:
-        tqdm = None
-    if callable(progress) or not progress or tqdm is None:
-        yield progress if callable(progress) else None
+        line = _Line(what)
+        try:
+            yield line.show
+        finally:
+            sys.stderr.write("\n")
         return
     with tqdm(desc=what, unit="flight") as bar:
 
@@ -94,6 +122,59 @@ def _bar(progress: Progress, what: str) -> Any:
             bar.update(done - bar.n)
 
         yield show
+
+
+def _takes_time(controller: Controller) -> bool:
+    """Whether a controller takes a third argument by its place: the time."""
+    try:
+        parameters = inspect.signature(controller).parameters.values()
+    except (TypeError, ValueError):
+        return False
+    places = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    return len(places) >= 3 or any(p.kind == p.VAR_POSITIONAL for p in parameters)
+
+
+def _fly_controlled(
+    scene: Scene,
+    seeds: Sequence[int],
+    controller: Controller,
+    conditions: str,
+    vectorized: bool,
+    show: Callable[[int, int], Any] | None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Flies a scene with seeds in step, by a controller of Python: columns of one row, and JSON."""
+    n = len(seeds)
+    sessions = Sessions(scene, n, conditions)
+    sessions.reset(list(seeds))
+    made = isinstance(controller, type)
+    each = [controller] if vectorized else [controller() if made else controller for _ in seeds]
+    if vectorized and made:
+        each = [controller()]
+    timed = _takes_time(each[0])
+    motors, turns = np.zeros((n, 4)), [1] * n
+    seen = sessions.look()
+    duration_s = sessions.duration_s
+    while not (seen["landed"] | seen["lost"]).all():
+        state, reference, time_s = seen["state"], seen["reference"], seen["time_s"]
+        if vectorized:
+            found = np.asarray(each[0](state, reference, time_s) if timed else each[0](state, reference), float)
+            if found.shape != (n, 4):
+                hint = "a vectorized controller takes (N, 12), (N, 9) and (N,) and returns m1 to m4 of each"
+                raise InputError("controller", f"shape {found.shape}", f"({n}, 4)", hint)
+            motors[:] = found
+        else:
+            for index in np.flatnonzero(~(seen["landed"] | seen["lost"])):
+                row = (state[index], reference[index], time_s[index]) if timed else (state[index], reference[index])
+                found = np.asarray(each[index](*row), float)
+                if found.shape != (4,):
+                    raise InputError("controller", f"shape {found.shape}", "four motor commands", "return m1 to m4, 0 to 65535")
+                motors[index] = found
+        over = seen["landed"] | seen["lost"]
+        sessions.step(np.where(over[:, None], 0, motors), turns)
+        seen = sessions.look()
+        if show is not None:
+            show(int(n * min(float(seen["time_s"].max()) / duration_s, 1)), n)
+    return sessions.outcomes()
 
 
 def _words(scene: Scene, words: Words | None, seeds: int) -> list[tuple[str, int]]:
@@ -108,6 +189,8 @@ def fly_many(
     seeds: int | Sequence[int] = 1,
     *,
     gains: ArrayLike | None = None,
+    controller: Controller | None = None,
+    vectorized: bool = False,
     conditions: str = "still",
     progress: Progress = True,
 ) -> Outcomes:
@@ -123,11 +206,18 @@ def fly_many(
         Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene; (N, 4, 15) with
         integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
         yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame.
+    controller : callable or type, optional
+        A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
+        ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
+        made, without arguments, for each flight.
+    vectorized : bool
+        Whether the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
+        as fast as the simulator. Rows of flights that are over are 0.
     conditions : {"still", "room", "drone"} or path
         What differs from seed to seed: nothing but noise; drafts, battery and light of a room; the drone as
         well; or a TOML file of conditions.
     progress : bool or callable
-        Whether to show a bar (by tqdm, where installed), or a function of flights done and of all.
+        Whether to show a bar (by tqdm, where installed, else as text), or a function of flights done and of all.
 
     Returns
     -------
@@ -142,25 +232,41 @@ def fly_many(
         scenes = [Scene(scene, set=setting) for setting in settings]
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
     with _bar(progress, "flying") as show:
-        return Outcomes(**_outcomes(scenes, seeds, conditions, show))
+        if controller is None:
+            return Outcomes(**_outcomes(scenes, seeds, conditions, show))
+        rows: list[dict[str, Any]] = []
+        total = len(scenes) * len(seeds)
+        for done, scene in enumerate(scenes):
+
+            def tick(flown: int, n: int, before: int = done * len(seeds)) -> None:
+                if show is not None:
+                    show(before + flown, total)
+
+            rows.append(_fly_controlled(scene, seeds, controller, conditions, vectorized, tick)[0])
+        columns = {name: [row[name] for row in rows] for name in rows[0]}
+        read = [letters for row in columns.pop("read") for letters in row]
+        return Outcomes(**{name: np.concatenate(all_rows) for name, all_rows in columns.items()}, read=read)
 
 
 def rank(
-    scenes: Mapping[str, Scene],
+    scenes: Mapping[str, Scene | tuple[Scene, Controller]],
     words: Words | None = None,
     *,
     seeds: int = 50,
     conditions: str = "room",
     seed: int = 0,
     folder: PathLike | None = None,
+    vectorized: bool = False,
     progress: Progress = True,
 ) -> Report:
     """Ranks controllers by how legibly they write, on the same seeds, with 95 % intervals.
 
     Parameters
     ----------
-    scenes : dict of str to Scene
-        The contenders by name.
+    scenes : dict of str to Scene or tuple
+        The contenders by name; ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`.
+    vectorized : bool
+        As for `fly_many`, of all controllers.
     words : sequence of str, or dict of str to int, optional
         Words, with their numbers of seeds where these differ; the first scene's word by default.
     seeds : int
@@ -170,7 +276,7 @@ def rank(
     seed : int
         Seed that all seeds are drawn from.
     folder : path, optional
-        Keeps the flights, so that the next call flies only what is new.
+        Keeps the flights of the scenes' own controllers, so that the next call flies only what is new.
     progress : bool or callable
         As for `fly_many`.
 
@@ -180,9 +286,21 @@ def rank(
         The keys of ``noctograph rank --json``, and ``report["flights"]``.
     """
     with _bar(progress, "ranking") as show:
-        named = list(scenes.items())
+        controllers = {name: it[1] for name, it in scenes.items() if not isinstance(it, Scene)}
+        named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
         counted = _words(named[0][1], words, seeds) if named else []
-        return Report(*_ranking(named, counted, conditions, seed, folder, show))
+        flown: dict[int, str] = {}
+        trials = _trials(named, counted, seed) if controllers else []
+        for index, (name, scene) in enumerate(named):
+            for at, (word, _) in enumerate(counted):
+                places = [place for place, trial in enumerate(trials) if trial[:2] == (index, at)]
+                if name not in controllers or not places:
+                    continue
+                drawn = [trials[place][2] for place in places]
+                of_word = Scene(scene, word=word)
+                outcomes = _fly_controlled(of_word, drawn, controllers[name], conditions, vectorized, None)[1]
+                flown.update(zip(places, outcomes, strict=True))
+        return Report(*_ranking(named, counted, conditions, seed, folder, flown, show))
 
 
 def tune(

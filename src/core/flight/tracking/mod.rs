@@ -5,9 +5,9 @@
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
 //! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
 //! constant offset. The error after that shift, and the distance to the path, are visible in a
-//! photograph. That distance (contour error) is measured to the part of the path around the shifted
-//! time, half a second either way: another stroke that crosses there does not reduce it and
-//! so that a flight ahead of its design is judged as one behind it.
+//! photograph. That distance (contour error) is measured to the part of the path around the
+//! shifted time, half a second either way, so that another stroke that crosses there does not
+//! reduce it, and so that a flight ahead of its design is judged as one behind it.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!

@@ -112,3 +112,36 @@ fn integrals_are_three_states_more() {
     assert_eq!(design.regulator_poles.unwrap().len(), 15);
     assert!(k[(1, 12)] > 0.0 && k[(0, 13)] < 0.0 && k[(3, 14)] > 0.0);
 }
+
+#[test]
+fn the_model_slows_down_as_the_simulator_does() {
+    let mut options = SimOptions::default();
+    options.vehicle.body_drag_n_s_m = [0.015, 0.014, 0.013];
+    options.vehicle.rotor_drag_n_s2_m = 3e-7;
+    options.vehicle.airspeed_moment_n_s = 4e-7;
+    options.air.gusts = crate::vehicle::Gusts::None;
+    let plain = design(&SimOptions::default(), 0.072).unwrap();
+    let found = design(&options, 0.072).unwrap();
+    // Hovering in a wind is moving through still air: what it does in 2 ms, per wind.
+    let (dt_s, wind_m_s) = (0.002, 0.1);
+    let change = |axis: usize| {
+        let mut options = options.clone();
+        options.air.wind_m_s[axis] = -wind_m_s;
+        let up = nalgebra::Vector3::z() * 2.0;
+        let mut plant = crate::vehicle::Plant::new(options.plant(), dt_s, 1, 0, up);
+        let hover = options.vehicle.mass_kg * GRAVITY_M_S2 / (4.0 * options.vehicle.k_f_n);
+        plant.advance(&[hover; 4]);
+        plant.body().state() / (dt_s * wind_m_s)
+    };
+    for axis in 0..3 {
+        let state = change(axis);
+        for row in 6..12 {
+            let (model, real) = (found.a[(row, 6 + axis)], state[row]);
+            assert!(
+                (model - real).abs() < 2e-3 * (1.0 + real.abs()),
+                "{row} {axis}: {model} {real}"
+            );
+        }
+    }
+    assert_eq!(found.k, plain.k, "the gain is designed without drag");
+}

@@ -13,7 +13,7 @@
 //! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
 //! stations' geometry.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::state_at;
 use super::sweep_filter::SweepFilter;
@@ -88,6 +88,11 @@ pub(super) struct Model {
 }
 
 impl Ekf {
+    /// Covariance of the estimated position, world frame.
+    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
+        self.normal.block(0, 0)
+    }
+
     /// A filter that believes in a level drone at rest at `position_m`.
     pub(super) fn new(
         options: &EkfOptions,

@@ -74,6 +74,11 @@ pub(in crate::sim) struct Firmware {
 }
 
 impl Firmware {
+    /// Covariance of the estimated position, world frame.
+    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
+        self.normal.block(0, 0)
+    }
+
     /// A filter that believes in a level drone at rest at `position_m`. `noise` decides which
     /// rotations are dropped.
     pub(super) fn new(

@@ -104,11 +104,16 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
                 "{seed}: {off_m} of {found:?}"
             );
         }
-        lag_errors_s.push(found.lag_s.unwrap() - scene_s(true_));
+        // A short flight of slow rotors may not show them.
+        if let Some((lag_s, sigma_s)) = found.lag_s.zip(found.lag_sigma_s) {
+            lag_errors_s.push(lag_s - scene_s(true_));
+            let error_s = (lag_s - scene_s(true_)).abs();
+            assert!(error_s < 2.5 * sigma_s, "{seed}: {error_s} of {found:?}");
+        }
         assert!((found.gust_m_s.unwrap() - 0.1).abs() < 0.035, "{seed}: {found:?}");
     }
-    // A log at 83 Hz makes the lag of these rotors, 0.12 to 0.18 s, too long by an eighth.
-    assert!(lag_errors_s.iter().all(|s| (-0.02..0.05).contains(s)), "{lag_errors_s:?}");
+    assert!(lag_errors_s.len() >= 6, "{lag_errors_s:?}");
+    assert!(lag_errors_s.iter().all(|s| (-0.05..0.05).contains(s)), "{lag_errors_s:?}");
     let error_s = mean(lag_errors_s.iter().copied()).unwrap();
     assert!(error_s.abs() < 0.03, "{error_s}");
 

@@ -1,0 +1,121 @@
+//! What motors give of their logged commands: rotors that follow in a time, in speed.
+
+use super::ends_at_hole;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::flight::{Flight, FlightSample, Quantity};
+
+/// Half the time for which the firmware holds a command (500 Hz): so much later than on a straight
+/// line between two logged commands are those that the motors had between them.
+const HELD_S: f64 = 0.001;
+/// Longest step that is taken for a straight line: longer ones hold the first command.
+const LONGEST_STEP_S: f64 = 0.04;
+/// Height above the floor from which on its air is free.
+const FREE_M: f64 = 0.15;
+/// Samples over which the climb is measured at either end.
+const CLIMB: usize = 10;
+
+/// Thrust of each motor times time, from each sample to the next, in units of its command: the
+/// speed of the rotors follows the root of the command, thrust goes with its square.
+pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
+    let wanted = roots(run);
+    let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
+    let steps = run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
+        let dt_s = pair[1].time_s - pair[0].time_s;
+        let share = (0.5 - HELD_S / dt_s).max(0.0);
+        let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
+        [0, 1, 2, 3].map(|motor| {
+            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * share;
+            let behind = speed[motor] - wanted;
+            speed[motor] = wanted + behind * stays;
+            wanted * wanted * dt_s
+                + 2.0 * wanted * behind * lag_s * (1.0 - stays)
+                + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
+        })
+    });
+    steps.collect()
+}
+
+/// Roots of the commands at each sample. Between two logged commands the motors had others: on a
+/// straight line, not the first one held.
+fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
+    let root = |sample: &FlightSample| sample.motors.map(|command| command.max(0.0).sqrt());
+    let mut line = Vec::with_capacity(run.len());
+    for held in run.chunk_by(|a, b| a.motors == b.motors) {
+        let (from, next) = (&held[0], run.get(line.len() + held.len()));
+        let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
+        let [first, last] = [from, to].map(root);
+        let share =
+            |s: &FlightSample| (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
+        let between = |s: &FlightSample| {
+            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share(s))
+        };
+        line.extend(held.iter().map(between));
+    }
+    line
+}
+
+/// Thrust per command that carries the drone, N: of motors that follow in a time, in free air.
+/// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and
+/// the climb, over the whole time.
+pub(super) fn thrust_per_command_n(
+    flight: &Flight,
+    samples: &[FlightSample],
+    accelerations: Option<&[f64]>,
+    mass_kg: f64,
+    lag_s: f64,
+) -> f64 {
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
+    let is_free =
+        |s: &FlightSample| !logged(Quantity::Position) || s.position_m.z - floor_m > FREE_M;
+    let free = samples.iter().position(is_free).zip(samples.iter().rposition(is_free));
+    // A flight that stays low, or at one height, is taken whole.
+    let (from, to) =
+        free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
+    let level = |s: &FlightSample| {
+        let tilt = libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad);
+        if logged(Quantity::Attitude) { tilt } else { 1.0 }
+    };
+    let (mut product, mut square) = (0.0, 0.0);
+    let mut start = 0;
+    for end in 1..=samples.len() {
+        let breaks = end == samples.len()
+            || samples[end].time_s <= samples[end - 1].time_s
+            || ends_at_hole(flight, samples[end - 1].time_s);
+        if !breaks {
+            continue;
+        }
+        let run = &samples[start..end];
+        let inside: Vec<usize> = (0..run.len().saturating_sub(1))
+            .filter(|at| (from..to).contains(&(start + at)))
+            .collect();
+        let impulses = impulses(run, lag_s);
+        for &at in &inside {
+            let dt_s = run[at + 1].time_s - run[at].time_s;
+            let commands = impulses[at].iter().sum::<f64>() / dt_s;
+            match accelerations {
+                Some(column) => {
+                    product += mass_kg * column[start + at] * commands * dt_s;
+                    square += commands * commands * dt_s;
+                }
+                None => {
+                    product += mass_kg * GRAVITY_M_S2 * dt_s;
+                    square += level(&run[at]) * commands * dt_s;
+                }
+            }
+        }
+        if let (None, Some(first), Some(last)) = (accelerations, inside.first(), inside.last()) {
+            let climb = climb_m_s(run, *last) - climb_m_s(run, *first);
+            product += if logged(Quantity::Position) { mass_kg * climb } else { 0.0 };
+        }
+        start = end;
+    }
+    product / square
+}
+
+/// Vertical speed about a sample.
+fn climb_m_s(run: &[FlightSample], at: usize) -> f64 {
+    let (before, after) = (at.saturating_sub(CLIMB), (at + CLIMB).min(run.len() - 1));
+    let lasts_s = run[after].time_s - run[before].time_s;
+    if lasts_s > 0.0 { (run[after].position_m.z - run[before].position_m.z) / lasts_s } else { 0.0 }
+}
