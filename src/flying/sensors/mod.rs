@@ -106,7 +106,7 @@ enum Locator {
 /// Measurement of the height.
 #[derive(Debug)]
 enum Altimeter {
-    TimeOfFlight(TimeOfFlight),
+    TimeOfFlight(Box<TimeOfFlight>),
     Barometer(Box<Barometer>),
 }
 
@@ -142,9 +142,11 @@ impl Sensors {
         };
         let lighthouse = &options.lighthouse;
         let altimeter = |sensor: &&HeightSensor| match sensor {
-            HeightSensor::TimeOfFlight => {
-                Altimeter::TimeOfFlight(TimeOfFlight::new(&options.time_of_flight, floor, streams))
-            }
+            HeightSensor::TimeOfFlight => Altimeter::TimeOfFlight(Box::new(TimeOfFlight::new(
+                &options.time_of_flight,
+                floor,
+                streams,
+            ))),
             HeightSensor::Barometer => {
                 Altimeter::Barometer(Box::new(Barometer::new(&options.barometer, streams)))
             }

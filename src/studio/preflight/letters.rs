@@ -52,8 +52,10 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
     findings
 }
 
-/// Faults of a font: the check, whether a letter has it, and what is wanted.
-const FAULTS: [(&str, fn(&Glyph) -> bool, &str); 3] = [
+/// A fault of a font: the check, whether a letter has it, and what is wanted.
+type Fault = (&'static str, fn(&Glyph) -> bool, &'static str);
+
+const FAULTS: [Fault; 3] = [
     ("tail", has_tail, "letters reached in the dark"),
     ("light never off", never_off, "letters that begin or end in the dark"),
     ("pen jump", jumps, "moves that begin where the last one ended"),
