@@ -39,10 +39,10 @@ pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64
 #[derive(Clone, Debug)]
 pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
 
-impl std::str::FromStr for Corners {
+impl FromStr for Corners {
     type Err = String;
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, String> {
         let corner = |pair: &str| {
             let (x, y) = pair.split_once(',')?;
             Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
