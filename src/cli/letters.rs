@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::names::numbers;
+use super::names::{Corners, numbers};
 use super::set::{Setting, owned};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
@@ -13,15 +13,20 @@ pub(super) struct LetterFlags {
     /// Font of a word: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
-    /// Drawing instead of a word: *.svg, a picture *.png or *.jpg (lines on paper, a
-    /// logo, a photograph), or handwriting as *.json; the color LED deck and the ring write in its
-    /// colors
+    /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
+    /// paper, a logo, a photograph), or handwriting as *.json; the color LED deck and the ring
+    /// write in its colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default:
     /// 1; 0.5 for a photograph]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
+    /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise
+    /// from the upper left; it is cut out and seen square on [default: those of a sheet that is
+    /// seen as a whole]
+    #[arg(long, value_name = "CORNERS", requires = "drawing")]
+    corners: Option<Corners>,
     /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the
     /// ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
@@ -106,6 +111,9 @@ impl LetterFlags {
         let mut settings = owned(font.chain(drawing));
         settings
             .extend(self.detail.map(|detail| ("letters.detail".to_owned(), detail.to_string())));
+        settings.extend(self.corners.iter().map(|Corners(corners_px)| {
+            ("letters.corners_px".to_owned(), format!("{:?}", corners_px.as_flattened()))
+        }));
         if !self.color.is_empty() {
             let colors = self.color.iter().map(|wrgb| format!("{wrgb:?}"));
             let colors = format!("[{}]", colors.collect::<Vec<_>>().join(", "));

@@ -35,6 +35,26 @@ pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64
     numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
+/// Four corners in a photo, clockwise from the upper left.
+#[derive(Clone, Debug)]
+pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
+
+impl FromStr for Corners {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let corner = |pair: &str| {
+            let (x, y) = pair.split_once(',')?;
+            Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
+        };
+        let corners: Option<Vec<[f64; 2]>> = text.split_whitespace().map(corner).collect();
+        corners.and_then(|corners| corners.try_into().ok()).map(Self).ok_or_else(|| {
+            "wanted four corners \"X,Y X,Y X,Y X,Y\" in pixels, clockwise from the upper left"
+                .into()
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::names::Corners;
 use super::outcome::{Outcome, Report};
 use super::picture::CameraFlags;
-use super::square_on::{Corners, square_on};
+use super::square_on::square_on;
 use super::table::table;
 use crate::error::Result;
 use crate::photo::{self};

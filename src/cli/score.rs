@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::{FlightFlags, SceneFlags, set_word};
+use super::names::Corners;
 use super::outcome::{Outcome, Report, line, typed};
 use super::output::{Output, is_svg};
 use super::picture::CameraFlags;
 use super::relit::relit_where_dark;
-use super::square_on::Corners;
 use super::{message, show};
 use crate::error::{Error, Result};
 use crate::flight::Flight;

@@ -1,30 +1,11 @@
 //! A photograph seen square on, by its corners or its camera.
 
+use super::names::Corners;
 use super::picture::CameraFlags;
 use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::Photo;
 use crate::score::View;
-
-/// Four corners in a photo, clockwise from the upper left.
-#[derive(Clone, Debug)]
-pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
-
-impl std::str::FromStr for Corners {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let corner = |pair: &str| {
-            let (x, y) = pair.split_once(',')?;
-            Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
-        };
-        let corners: Option<Vec<[f64; 2]>> = text.split_whitespace().map(corner).collect();
-        corners.and_then(|corners| corners.try_into().ok()).map(Self).ok_or_else(|| {
-            "wanted four corners \"X,Y X,Y X,Y X,Y\" in pixels, clockwise from the upper left"
-                .into()
-        })
-    }
-}
 
 /// The photo with its line of writing seen square on, if corners or a camera are given.
 pub(super) fn square_on(

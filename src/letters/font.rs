@@ -63,6 +63,11 @@ impl Font {
         &self.name
     }
 
+    /// How a typeface is drawn.
+    pub(super) fn trace(&self) -> Trace {
+        self.trace
+    }
+
     /// Its characters, in the order of their codes.
     #[must_use]
     pub fn characters(&self) -> String {
@@ -198,6 +203,10 @@ mod tests {
         let latin = (' '..='~').chain('\u{a1}'..='\u{ac}').chain('\u{ae}'..='\u{17f}');
         let missing: String = latin.filter(|c| !simplex.contains(*c)).collect();
         assert_eq!(missing, "Ĳĳ", "of ASCII, Latin-1 and Latin Extended-A");
+        let greek = ('Α'..='Ρ').chain('Σ'..='Ϋ').chain('ά'..='ώ');
+        let cyrillic = ('А'..='я').chain("ЁЂЃЄЅІЇЈЉЊЋЌЎЏёђѓєѕіїјљњћќўџҐґ".chars());
+        let missing: String = greek.chain(cyrillic).filter(|c| !simplex.contains(*c)).collect();
+        assert_eq!(missing, "", "of Greek and of Russian, Ukrainian, Belarusian, Serbian");
     }
 
     #[test]

@@ -13,6 +13,12 @@ use unicode_normalization::UnicodeNormalization;
 /// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
 
+/// Most characters of a font that a message lists.
+const LISTED: usize = 40;
+
+/// The font that writes most scripts in single lines.
+const SINGLE_LINE: &str = "simplex";
+
 /// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
 /// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
 ///
@@ -99,11 +105,21 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
         blank || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
     let lacks = |index: usize, letter: char| {
-        let hint = match (is_shaped(word), font.fit()) {
-            (true, _) => format!("write with a typeface of this script: {} has none", font.name()),
-            _ => format!("write the word with letters that the font {} has", font.name()),
+        let single = Font::open(SINGLE_LINE, font.trace()).ok();
+        let hint = if is_shaped(word) {
+            format!("write with a typeface of this script: {} has none", font.name())
+        } else if single.is_some_and(|single| single.shape(letter).is_some()) {
+            format!("write with the font {SINGLE_LINE}, which has it")
+        } else {
+            "write with a typeface that has it, such as one of the Noto fonts".to_owned()
         };
-        let wanted = format!("one of {}", some_of(&font.characters(), known));
+        let characters = font.characters();
+        let wanted = match characters.chars().count() {
+            ..=LISTED => {
+                format!("one of {}", characters.chars().filter(|c| known(*c)).collect::<String>())
+            }
+            _ => format!("a letter of the font {}", font.name()),
+        };
         Error::Letter { position: index + 1, letter, wanted, hint }
     };
     if is_shaped(word) {
@@ -152,12 +168,6 @@ fn too_large(index: usize, n: usize) -> Error {
     let found = format!("{n} letters in a row that touch each other");
     let wanted = format!("fewer: they are one outline, of at most {MAX_POINTS} points");
     Error::input(place, found, wanted, "put a space or a line end among them")
-}
-
-/// Characters for a message: the first of those that can be drawn.
-fn some_of(characters: &str, known: impl Fn(char) -> bool) -> String {
-    let some: String = characters.chars().take(120).filter(|c| known(*c)).collect();
-    if characters.chars().nth(120).is_some() { some + " ..." } else { some }
 }
 
 fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
@@ -307,6 +317,14 @@ mod tests {
         let long = "A".repeat(MAX_LETTERS + 1);
         assert!(write(&long, &LetterOptions::default()).is_err(), "too long");
         assert_eq!(write("grüße", &simplex()).unwrap().word, "grüße");
+        for word in ["Привет", "Щоґо Її", "Ђорђе Љиљана", "Καλημέρα Ώρα ΐ", "Ёж Эхо Юля"]
+        {
+            assert_eq!(write(word, &simplex()).unwrap().word, word);
+        }
+        let told = write("Привет", &LetterOptions::default()).unwrap_err();
+        assert!(told.hint().contains("simplex"), "{told}");
+        let told = write("漢", &simplex()).unwrap_err().to_string();
+        assert!(told.len() < 160 && !told.contains("ABC"), "{told}");
         assert_eq!(
             write("漢", &simplex()).unwrap_err().to_string().find("word, position 1"),
             Some(0)

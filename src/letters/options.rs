@@ -16,14 +16,18 @@ settings! {
         font: String = "ae483".into();
         /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
-        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg` or `*.json`; empty:
-        /// none.
+        /// File of a drawing in place of a word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
+        /// `*.gif` or `*.bmp`, or handwriting `*.json`; empty: none.
         drawing: String = String::new();
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
         drawing_sha256: String = String::new(), for "letters.drawing";
-        /// What a picture `*.png` or `*.jpg` is.
+        /// What a picture is.
         picture: Picture = Picture::Auto, for "letters.drawing";
+        /// Corners of the sheet of paper in a picture, which is cut out and seen square on: x and y
+        /// of the upper left, upper right, lower right and lower left one, in the picture's pixels.
+        /// By default those of a sheet that is seen as a whole.
+        corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
         /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go
         /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
         /// sketch of the longest. By default 1, and 0.5 of a photograph.

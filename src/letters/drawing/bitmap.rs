@@ -1,30 +1,31 @@
-//! Bitmaps: line art, handwriting on paper and logos, as PNG or JPEG, turned upright by their EXIF.
+//! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF. A sheet of
+//! paper on a table is cut out of it and seen square on ([`sheet`]).
 //!
-//! Ink is what is darker than the paper around it (lighter, where most of the picture is dark): the
-//! paper's brightness is estimated block by block, so that shadows are none. The threshold is
-//! Otsu's (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch
-//! of ink with its holes is traced as a typeface's characters are ([`center_lines`]), or along its
-//! outline where it is an area by itself: too thick for its length. A line has the hue of its ink
-//! where that is not gray. A photograph, whose paper would have texture, is drawn by its edges
-//! ([`super::photograph`]).
+//! Ink is what differs from the paper ([`super::ink`]); its contours lie between pixels, by
+//! marching squares. Each patch of ink with its holes is traced as a typeface's characters are
+//! ([`crate::center_line`]), or along its outline where it is an area ([`areas`]). A line has the
+//! hue of its ink where that is not gray. A photograph, whose paper would have texture or shades,
+//! is drawn by its edges ([`super::photograph`]).
 
 use std::io::Cursor;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, imageops};
+use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 
+use super::areas::{self, Patch};
 use super::gradient::Paint;
-use super::levels::{contours, softened};
+use super::ink::{Field, RIM, plain_paper};
+use super::levels::{contours, level};
 use super::photograph::edges;
+use super::qr;
+use super::sheet::{self, Corners};
 use super::{ColoredLine, MAX_POINTS};
 use crate::Picture;
-use crate::center_line::{CenterLines, center_lines, outlines};
 use crate::options::{LetterOptions, Trace};
 use crate::outline::{Contour, Filled, mean_stroke_width};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
-use noctograph_core::statistics::median;
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -32,123 +33,167 @@ const LONGER_SIDE: u32 = 1200;
 /// Steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
 const STEPS: usize = 8;
 
-/// Blocks of paper along the longer side.
-const BLOCKS: usize = 24;
-/// Share of a block's pixels that are darker than its paper.
-const PAPER: f64 = 0.75;
-/// Paper is brighter than this share of paper beside it, from the brightest block on, so that a
-/// shadow with a soft edge may be as dark as it likes; what is darker is a patch of ink.
-const SHADOW: f64 = 0.45;
-/// Least difference of ink and paper, as a share of the paper's brightness.
-const FAINT: f64 = 0.12;
 /// Least area of a patch, and least length along the picture's rim of what stands around the paper,
 /// by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
-/// Share of the picture's rim from which a patch without holes is all of the picture.
-const ALL_INK: f64 = 0.9;
 /// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph.
 /// It was 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs
 /// of scikit-image (astronaut, coffee, cat, motorcycle, grass, tissue).
 const TEXTURE: f64 = 0.175;
+/// Share of a picture in tones between paper and ink that change slowly, beyond which it is a
+/// photograph; and of either bound, from which on that is offered.
+const TONES: f64 = 0.12;
+const NEARLY: f64 = 0.62;
 /// Detail of a photograph where none is given.
 const PHOTOGRAPH: f64 = 0.5;
-/// Mean width of a patch that is outlined, by the drawing's larger side.
-const THICK: f64 = 0.1;
-/// A patch is an area, whatever lies beside it, where its center line is shorter than so many of
-/// its thicknesses, and it is so many times as thick as the drawing's lines, or as this share of
-/// the drawing where it has none: a dash of the pen is short, but no thicker than the pen.
-const LONG: f64 = 6.0;
-const PENS: f64 = 2.0;
-const POINT: f64 = 0.03;
-/// Brightness of light ink, and the share of a transparent picture's ink that is as light.
-const LIGHT: u32 = 150;
-const ALL_LIGHT: f64 = 0.98;
-/// Least chroma of a colored ink, by its brightness.
-const CHROMA: f64 = 0.35;
+/// Mean width of what lies over the rim of a sheet and is no line, by the sheet's longer side.
+const OVER_RIM: f64 = 0.02;
+/// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
+/// out; but one of which most is opaque and as white as paper has its paper.
+const GROUNDS: [u8; 3] = [255, 0, 128];
+const APART: u8 = 40;
+const LOST: f64 = 0.01;
+const PAPER: f64 = 0.5;
+/// Least chroma of a colored ink, by its contrast, and by the paper's brightness.
+const CHROMA: f64 = 0.2;
+const GRAY: f64 = 0.04;
 
-/// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size`
-/// gives the size of a pixel in cap heights from the bounds of the ink. The detail in which they
-/// are drawn, and what the picture is taken for.
+/// Lines of a bitmap.
+pub(super) struct Traced {
+    /// In pixels, y up, with their colors; black where the ink is gray.
+    pub(super) lines: Vec<ColoredLine>,
+    /// The detail in which they are drawn.
+    pub(super) detail: f64,
+    /// What the picture is taken for.
+    pub(super) picture: Picture,
+    /// What of it is not drawn.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Traces a bitmap. `size` gives the size of a pixel in cap heights from the bounds of the ink.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
     size: impl Fn([f64; 4]) -> Result<f64>,
     file: &str,
-) -> Result<(Vec<ColoredLine>, f64, Picture)> {
+) -> Result<Traced> {
     let hint = "photograph the drawing in even light, or draw with a darker pen";
     let budget = Budget::of(file, "make the picture smaller, or draw less");
-    let picture = upright(bytes, &budget, file)?;
-    let field = Field::of(&picture);
-    let thresholds = field.thresholds();
-    let is_photograph = match options.picture {
-        Picture::Auto => {
-            thresholds.is_some_and(|(threshold, _)| field.texture(threshold) > TEXTURE)
+    let (picture, shrunk) = upright(bytes, &budget, file)?;
+    let (picture, mut field, sheet) = match paper(&picture, shrunk, options, file)? {
+        Some((sheet, field, corners)) => (sheet, field, Some(corners)),
+        None => {
+            let field = Field::of(&picture);
+            (picture, field, None)
         }
+    };
+    let found = field.threshold();
+    // How far the picture is on the way to a photograph: 1 and more, it is one.
+    let photographic = found.map_or(0.0, |(threshold, strong)| {
+        (field.texture(threshold) / TEXTURE).max(field.tones(strong) / TONES)
+    });
+    let is_near = photographic > NEARLY;
+    let is_photograph = match options.picture {
+        Picture::Auto => photographic > 1.0,
         Picture::Drawing => false,
         Picture::Photograph => true,
     };
     if is_photograph {
         let edges = edges(&picture).into_iter().map(|line| (line, Paint::Plain([0; 3])));
-        let detail = options.detail.unwrap_or(PHOTOGRAPH);
-        return Ok((edges.collect(), detail, Picture::Photograph));
+        let (lines, detail) = (edges.collect(), options.detail.unwrap_or(PHOTOGRAPH));
+        return Ok(Traced { lines, detail, picture: Picture::Photograph, warnings: Vec::new() });
     }
-    let Some((threshold, strong)) = thresholds else {
+    let Some((_, strong)) = found else {
         let found = "a picture without lines that stand out from its paper";
         return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
     };
-    let patches = field.patches(threshold, strong);
-    if let [patch] = &patches[..]
-        && patch.len() == 1
-        && field.along_rim(&patch[0]) > ALL_INK * 2.0 * (field.width + field.height - 4) as f64
-    {
-        let found = "a picture that is one color from rim to rim";
+    #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
+    let least = speck(f64::from(picture.width().max(picture.height()))) as usize;
+    let is_ruled = field.find(strong, least);
+    let patches = field.patches(sheet.is_some());
+    if patches.is_empty() {
+        let found = "a picture without lines that stand out from its paper";
         return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
     }
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let scale = size(extent)?;
-    let mut lines = Vec::new();
-    let mut traced: Vec<(Vec<Contour>, Option<CenterLines>)> = Vec::new();
-    for patch in patches {
-        let patch: Vec<Contour> =
-            patch.iter().map(|c| c.iter().map(|p| p.map(|x| x * scale)).collect()).collect();
-        let is_thick = mean_stroke_width(&patch) > THICK * larger * scale;
-        let is_traced = options.trace == Trace::CenterLine && !is_thick;
-        let found = is_traced.then(|| center_lines(&patch, &budget));
-        budget.check()?;
-        traced.push((patch, found));
-    }
-    let length =
-        |found: &CenterLines| found.lines.iter().map(|line| polyline_length_m(line)).sum::<f64>();
-    let is_short = |found: &CenterLines| length(found) < 2.0 * LONG * found.thickest;
-    let pens = traced.iter().filter_map(|(_, found)| found.as_ref()).filter(|it| !is_short(it));
-    let pen = median(pens.map(|found| found.half_width)).map_or(0.0, |half| PENS * half);
-    let least = pen.max(0.5 * POINT * larger * scale);
-    for (patch, found) in traced {
-        let drawn = match found.filter(|found| !(is_short(found) && found.thickest > least)) {
-            Some(found) => found.lines,
-            None => outlines(&patch, &budget),
-        };
-        budget.check()?;
-        let drawn = drawn.into_iter().map(|line| line.into_iter().map(|p| p.map(|x| x / scale)));
-        lines.extend(drawn.map(Iterator::collect::<Vec<_>>).filter(|line| line.len() > 1));
-    }
+    let patches =
+        patches.into_iter().map(|patch| Patch::new(patch, [larger, 1.0 / scale], &budget));
+    let patches: Vec<Patch<'_>> = patches.collect();
+    let mut lines = match options.trace {
+        Trace::CenterLine => areas::lines(patches, larger),
+        Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
+    };
+    budget.check()?;
+    lines.retain(|line| line.len() > 1);
     if lines.iter().map(Vec::len).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
     let colored = lines.into_iter().map(|line| {
-        let color = field.color(&picture, &line, threshold);
+        let color = field.hue(&line);
         (line, Paint::Plain(color))
     });
-    Ok((colored.collect(), options.detail.unwrap_or(1.0), Picture::Drawing))
+    let ruled = "pale lines across the picture are not drawn: they look like the paper's rulings";
+    let found_sheet = sheet.filter(|_| options.corners_px.is_none()).map(|corners| {
+        let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
+        format!("drawn is the sheet of paper with its corners at {corners} (letters.corners_px)")
+    });
+    let code = "a QR code in lines of light is read by no phone: the drone draws the rims of its \
+                modules; write its address instead";
+    let photo =
+        "this looks much like a photograph: letters.picture = \"photograph\" draws its edges";
+    let said = [
+        qr::is_seen(&field).then(|| code.to_owned()),
+        (is_near && sheet.is_none() && options.picture == Picture::Auto).then(|| photo.to_owned()),
+        is_ruled.then(|| ruled.to_owned()),
+        found_sheet,
+    ];
+    Ok(Traced {
+        lines: colored.collect(),
+        detail: options.detail.unwrap_or(1.0),
+        picture: Picture::Drawing,
+        warnings: said.into_iter().flatten().collect(),
+    })
 }
 
-/// The picture in upright position, and at most as large as needed. Where it is transparent it lies
-/// on white, or on black if its ink is light.
-fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
+/// The sheet of paper in a picture seen square on, its ink, and its corners in the pixels of the
+/// file, of which one of the picture's is so many; `None` where the whole picture is drawn.
+fn paper(
+    picture: &RgbImage,
+    shrunk: f64,
+    options: &LetterOptions,
+    file: &str,
+) -> Result<Option<(RgbImage, Field, Corners)>> {
+    if let Some([a, b, c, d, e, f, g, h]) = options.corners_px {
+        let corners = [[a, b], [c, d], [e, f], [g, h]];
+        if !sheet::is_convex(&corners) {
+            let wanted =
+                "x and y of the upper left, upper right, lower right and lower left corner";
+            let hint = "read the corners of the sheet off the picture, clockwise from upper left";
+            let found = format!("{corners:?}");
+            return Err(Error::input(format!("{file}: corners"), found, wanted, hint));
+        }
+        let sheet = sheet::square_on(picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
+        let field = Field::of(&sheet);
+        return Ok(Some((sheet, field, corners)));
+    }
+    if options.picture == Picture::Photograph || plain_paper(picture).is_some() {
+        return Ok(None);
+    }
+    let Some(corners) = sheet::corners(picture) else { return Ok(None) };
+    let sheet = sheet::square_on(picture, &corners);
+    let field = Field::of(&sheet);
+    let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
+    Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
+}
+
+/// The picture in upright position, opaque, and at most as large as needed; and how many pixels of
+/// the file are one of it.
+fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
     let refuse = |found: &dyn std::fmt::Display| {
-        let wanted = "a PNG image or a JPEG photo";
+        let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
         Error::input(file, found, wanted, "choose another file, or make it smaller")
     };
     let reader =
@@ -171,118 +216,48 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
         picture = picture.thumbnail(LONGER_SIDE, LONGER_SIDE);
     }
     picture.apply_orientation(orientation);
-    let mut on_white = RgbImage::new(picture.width(), picture.height());
-    let picture = picture.into_rgba8();
-    let [mut n_ink, mut n_light] = [0_u32; 2];
-    for [r, g, b, alpha] in picture.pixels().map(|pixel| pixel.0.map(u32::from)) {
-        let is_ink = alpha > 127;
-        n_ink += u32::from(is_ink);
-        n_light += u32::from(is_ink && 299 * r + 587 * g + 114 * b > 1000 * LIGHT);
+    let shrunk = f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
+    Ok((on_ground(&picture.into_rgba8()), shrunk))
+}
+
+/// A transparent picture on a ground from which its ink stands out.
+fn on_ground(picture: &RgbaImage) -> RgbImage {
+    let mut n_opaque = 0.0;
+    let mut n_lost = [0.0; GROUNDS.len()];
+    for pixel in picture.pixels().filter(|pixel| pixel.0[3] > 127) {
+        n_opaque += 1.0;
+        for (ground, n) in GROUNDS.iter().zip(&mut n_lost) {
+            let is_lost = pixel.0[..3].iter().all(|value| value.abs_diff(*ground) < APART);
+            *n += f64::from(u8::from(is_lost));
+        }
     }
-    let is_transparent = n_ink < picture.width() * picture.height();
-    let is_light = f64::from(n_light) >= ALL_LIGHT * f64::from(n_ink);
-    let ground = if is_transparent && is_light { 0 } else { 255 };
-    for (pixel, rgba) in on_white.pixels_mut().zip(picture.pixels()) {
+    let all = f64::from(picture.width()) * f64::from(picture.height());
+    let has_paper = n_opaque > PAPER * all && n_lost[0] > PAPER * n_opaque;
+    let stands_out = (0..GROUNDS.len()).find(|k| n_lost[*k] <= LOST * n_opaque);
+    let ground = if has_paper { GROUNDS[0] } else { GROUNDS[stands_out.unwrap_or(0)] };
+    let mut opaque = RgbImage::new(picture.width(), picture.height());
+    for (pixel, rgba) in opaque.pixels_mut().zip(picture.pixels()) {
         let [.., alpha] = rgba.0.map(u32::from);
         for (channel, value) in pixel.0.iter_mut().zip(rgba.0) {
-            let sum = u32::from(value) * alpha + ground * (255 - alpha);
+            let sum = u32::from(value) * alpha + u32::from(ground) * (255 - alpha);
             *channel = u8::try_from((sum + 127) / 255).unwrap_or(255);
         }
     }
-    Ok(on_white)
-}
-
-/// Share of the paper's brightness that the ink takes, pixel by pixel, 0 to 1, with a margin of
-/// paper.
-struct Field {
-    width: usize,
-    height: usize,
-    ink: Vec<f64>,
+    opaque
 }
 
 impl Field {
-    fn of(picture: &RgbImage) -> Self {
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let luma = imageops::grayscale(picture);
-        let mut counts = [0_usize; 256];
-        luma.pixels().for_each(|pixel| counts[usize::from(pixel.0[0])] += 1);
-        // Most of a picture is paper.
-        let level = |share: f64| quantile(&counts, share) as f64;
-        let light = 2.0 * level(0.5) < level(0.01) + level(0.99);
-        let bright = |value: u8| if light { 255.0 - f64::from(value) } else { f64::from(value) };
-        let values: Vec<f64> = luma.pixels().map(|pixel| bright(pixel.0[0])).collect();
-        let values = softened(&values, width);
-        let paper = Paper::of(&values, width, height);
-        let (w, h) = (width + 2, height + 2);
-        let mut ink = vec![0.0; w * h];
-        for (at, value) in values.iter().enumerate() {
-            let (x, y) = (at % width, at / width);
-            ink[(y + 1) * w + x + 1] = (1.0 - value / paper.at(x, y)).clamp(0.0, 1.0);
-        }
-        Self { width: w, height: h, ink }
-    }
-
-    /// Otsu's threshold, the one with the largest variance between ink and paper, and the middle
-    /// between it and the mean ink. `None` where ink and paper are hardly different.
-    fn thresholds(&self) -> Option<(f64, f64)> {
-        let mut counts = [0_usize; 256];
-        self.ink.iter().for_each(|ink| counts[level(255.0 * ink)] += 1);
-        let total = self.ink.len() as f64;
-        let whole: f64 = (0..).zip(&counts).map(|(i, n)| f64::from(i) * *n as f64).sum();
-        let (mut below, mut sum) = (0.0, 0.0);
-        let mut best = (0.0, 0.0, (0.0, 0.0));
-        for (i, n) in (0..255).zip(&counts) {
-            below += *n as f64;
-            sum += f64::from(i) * *n as f64;
-            let above = total - below;
-            if above == 0.0 {
-                break;
-            }
-            let ink = (whole - sum) / above;
-            let apart = ink - sum / below;
-            let variance = below * above * apart * apart;
-            if variance > best.0 {
-                let threshold = f64::from(i) + 0.5;
-                best =
-                    (variance, apart / 255.0, (threshold / 255.0, 0.5 * (threshold + ink) / 255.0));
-            }
-        }
-        let (_, apart, thresholds) = best;
-        (apart > FAINT).then_some(thresholds)
-    }
-
-    /// Standard deviation of what is paper by a threshold, by the contrast of ink.
-    fn texture(&self, threshold: f64) -> f64 {
-        let (paper, ink): (Vec<f64>, Vec<f64>) =
-            self.ink.iter().partition(|ink| **ink <= threshold);
-        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
-        let (paper_mean, ink_mean) = (mean(&paper), mean(&ink));
-        let squares: Vec<f64> = paper.iter().map(|x| (x - paper_mean) * (x - paper_mean)).collect();
-        libm::sqrt(mean(&squares)) / (ink_mean - paper_mean)
-    }
-
-    /// Patches of ink, each a contour with its holes; without specks, what is nowhere strong, and
-    /// what stands around the paper.
-    fn patches(&self, threshold: f64, strong: f64) -> Vec<Vec<Contour>> {
+    /// Patches of ink, each a contour with its holes; without specks and what stands around the
+    /// paper, and without what lies over the rim of a sheet: a hand, or what is left of the table.
+    fn patches(&self, is_sheet: bool) -> Vec<Vec<Contour>> {
         let side = self.width.max(self.height) as f64;
-        let contours = contours(&self.ink, [self.width, self.height], threshold);
-        let least = (SPECK * side * SPECK * side).max(2.0);
-        // Half a pixel within a contour there is a pixel of its ink.
-        let is_strong = |contour: &Contour| {
-            let ink = |[x, y]: &[f64; 2]| {
-                let (x, y) = (pixel(*x, self.width), pixel(-y, self.height));
-                near(y * self.width + x, self.width, self.height)
-                    .map(|at| self.ink[at])
-                    .fold(0.0, f64::max)
-            };
-            contour.iter().map(ink).fold(0.0, f64::max) > strong
-        };
+        let contours = contours(&self.ink, [self.width, self.height], RIM);
+        let least = speck(side);
         let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
             .into_iter()
             .filter(|contour| area(contour).abs() >= least)
             .partition(|contour| area(contour) > 0.0);
-        let outer = outer.into_iter().filter(is_strong);
-        let mut patches: Vec<Vec<Contour>> = outer.map(|c| vec![c]).collect();
+        let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
         // The smallest patch that holds a point of a hole has the hole.
         patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
         let budget = Budget::of("", "");
@@ -303,6 +278,14 @@ impl Field {
         if !patches.iter().all(around) {
             patches.retain(|patch| !around(patch));
         }
+        if is_sheet {
+            let is_foreign = |patch: &Vec<Contour>| {
+                let along = self.along_rim(&patch[0]);
+                let thick = mean_stroke_width(patch) > OVER_RIM * side;
+                along > 0.0 && (thick || along > 0.25 * polyline_length_m(&patch[0]))
+            };
+            patches.retain(|patch| !is_foreign(patch));
+        }
         patches
     }
 
@@ -315,21 +298,23 @@ impl Field {
     }
 
     /// The hue of the ink along a line at full saturation; black where it is gray.
-    fn color(&self, picture: &RgbImage, line: &[[f64; 2]], threshold: f64) -> [u8; 3] {
+    fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
         let mut sum = [0.0; 3];
+        let [mut n, mut contrast] = [0.0; 2];
         for leg in line.windows(2) {
             for share in [0.0, 0.25, 0.5, 0.75] {
                 let [x, y] = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
-                let (x, y) = (pixel(x, self.width), pixel(-y, self.height));
-                if self.ink[y * self.width + x] > threshold {
-                    let at = 3 * ((y - 1) * (self.width - 2) + x - 1);
-                    (0..3).for_each(|i| sum[i] += f64::from(picture.as_raw()[at + i]));
+                let at = pixel(-y, self.height) * self.width + pixel(x, self.width);
+                if self.ink[at] > RIM {
+                    (0..3).for_each(|i| sum[i] += self.color[at][i]);
+                    contrast += self.contrast[at];
+                    n += 1.0;
                 }
             }
         }
         let least = sum.into_iter().fold(f64::MAX, f64::min);
         let most = sum.into_iter().fold(0.0, f64::max);
-        if most - least <= CHROMA * most {
+        if most - least <= (CHROMA * contrast).max(GRAY * n) {
             return [0; 3];
         }
         // In halves, so that strokes of one pen have one color.
@@ -337,106 +322,15 @@ impl Field {
     }
 }
 
-/// Brightness of the paper in blocks.
-struct Paper {
-    block: usize,
-    columns: usize,
-    rows: usize,
-    levels: Vec<f64>,
-}
-
-impl Paper {
-    fn of(values: &[f64], width: usize, height: usize) -> Self {
-        let block = width.max(height).div_ceil(BLOCKS);
-        let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
-        let mut counts = vec![[0_usize; 256]; columns * rows];
-        for (at, value) in values.iter().enumerate() {
-            counts[at / width / block * columns + at % width / block][level(*value)] += 1;
-        }
-        let mut levels: Vec<f64> =
-            counts.iter().map(|counts| (quantile(counts, PAPER) as f64).max(1.0)).collect();
-        let brightest = levels.iter().copied().fold(0.0, f64::max);
-        let mut known: Vec<bool> = levels.iter().map(|paper| *paper > SHADOW * brightest).collect();
-        let mut grown: Vec<usize> = (0..levels.len()).filter(|at| known[*at]).collect();
-        while let Some(from) = grown.pop() {
-            for at in near(from, columns, rows) {
-                if !known[at] && levels[at] > SHADOW * levels[from] {
-                    known[at] = true;
-                    grown.push(at);
-                }
-            }
-        }
-        // Blocks in the middle of a patch have the paper of their neighbors.
-        while known.contains(&false) {
-            let before = known.clone();
-            for at in (0..levels.len()).filter(|at| !before[*at]) {
-                let near = near(at, columns, rows).filter(|k| before[*k]);
-                let papers: Vec<f64> = near.map(|k| levels[k]).collect();
-                if !papers.is_empty() {
-                    levels[at] = papers.iter().sum::<f64>() / papers.len() as f64;
-                    known[at] = true;
-                }
-            }
-        }
-        // Brightest, then darkest of the neighbors (a morphological closing): a patch as large as a
-        // few blocks is filled, and the edge of a shadow stays where it is.
-        let each = |levels: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
-            let near = |at| near(at, columns, rows).map(|k| levels[k]).collect::<Vec<_>>();
-            (0..levels.len()).map(|at| of(&near(at))).collect()
-        };
-        levels = each(&levels, &|near| near.iter().copied().fold(0.0, f64::max));
-        levels = each(&levels, &|near| near.iter().copied().fold(f64::MAX, f64::min));
-        levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
-        Self { block, columns, rows, levels }
-    }
-
-    /// At a pixel, between the middles of blocks.
-    fn at(&self, x: usize, y: usize) -> f64 {
-        let along = |at: usize, n: usize| {
-            let place = ((at as f64 + 0.5) / self.block as f64 - 0.5).clamp(0.0, (n - 1) as f64);
-            let first = level(place).min(n - 1);
-            (first, (first + 1).min(n - 1), place - first as f64)
-        };
-        let (left, right, across) = along(x, self.columns);
-        let (top, bottom, down) = along(y, self.rows);
-        let row = |row: usize| {
-            let [a, b] = [left, right].map(|column| self.levels[row * self.columns + column]);
-            a + across * (b - a)
-        };
-        row(top) + down * (row(bottom) - row(top))
-    }
-}
-
-/// A cell and those around it.
-fn near(at: usize, columns: usize, rows: usize) -> impl Iterator<Item = usize> {
-    let (x, y) = (at % columns, at / columns);
-    let around = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
-    around(y, rows).flat_map(move |y| around(x, columns).map(move |x| y * columns + x))
+/// Least area of a patch, by the longer side of its picture in pixels.
+fn speck(side: f64) -> f64 {
+    (SPECK * side * SPECK * side).max(2.0)
 }
 
 /// The area within a closed contour, negative where it runs clockwise.
 fn area(contour: &Contour) -> f64 {
     let legs = contour.iter().zip(contour.iter().cycle().skip(1));
     legs.map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
-}
-
-/// The value below which a share of counted values lies.
-fn quantile(counts: &[usize; 256], share: f64) -> usize {
-    let total: usize = counts.iter().sum();
-    let mut passed = 0;
-    let wanted = share * total as f64;
-    counts
-        .iter()
-        .position(|n| {
-            passed += n;
-            passed as f64 >= wanted
-        })
-        .unwrap_or(255)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-fn level(value: f64) -> usize {
-    (value as usize).min(255)
 }
 
 /// The pixel of the field at a place, which is not in its margin.

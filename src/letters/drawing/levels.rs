@@ -68,3 +68,35 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     };
     pass(&pass(values, 1, width), width, values.len() / width)
 }
+
+/// A pixel and those within so many steps of it.
+pub(super) fn around(
+    at: usize,
+    width: usize,
+    height: usize,
+    steps: usize,
+) -> impl Iterator<Item = usize> {
+    let (x, y) = (at % width, at / width);
+    let range = move |at: usize, n: usize| at.saturating_sub(steps)..(at + steps + 1).min(n);
+    range(y, height).flat_map(move |y| range(x, width).map(move |x| y * width + x))
+}
+
+/// The value below which a share of counted values lies.
+pub(super) fn quantile(counts: &[usize; 256], share: f64) -> usize {
+    let total: usize = counts.iter().sum();
+    let mut passed = 0;
+    let wanted = share * total as f64;
+    counts
+        .iter()
+        .position(|n| {
+            passed += n;
+            passed as f64 >= wanted
+        })
+        .unwrap_or(255)
+}
+
+/// A value as one of 256 levels.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+pub(super) fn level(value: f64) -> usize {
+    (value as usize).min(255)
+}

@@ -12,20 +12,26 @@ use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
+use bitmap::Traced;
 use detail::reduced;
 use gradient::{Gradient, Paint};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 
+mod areas;
 mod bitmap;
 mod css;
 mod detail;
 mod gradient;
 mod handwriting;
+mod ink;
 mod levels;
+mod paper;
 mod photograph;
 mod plain;
+mod qr;
+mod sheet;
 mod shown;
 mod style;
 mod svg;
@@ -82,7 +88,8 @@ struct Written {
 /// A line of a picture in its own units, y up, and what colors it.
 type ColoredLine = (Vec<[f64; 2]>, Paint);
 
-/// Reads a drawing: `*.svg`, a picture `*.png` or `*.jpg`, or handwriting `*.json`.
+/// Reads a drawing: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`, `*.gif` (its first frame) or
+/// `*.bmp`, or handwriting `*.json`.
 ///
 /// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
@@ -112,25 +119,36 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let strokes = by_color(drawn, &drawing.gradients, &placing, ink, &file)?;
             Ok(Strokes { warnings: drawing.warnings, ..strokes })
         }
-        Some("png" | "jpg" | "jpeg") => {
+        Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
-            let (lines, detail, picture) = bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
+            let Traced { lines, detail, picture, warnings } =
+                bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let extent = |lines: &[ColoredLine]| {
                 bounds(lines.iter().flat_map(|(line, _)| line.iter().copied()))
             };
             let larger = placing(extent(&lines))?.size();
             let drawn = reduced(lines, detail, larger, &file)?;
             let placing = placing(extent(&drawn.0))?;
-            Ok(Strokes { picture, ..by_color(drawn, &[], &placing, ink, &file)? })
+            Ok(Strokes { picture, warnings, ..by_color(drawn, &[], &placing, ink, &file)? })
         }
         Some("json") => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
             write(traces, canvas, options, ink, &file)
         }
-        _ => {
-            let wanted = "a file *.svg, *.png, *.jpg or *.json (strokes)";
-            Err(Error::input(&file, "a file of another kind", wanted, "save the drawing as SVG"))
+        kind => {
+            let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
+            let (found, hint) = match kind {
+                Some("heic" | "heif" | "avif") => (
+                    "a photo of a kind that is not read",
+                    "save it as JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+                ),
+                Some("pdf" | "ai" | "eps") => {
+                    ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
+                }
+                _ => ("a file of another kind", "save the drawing as SVG"),
+            };
+            Err(Error::input(&file, found, wanted, hint))
         }
     }
 }
@@ -361,6 +379,8 @@ fn too_many(file: &str) -> Error {
     Error::input(file, "a drawing of more points", wanted, hint)
 }
 
+#[cfg(test)]
+mod picture_tests;
 #[cfg(test)]
 mod svg_tests;
 #[cfg(test)]

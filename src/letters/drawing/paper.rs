@@ -1,0 +1,120 @@
+//! Paper: its color in blocks of a picture, under shadows and lamps.
+
+use super::levels::{around, level, quantile};
+
+/// Blocks of paper along the longer side.
+const BLOCKS: usize = 24;
+/// Share of a block's pixels that are darker than its paper.
+const PAPER: f64 = 0.75;
+/// Paper is brighter than this share of paper beside it, from the brightest block on, so that a
+/// shadow with a soft edge may be as dark as it likes; what is darker is a patch of ink.
+const SHADOW: f64 = 0.45;
+/// Largest ratio of two channels, by that of paper beside it: what has another hue is a patch of
+/// ink.
+const HUE: f64 = 1.3;
+
+/// Color of the paper in blocks.
+pub(super) struct Paper {
+    block: usize,
+    columns: usize,
+    rows: usize,
+    levels: Vec<[f64; 3]>,
+}
+
+impl Paper {
+    /// The paper of a picture by its channels, of which more is lighter.
+    pub(super) fn of(channels: &[Vec<f64>; 3], width: usize, height: usize) -> Self {
+        let block = width.max(height).div_ceil(BLOCKS);
+        let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
+        let mut levels = vec![[0.0; 3]; columns * rows];
+        for (c, values) in channels.iter().enumerate() {
+            let mut counts = vec![[0_usize; 256]; columns * rows];
+            for (at, value) in values.iter().enumerate() {
+                counts[at / width / block * columns + at % width / block][level(*value)] += 1;
+            }
+            for (levels, counts) in levels.iter_mut().zip(&counts) {
+                levels[c] = (quantile(counts, PAPER) as f64).max(1.0);
+            }
+        }
+        let mut known = known(&levels, columns, rows);
+        // Blocks in the middle of a patch have the paper of their neighbors.
+        while known.contains(&false) {
+            let before = known.clone();
+            for at in (0..levels.len()).filter(|at| !before[*at]) {
+                let near = around(at, columns, rows, 1).filter(|k| before[*k]);
+                let papers: Vec<[f64; 3]> = near.map(|k| levels[k]).collect();
+                if !papers.is_empty() {
+                    let mean = |c: usize| papers.iter().map(|p| p[c]).sum::<f64>();
+                    levels[at] = [0, 1, 2].map(|c| mean(c) / papers.len() as f64);
+                    known[at] = true;
+                }
+            }
+        }
+        // Brightest, then darkest of the neighbors (a morphological closing): a patch as large as a
+        // few blocks is filled, and the edge of a shadow stays where it is.
+        let each = |levels: &[[f64; 3]], of: &dyn Fn(&[f64]) -> f64| -> Vec<[f64; 3]> {
+            let near = |at, c: usize| {
+                around(at, columns, rows, 1).map(|k| levels[k][c]).collect::<Vec<_>>()
+            };
+            (0..levels.len()).map(|at| [0, 1, 2].map(|c| of(&near(at, c)))).collect()
+        };
+        levels = each(&levels, &|near| near.iter().copied().fold(0.0, f64::max));
+        levels = each(&levels, &|near| near.iter().copied().fold(f64::MAX, f64::min));
+        levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
+        Self { block, columns, rows, levels }
+    }
+
+    /// At a pixel, between the middles of blocks.
+    pub(super) fn at(&self, x: usize, y: usize) -> [f64; 3] {
+        let along = |at: usize, n: usize| {
+            let place = ((at as f64 + 0.5) / self.block as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+            let first = level(place).min(n - 1);
+            (first, (first + 1).min(n - 1), place - first as f64)
+        };
+        let (left, right, across) = along(x, self.columns);
+        let (top, bottom, down) = along(y, self.rows);
+        [0, 1, 2].map(|c| {
+            let row = |row: usize| {
+                let [a, b] =
+                    [left, right].map(|column| self.levels[row * self.columns + column][c]);
+                a + across * (b - a)
+            };
+            row(top) + down * (row(bottom) - row(top))
+        })
+    }
+}
+
+/// Which blocks show paper: the brightest, and from them on what is as bright and of the same hue.
+fn known(levels: &[[f64; 3]], columns: usize, rows: usize) -> Vec<bool> {
+    let luma = |[r, g, b]: [f64; 3]| 0.299 * r + 0.587 * g + 0.114 * b;
+    let lumas: Vec<f64> = levels.iter().map(|level| luma(*level)).collect();
+    let brightest = lumas.iter().copied().fold(0.0, f64::max);
+    // The hue of most of the bright blocks.
+    let median = |c: usize| {
+        let mut counts = [0_usize; 256];
+        let bright = (0..levels.len()).filter(|at| lumas[*at] > 0.8 * brightest);
+        bright.for_each(|at| counts[level(levels[at][c])] += 1);
+        (quantile(&counts, 0.5) as f64).max(1.0)
+    };
+    let paper = [0, 1, 2].map(median);
+    let is_paper = |of: [f64; 3], beside: [f64; 3]| {
+        let ratios = [0, 1, 2].map(|c| of[c] / beside[c]);
+        let most = ratios.into_iter().fold(0.0, f64::max);
+        let least = ratios.into_iter().fold(f64::MAX, f64::min);
+        luma(of) > SHADOW * luma(beside) && most < HUE * least
+    };
+    let mut known: Vec<bool> = levels.iter().map(|of| is_paper(*of, paper)).collect();
+    let mut grown: Vec<usize> = (0..levels.len()).filter(|at| known[*at]).collect();
+    while let Some(from) = grown.pop() {
+        for at in around(from, columns, rows, 1) {
+            if !known[at] && is_paper(levels[at], levels[from]) {
+                known[at] = true;
+                grown.push(at);
+            }
+        }
+    }
+    if !known.contains(&true) {
+        known.fill(true);
+    }
+    known
+}

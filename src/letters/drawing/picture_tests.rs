@@ -1,0 +1,533 @@
+//! Pictures that people bring: icons, colors, paper.
+
+use std::f64::consts::PI;
+
+use super::*;
+use tiny_skia::{
+    FillRule, LineCap, Mask, Paint as Brush, Path, PathBuilder, Pixmap, Stroke, Transform,
+};
+
+const WHITE: [u8; 3] = [255; 3];
+
+/// A picture that is painted shape by shape.
+struct Canvas(Pixmap);
+
+impl Canvas {
+    fn new([width, height]: [u32; 2], [r, g, b]: [u8; 3]) -> Self {
+        let mut pixmap = Pixmap::new(width, height).unwrap();
+        pixmap.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
+        Self(pixmap)
+    }
+
+    fn fill(&mut self, path: &Path, color: [u8; 3]) {
+        self.0.fill_path(path, &brush(color), FillRule::EvenOdd, Transform::identity(), None);
+    }
+
+    fn draw(&mut self, path: &Path, color: [u8; 3], width: f32) {
+        let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
+        self.0.stroke_path(path, &brush(color), &pen, Transform::identity(), None);
+    }
+
+    fn picture(&self) -> image::RgbImage {
+        let (width, height) = (self.0.width(), self.0.height());
+        let rgba = image::RgbaImage::from_raw(width, height, self.0.data().to_vec()).unwrap();
+        image::DynamicImage::from(rgba).into_rgb8()
+    }
+
+    fn traced(&self) -> Traced {
+        traced(&self.picture(), image::ImageFormat::Png)
+    }
+}
+
+fn brush([r, g, b]: [u8; 3]) -> Brush<'static> {
+    let mut brush = Brush { anti_alias: true, ..Brush::default() };
+    brush.set_color_rgba8(r, g, b, 255);
+    brush
+}
+
+/// The lines of a picture in its pixels, y down.
+fn traced(picture: &image::RgbImage, format: image::ImageFormat) -> Traced {
+    let mut file = Vec::new();
+    picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
+    let size = |_: [f64; 4]| Ok(1.0 / f64::from(picture.height()));
+    let mut traced = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap();
+    for point in traced.lines.iter_mut().flat_map(|(line, _)| line) {
+        // A pixel's middle is at half of it, and the lines have a margin of a pixel.
+        *point = [point[0] - 0.5, -point[1] - 0.5];
+    }
+    traced
+}
+
+fn polygon(corners: impl IntoIterator<Item = [f32; 2]>) -> Path {
+    let mut path = PathBuilder::new();
+    for (index, [x, y]) in corners.into_iter().enumerate() {
+        if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+    }
+    path.close();
+    path.finish().unwrap()
+}
+
+fn circle(x: f32, y: f32, r: f32) -> Path {
+    PathBuilder::from_circle(x, y, r).unwrap()
+}
+
+fn line(points: &[[f32; 2]]) -> Path {
+    let mut path = PathBuilder::new();
+    path.move_to(points[0][0], points[0][1]);
+    points[1..].iter().for_each(|[x, y]| path.line_to(*x, *y));
+    path.finish().unwrap()
+}
+
+/// Icons in a square from −1 to 1; those that are drawn with a pen have its width.
+const ICONS: usize = 17;
+
+fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
+    let at = |[dx, dy]: [f32; 2]| [x + r * dx, y + r * dy];
+    let corners = |list: &[[f32; 2]]| polygon(list.iter().map(|place| at(*place)));
+    let round = |n: u8, radius: &dyn Fn(f32) -> f32| {
+        polygon((0..n).map(|k| {
+            let angle = f32::from(k) * std::f32::consts::TAU / f32::from(n);
+            let (sin, cos) = libm::sincosf(angle);
+            at([radius(angle) * sin, -radius(angle) * cos])
+        }))
+    };
+    let path = match kind {
+        0 => circle(x, y, r),
+        1 => corners(&[[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]]),
+        2 => corners(&[[0.0, -0.9], [1.0, 0.8], [-1.0, 0.8]]),
+        3 => polygon((0_u8..10).map(|k| {
+            let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
+            let r = if k.is_multiple_of(2) { 1.0 } else { 0.42 };
+            at([r * sin, -r * cos])
+        })),
+        // A heart.
+        4 => polygon((0_u8..120).map(|k| {
+            let t = f32::from(k) * std::f32::consts::TAU / 120.0;
+            let (sin, cos) = libm::sincosf(t);
+            let y = 13.0 * cos
+                - 5.0 * libm::cosf(2.0 * t)
+                - 2.0 * libm::cosf(3.0 * t)
+                - libm::cosf(4.0 * t);
+            at([sin * sin * sin, -y / 17.0])
+        })),
+        // A moon.
+        5 => polygon((0_u8..120).map(|k| {
+            let t = f32::from(k % 60) * std::f32::consts::PI / 59.0;
+            let (sin, cos) = libm::sincosf(t);
+            if k < 60 { at([-sin, -cos]) } else { at([-0.45 * sin, cos]) }
+        })),
+        6 => corners(&[
+            [-1.0, -0.3],
+            [0.1, -0.3],
+            [0.1, -0.8],
+            [1.0, 0.0],
+            [0.1, 0.8],
+            [0.1, 0.3],
+            [-1.0, 0.3],
+        ]),
+        7 => corners(&[
+            [0.0, -1.0],
+            [1.0, 0.0],
+            [0.7, 0.0],
+            [0.7, 0.9],
+            [-0.7, 0.9],
+            [-0.7, 0.0],
+            [-1.0, 0.0],
+        ]),
+        8 => corners(&[
+            [0.2, -1.0],
+            [-0.7, 0.2],
+            [-0.1, 0.2],
+            [-0.3, 1.0],
+            [0.7, -0.3],
+            [0.1, -0.3],
+            [0.5, -1.0],
+        ]),
+        9 => round(6, &|_| 1.0),
+        10 => round(120, &|angle| 0.8 + 0.2 * libm::cosf(5.0 * angle)),
+        // A drop.
+        11 => polygon((0_u8..120).map(|k| {
+            let t = f32::from(k) * std::f32::consts::TAU / 120.0;
+            let (sin, cos) = libm::sincosf(t);
+            at([0.7 * sin * libm::sinf(0.5 * t), -cos])
+        })),
+        // A ring.
+        12 => {
+            let mut ring = PathBuilder::new();
+            ring.push_circle(x, y, r);
+            ring.push_circle(x, y, 0.6 * r);
+            ring.finish().unwrap()
+        }
+        // An ellipse.
+        13 => round(120, &|angle| {
+            let (sin, cos) = libm::sincosf(angle);
+            0.5 / libm::hypotf(0.5 * sin, cos)
+        }),
+        14 => return (line(&[at([-0.9, 0.1]), at([-0.3, 0.8]), at([0.9, -0.8])]), Some(0.12 * r)),
+        15 => return (circle(x, y, r), Some(0.1 * r)),
+        _ => {
+            return (
+                line(&[at([-0.9, 0.6]), at([-0.3, -0.6]), at([0.3, 0.6]), at([0.9, -0.6])]),
+                Some(0.12 * r),
+            );
+        }
+    };
+    (path, None)
+}
+
+/// A row of numbers without end, 0 to 1.
+fn numbers(seed: u32) -> impl FnMut() -> f32 {
+    let mut state = 2 * seed + 1;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from(u16::try_from(state >> 16).unwrap()) / 65536.0
+    }
+}
+
+/// Intersection by union of what two masks cover.
+fn overlap(a: &Mask, b: &Mask) -> f64 {
+    let both = || a.data().iter().zip(b.data());
+    let n = |of: &dyn Fn(u8, u8) -> u8| both().map(|(a, b)| f64::from(of(*a, *b))).sum::<f64>();
+    n(&|a, b| a.min(b)) / n(&|a, b| a.max(b))
+}
+
+/// What lines cover: filled, or drawn with a pen.
+fn covered(lines: &[&Vec<[f64; 2]>], pen: Option<f32>, [width, height]: [u32; 2]) -> Mask {
+    let mut path = PathBuilder::new();
+    for line in lines {
+        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+        let mut points = line.iter().map(|point| point.map(|x| x as f32));
+        let [x, y] = points.next().unwrap();
+        path.move_to(x, y);
+        points.for_each(|[x, y]| path.line_to(x, y));
+    }
+    let mut mask = Mask::new(width, height).unwrap();
+    let Some(path) = path.finish() else { return mask };
+    match pen {
+        None => mask.fill_path(&path, FillRule::EvenOdd, true, Transform::identity()),
+        Some(width) => stroked(&mut mask, &path, width),
+    }
+    mask
+}
+
+fn stroked(mask: &mut Mask, path: &Path, width: f32) {
+    let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
+    let outline = path.stroke(&pen, 1.0).unwrap();
+    mask.fill_path(&outline, FillRule::Winding, true, Transform::identity());
+}
+
+#[test]
+fn every_icon_of_forty_scenes_is_its_outline_and_thin_ones_are_lines() {
+    const SIZE: [u32; 2] = [800, 540];
+    // A line may be off by a pixel.
+    const NEAR: f32 = 6.0;
+    let inks = [[0, 0, 0], [200, 20, 30], [0, 60, 160], [250, 200, 0], [20, 140, 60]];
+    let mut worst = (1.0, String::new());
+    for scene in 0..40 {
+        let mut next = numbers(scene);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+        let mut pick = |n: usize| (next() * n as f32) as usize;
+        let n_icons = 2 + pick(5);
+        let mut placed: Vec<([f32; 2], f32, usize)> = Vec::new();
+        let mut canvas = Canvas::new(SIZE, WHITE);
+        for _ in 0..200 {
+            if placed.len() == n_icons {
+                break;
+            }
+            let r = 20.0 * libm::powf(7.0, pick(1000) as f32 / 1000.0);
+            let place = [pick(800) as f32, pick(540) as f32];
+            let is_free = |(at, other, _): &([f32; 2], f32, usize)| {
+                libm::hypotf(at[0] - place[0], at[1] - place[1]) > 1.2 * (r + other) + 8.0
+            };
+            let inside =
+                [800.0, 540.0].iter().zip(place).all(|(side, x)| x > r + 9.0 && x < side - r - 9.0);
+            if inside && placed.iter().all(is_free) {
+                let kind = pick(ICONS);
+                let (path, pen) = icon(kind, place, r);
+                let ink = inks[pick(inks.len())];
+                match pen {
+                    None => canvas.fill(&path, ink),
+                    Some(width) => canvas.draw(&path, ink, width),
+                }
+                placed.push((place, r, kind));
+            }
+        }
+        let lines = canvas.traced().lines;
+        for (place, r, kind) in placed {
+            let (path, pen) = icon(kind, place, r);
+            let of_icon = |line: &&Vec<[f64; 2]>| {
+                let [left, top, right, bottom] = bounds(line.iter().copied());
+                let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
+                distance(middle, place.map(f64::from)) < 0.8 * f64::from(r)
+            };
+            let drawn: Vec<&Vec<[f64; 2]>> =
+                lines.iter().map(|(line, _)| line).filter(of_icon).collect();
+            let mut wanted = Mask::new(SIZE[0], SIZE[1]).unwrap();
+            match pen {
+                None => wanted.fill_path(&path, FillRule::EvenOdd, true, Transform::identity()),
+                Some(width) => stroked(&mut wanted, &path, width + NEAR),
+            }
+            let overlap = overlap(&covered(&drawn, pen.map(|width| width + NEAR), SIZE), &wanted);
+            if overlap < worst.0 {
+                worst = (overlap, format!("scene {scene}, icon {kind} of {r}: {overlap:.3}"));
+            }
+        }
+    }
+    assert!(worst.0 >= 0.9, "{}", worst.1);
+}
+
+/// The strokes of each color.
+fn hues(traced: &Traced) -> Vec<([u8; 3], usize)> {
+    let mut hues: Vec<([u8; 3], usize)> = Vec::new();
+    for (_, paint) in &traced.lines {
+        let Paint::Plain(color) = *paint else { panic!("a gradient") };
+        match hues.iter_mut().find(|(known, _)| *known == color) {
+            Some((_, n)) => *n += 1,
+            None => hues.push((color, 1)),
+        }
+    }
+    hues.sort_unstable();
+    hues
+}
+
+#[test]
+fn light_ink_beside_dark_ink_is_drawn_in_its_color() {
+    let pale =
+        [[255, 216, 224], [255, 243, 176], [208, 240, 255], [224, 224, 224], [255, 208, 160]];
+    let mut canvas = Canvas::new([1000, 600], WHITE);
+    for (k, ink) in (0_u8..).zip(pale) {
+        canvas.draw(&circle(100.0 + 190.0 * f32::from(k), 100.0, 60.0), ink, 12.0);
+        canvas.fill(&circle(100.0 + 190.0 * f32::from(k), 260.0, 60.0), ink);
+    }
+    canvas.draw(&line(&[[100.0, 500.0], [900.0, 500.0]]), [0; 3], 12.0);
+    canvas.draw(&line(&[[500.0, 500.0], [500.0, 360.0]]), [250, 220, 60], 12.0);
+    let [red, yellow, blue, orange] = [[255, 0, 0], [255, 255, 0], [0, 128, 255], [255, 128, 0]];
+    for format in [image::ImageFormat::Png, image::ImageFormat::Jpeg] {
+        let found = traced(&canvas.picture(), format);
+        let wanted = [([0; 3], 3), (blue, 2), (red, 2), (orange, 2), (yellow, 3)];
+        assert_eq!(hues(&found), wanted);
+        assert!(found.warnings.is_empty());
+    }
+}
+
+#[test]
+fn light_and_dark_ink_on_paper_of_a_middle_tone_are_drawn_and_on_transparency() {
+    let mut canvas = Canvas::new([600, 300], [176, 128, 80]);
+    canvas.draw(&circle(100.0, 150.0, 70.0), WHITE, 10.0);
+    canvas.draw(&circle(300.0, 150.0, 70.0), [0; 3], 10.0);
+    canvas.draw(&circle(500.0, 150.0, 70.0), [250, 220, 40], 10.0);
+    assert_eq!(canvas.traced().lines.len(), 3);
+    let transparent = image::RgbaImage::from_fn(600, 300, |x, y| {
+        let [r, g, b] = canvas.picture().get_pixel(x, y).0;
+        image::Rgba([r, g, b, if [r, g, b] == [176, 128, 80] { 0 } else { 255 }])
+    });
+    let mut file = Vec::new();
+    let format = image::ImageFormat::Png;
+    transparent.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
+    let found = bitmap::read(&file, &LetterOptions::default(), |_| Ok(1.0 / 300.0), "a").unwrap();
+    assert_eq!(found.lines.len(), 3);
+}
+
+#[test]
+fn rulings_of_the_paper_are_not_drawn_and_are_named() {
+    let mut canvas = Canvas::new([1000, 700], [252, 251, 246]);
+    for k in 1..22 {
+        let y = 32.0 * f32::from(u8::try_from(k).unwrap());
+        canvas.draw(&line(&[[0.0, y], [1000.0, y + 4.0]]), [150, 190, 230], 2.0);
+    }
+    canvas.draw(&line(&[[120.0, 0.0], [121.0, 700.0]]), [240, 150, 160], 2.0);
+    canvas.draw(
+        &line(&[[250.0, 200.0], [250.0, 550.0], [600.0, 550.0], [600.0, 200.0]]),
+        [30; 3],
+        7.0,
+    );
+    canvas.draw(&circle(780.0, 250.0, 90.0), [240, 205, 40], 7.0);
+    let mut picture = canvas.picture();
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let (x, y) = (f64::from(x), f64::from(y));
+        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
+        let light = 0.95 - 0.0002 * y - 0.0002 * x;
+        for value in &mut pixel.0 {
+            let grain = 8.0 * (hash - hash.floor() - 0.5);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+            let shaded = (light * f64::from(*value) + grain).clamp(0.0, 255.0) as u8;
+            *value = shaded;
+        }
+    }
+    let found = traced(&picture, image::ImageFormat::Jpeg);
+    assert_eq!(hues(&found), [([0; 3], 1), ([255, 255, 0], 1)]);
+    assert!(found.warnings[0].contains("rulings"), "{:?}", found.warnings);
+}
+
+/// How a sheet of paper was photographed.
+struct Taken {
+    tilt_deg: f64,
+    turn_deg: f64,
+    desk: [f64; 3],
+    /// Light on the right half.
+    shadow: f64,
+    /// Another sheet below, and a hand over the edge.
+    other: bool,
+    hand: bool,
+}
+
+const DARK: [f64; 3] = [110.0, 70.0, 45.0];
+const LIGHT: [f64; 3] = [214.0, 214.0, 210.0];
+
+/// Lines of a boat on a sheet, in its width: x to the right, y down, to 1/√2.
+fn boat() -> Vec<Vec<[f64; 2]>> {
+    let arc = |k: i32| {
+        let t = f64::from(k) / 40.0;
+        [0.2 + 0.6 * t, 0.6 - 0.03 * libm::sin(3.0 * PI * t).abs()]
+    };
+    vec![
+        vec![[0.3, 0.45], [0.72, 0.45], [0.66, 0.53], [0.36, 0.53], [0.3, 0.45]],
+        vec![[0.5, 0.42], [0.5, 0.12], [0.66, 0.39], [0.5, 0.39]],
+        vec![[0.48, 0.16], [0.38, 0.38], [0.48, 0.38], [0.48, 0.16]],
+        (0..=40).map(arc).collect(),
+        (0..=30)
+            .map(|k| {
+                let (sin, cos) = libm::sincos(f64::from(k) * PI / 15.0);
+                [0.82 + 0.05 * cos, 0.15 + 0.05 * sin]
+            })
+            .collect(),
+    ]
+}
+
+/// A photograph of the sheet, and its corners there.
+fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
+    const SIZE: [u32; 2] = [960, 720];
+    let high = 1.0 / std::f64::consts::SQRT_2;
+    let mut paper = Canvas::new([1414, 1000], [252, 250, 240]);
+    for drawn in boat() {
+        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+        let points: Vec<[f32; 2]> =
+            drawn.iter().map(|point| point.map(|x| (1414.0 * x) as f32)).collect();
+        paper.draw(&line(&points), [45, 45, 50], 6.0);
+    }
+    let paper = paper.picture();
+    let (sin, cos) = libm::sincos(taken.turn_deg.to_radians());
+    let (tilt_sin, tilt_cos) = libm::sincos(taken.tilt_deg.to_radians());
+    let place = |[x, y]: [f64; 2]| {
+        let (x, y) = (x - 0.5, y - 0.5 * high);
+        let (x, y) = (cos * x - sin * y, sin * x + cos * y);
+        let far = 1.55 - tilt_sin * y;
+        [480.0 + 1000.0 * x / far, 360.0 + 1000.0 * tilt_cos * y / far]
+    };
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, high], [0.0, high]].map(place);
+    let map = sheet::Map::to(&corners);
+    let below = sheet::Map::to(&[[0.55, 0.4], [1.6, 0.4], [1.6, 1.2], [0.55, 1.2]].map(place));
+    let inverse = |map: &sheet::Map, [x, y]: [f64; 2]| {
+        let [a, b, c] = map.0;
+        let (p, q) = ([0, 1].map(|k| a[k] - x * c[k]), [0, 1].map(|k| b[k] - y * c[k]));
+        let (r, s) = (x * c[2] - a[2], y * c[2] - b[2]);
+        let determinant = p[0] * q[1] - p[1] * q[0];
+        [(r * q[1] - p[1] * s) / determinant, (p[0] * s - r * q[0]) / determinant]
+    };
+    let picture = image::RgbImage::from_fn(SIZE[0], SIZE[1], |px, py| {
+        let (x, y) = (f64::from(px) + 0.5, f64::from(py) + 0.5);
+        let inside = |[u, v]: [f64; 2]| (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v);
+        let [u, v] = inverse(&map, [x, y]);
+        let grain = 0.06 * libm::sin(0.05 * y + 2.0 * libm::sin(0.01 * x));
+        let mut color = taken.desk.map(|value| value * (1.0 + grain));
+        if taken.other && inside(inverse(&below, [x, y])) {
+            color = [250.0, 250.0, 246.0];
+        }
+        if inside([u, v]) {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
+            let at = [(1414.0 * u) as u32, (1000.0 * v) as u32];
+            color = paper.get_pixel(at[0], at[1]).0.map(f64::from);
+        }
+        if taken.hand && libm::hypot((x - 120.0) / 1.6, y - 520.0) < 62.0 {
+            color = [205.0, 150.0, 120.0].map(|value| value + 0.2 * (y - 520.0));
+        }
+        let edge = 1.0 / (1.0 + libm::exp((480.0 + 0.4 * (y - 360.0) - x) / 8.0));
+        let light = (1.0 - 0.15 * y / 720.0) * (1.0 - (1.0 - taken.shadow) * edge);
+        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
+        let noise = 6.0 * (hash - hash.floor() - 0.5);
+        image::Rgb(color.map(|value| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+            let byte = (value * light + noise).clamp(0.0, 255.0) as u8;
+            byte
+        }))
+    });
+    (image::imageops::blur(&picture, 0.8), corners)
+}
+
+#[test]
+fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
+    let plain =
+        Taken { tilt_deg: 0.0, turn_deg: 0.0, desk: DARK, shadow: 1.0, other: false, hand: false };
+    let takes = [
+        Taken { ..plain },
+        Taken { tilt_deg: 25.0, ..plain },
+        Taken { tilt_deg: 40.0, turn_deg: 8.0, ..plain },
+        Taken { tilt_deg: 30.0, turn_deg: -12.0, shadow: 0.4, ..plain },
+        Taken { turn_deg: 15.0, desk: LIGHT, ..plain },
+        Taken { tilt_deg: 30.0, turn_deg: 5.0, desk: LIGHT, ..plain },
+        Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.5, ..plain },
+        Taken { tilt_deg: 40.0, turn_deg: -5.0, desk: LIGHT, ..plain },
+        Taken { tilt_deg: 20.0, turn_deg: 4.0, other: true, ..plain },
+        Taken { tilt_deg: 10.0, turn_deg: -8.0, hand: true, ..plain },
+        Taken { tilt_deg: 35.0, desk: LIGHT, hand: true, ..plain },
+        Taken { tilt_deg: 15.0, turn_deg: 10.0, shadow: 0.35, hand: true, ..plain },
+    ];
+    let drawn: Vec<[f64; 2]> =
+        boat().iter().flat_map(|line| crate::smooth::evenly(line, 0.005)).collect();
+    let [left, top, right, _] = bounds(drawn.iter().copied());
+    for (index, taken) in takes.iter().enumerate() {
+        let (picture, corners) = photographed(taken);
+        let found = traced(&picture, image::ImageFormat::Jpeg);
+        let at: Vec<[f64; 2]> =
+            found.lines.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 3.0)).collect();
+        let [l, t, r, _] = bounds(at.iter().copied());
+        let scale = (right - left) / (r - l);
+        let at: Vec<[f64; 2]> =
+            at.iter().map(|[x, y]| [left + scale * (x - l), top + scale * (y - t)]).collect();
+        let off = |of: &[[f64; 2]], others: &[[f64; 2]]| {
+            let nearest =
+                |p: &[f64; 2]| others.iter().map(|q| distance(*p, *q)).fold(9.0, f64::min);
+            of.iter().map(nearest).fold(0.0, f64::max)
+        };
+        let [missing, added] = [off(&drawn, &at), off(&at, &drawn)];
+        assert!(
+            missing < 0.02 && added < 0.02,
+            "{index}: {missing:.3} missing, {added:.3} added; {corners:.0?}, {:?}",
+            found.warnings
+        );
+    }
+}
+
+#[test]
+fn a_qr_code_is_warned_of_and_a_chessboard_is_not() {
+    let square = |x: f32, y: f32, side: f32| {
+        polygon([[x, y], [x + side, y], [x + side, y + side], [x, y + side]])
+    };
+    let mut canvas = Canvas::new([410, 410], WHITE);
+    let mut next = numbers(7);
+    for (x, y) in (0_u8..33).flat_map(|y| (0_u8..33).map(move |x| (x, y))) {
+        let (left, upper) = (x < 8, y < 8);
+        let in_finder = left && (upper || y > 24) || x > 24 && upper;
+        if !in_finder && next() < 0.5 {
+            canvas.fill(
+                &square(40.0 + 10.0 * f32::from(x), 40.0 + 10.0 * f32::from(y), 10.0),
+                [0; 3],
+            );
+        }
+    }
+    for (x, y) in [(40.0, 40.0), (300.0, 40.0), (40.0, 300.0)] {
+        canvas.fill(&square(x, y, 70.0), [0; 3]);
+        canvas.fill(&square(x + 10.0, y + 10.0, 50.0), WHITE);
+        canvas.fill(&square(x + 20.0, y + 20.0, 30.0), [0; 3]);
+    }
+    let told = canvas.traced().warnings;
+    assert!(told.len() == 1 && told[0].contains("QR"), "{told:?}");
+    let mut board = Canvas::new([400, 400], WHITE);
+    for (x, y) in (0_u8..8).flat_map(|y| (0_u8..8).map(move |x| (x, y))) {
+        if (x + y).is_multiple_of(2) {
+            let [x, y] = [x, y].map(|k| 40.0 + 40.0 * f32::from(k));
+            board.fill(&square(x, y, 36.0), [0; 3]);
+        }
+    }
+    assert_eq!(board.traced().warnings, Vec::<String>::new());
+}

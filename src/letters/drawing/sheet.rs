@@ -1,0 +1,434 @@
+//! A sheet of paper on a table: its corners, and the picture of it seen square on.
+//!
+//! Long straight edges are found by their gradient (Duda and Hart, Comm. ACM 15, 1972, with each
+//! pixel's own direction). Of all pairs of pairs of them, the sheet is the four whose quadrangle is
+//! brighter within than without along most of its sides; logarithms make that so in shadow, too.
+//! Its proportions follow from the perspective of square pixels (Zhang and He, Digital Signal
+//! Processing 17, 2007), and are those of a usual format where they are near it.
+
+use std::f64::consts::PI;
+
+use image::{Rgb, RgbImage, imageops};
+
+use super::levels::softened;
+
+/// Four corners in a picture's pixels, clockwise from the upper left.
+pub(super) type Corners = [[f64; 2]; 4];
+
+/// Pixels of the longer side on which edges are sought.
+const SIDE: u32 = 320;
+/// Share of the pixels whose gradient is too weak for an edge.
+const WEAK: f64 = 0.80;
+/// Directions and the pixels between two lines that are told apart; lines that are tried.
+const ANGLES: usize = 180;
+const APART: [usize; 2] = [6, 5];
+const LINES: usize = 22;
+/// Least area of a sheet by the picture's, least cosine between its sides, least distance of two
+/// opposite sides by the picture's longer side, and how far outside of the picture a corner may be.
+const LEAST_AREA: f64 = 0.12;
+const SLANT: f64 = 0.75;
+const LEAST_APART: f64 = 0.2;
+const OUTSIDE: f64 = 0.03;
+/// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides.
+const EDGE: f64 = 0.02;
+const ACROSS: [f64; 2] = [2.0, 5.0];
+/// Share of each side and of all that has to be such an edge.
+const SEEN: [f64; 2] = [0.45, 0.7];
+/// Points along a side.
+const POINTS: u32 = 48;
+/// Least, usual and greatest focal length by the picture's longer side, of cameras and phones; and
+/// least convergence of sides, across the sheet, from which it is known.
+const FOCAL: [f64; 3] = [0.5, 0.85, 3.0];
+const FLAT: f64 = 0.04;
+/// Ratios of the sides of paper that is sold, and how near one has to be where the focal length is
+/// known, and where it is not.
+const FORMATS: [f64; 4] = [std::f64::consts::SQRT_2, 11.0 / 8.5, 4.0 / 3.0, 1.0];
+const NEAR_FORMAT: [f64; 2] = [0.05, 0.1];
+/// Rim of the sheet that is cut off, by its longer side.
+const RIM: f64 = 0.008;
+
+/// The logarithm of a picture's brightness, made small.
+struct Edges {
+    width: usize,
+    height: usize,
+    /// Pixels of the picture by those of these edges.
+    scale: [f64; 2],
+    log: Vec<f64>,
+}
+
+/// A straight line: the points whose product with its normal is its offset.
+#[derive(Clone, Copy)]
+struct Line {
+    normal: [f64; 2],
+    offset: f64,
+}
+
+/// The corners of a sheet that lies in the picture as a whole; `None` where none is seen.
+pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
+    let edges = Edges::of(picture);
+    let lines = edges.lines();
+    let longer = edges.width.max(edges.height) as f64;
+    let mut pairs = Vec::new();
+    for (k, a) in lines.iter().enumerate() {
+        for b in &lines[k + 1..] {
+            let along = dot(a.normal, b.normal);
+            let apart = (a.offset - along.signum() * b.offset).abs();
+            if along.abs() > SLANT && apart > LEAST_APART * longer {
+                pairs.push([*a, *b]);
+            }
+        }
+    }
+    let mut best: Option<(f64, Corners)> = None;
+    for (k, first) in pairs.iter().enumerate() {
+        for second in &pairs[k + 1..] {
+            let Some(corners) = edges.quadrangle([first[0], second[0], first[1], second[1]]) else {
+                continue;
+            };
+            let Some(seen) = edges.seen(&corners) else { continue };
+            if best.is_none_or(|(most, _)| seen > most) {
+                best = Some((seen, corners));
+            }
+        }
+    }
+    let corners = edges.refined(best?.1);
+    Some(corners.map(|[x, y]| [x * edges.scale[0], y * edges.scale[1]]))
+}
+
+impl Edges {
+    fn of(picture: &RgbImage) -> Self {
+        let longer = picture.width().max(picture.height());
+        let small = |side: u32| (side * SIDE / longer.max(SIDE)).max(3);
+        let (width, height) = (small(picture.width()), small(picture.height()));
+        let small = imageops::thumbnail(picture, width, height);
+        let log = |pixel: &Rgb<u8>| {
+            let [r, g, b] = pixel.0.map(f64::from);
+            libm::log(8.0 + 0.299 * r + 0.587 * g + 0.114 * b)
+        };
+        let log = softened(&small.pixels().map(log).collect::<Vec<_>>(), width as usize);
+        let scale = [
+            f64::from(picture.width()) / f64::from(width),
+            f64::from(picture.height()) / f64::from(height),
+        ];
+        Self { width: width as usize, height: height as usize, scale, log }
+    }
+
+    fn at(&self, [x, y]: [f64; 2]) -> f64 {
+        let clamp = |x: f64, n: usize| {
+            let x = (x - 0.5).clamp(0.0, (n - 1) as f64);
+            #[expect(clippy::cast_possible_truncation, reason = "in the picture")]
+            let first = (x as usize).min(n - 2);
+            (first, x - first as f64)
+        };
+        let ((x, dx), (y, dy)) = (clamp(x, self.width), clamp(y, self.height));
+        let row = |y: usize| {
+            let at = y * self.width + x;
+            self.log[at] + dx * (self.log[at + 1] - self.log[at])
+        };
+        row(y) + dy * (row(y + 1) - row(y))
+    }
+
+    /// The lines along which the gradient is strongest, in the direction of the gradient.
+    fn lines(&self) -> Vec<Line> {
+        let (width, height) = (self.width, self.height);
+        let mut gradients = Vec::new();
+        for (y, x) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (y, x))) {
+            let at = y * width + x;
+            let gradient =
+                [self.log[at + 1] - self.log[at - 1], self.log[at + width] - self.log[at - width]];
+            gradients.push((
+                [x as f64 + 0.5, y as f64 + 0.5],
+                gradient,
+                libm::hypot(gradient[0], gradient[1]),
+            ));
+        }
+        let mut sorted: Vec<f64> = gradients.iter().map(|(.., strength)| *strength).collect();
+        sorted.sort_by(f64::total_cmp);
+        #[expect(clippy::cast_possible_truncation, reason = "an index")]
+        let weak = sorted[(WEAK * (sorted.len() - 1) as f64) as usize].max(0.5 * EDGE);
+        let n_offsets = 2 * (width + height);
+        let mut votes = vec![0.0; ANGLES * n_offsets];
+        #[expect(clippy::cast_possible_truncation, reason = "within the votes")]
+        for ([x, y], [gx, gy], strength) in gradients.iter().filter(|it| it.2 > weak) {
+            let angle = libm::atan2(*gy, *gx);
+            for step in -2..=2_i32 {
+                let turned = angle + f64::from(step) * PI / ANGLES as f64;
+                let k = libm::floor(turned / PI * ANGLES as f64).rem_euclid(ANGLES as f64) as usize;
+                let [nx, ny] = normal(k);
+                let offset = (nx * x + ny * y).round() + (width + height) as f64;
+                votes[k.min(ANGLES - 1) * n_offsets + offset as usize] += strength.min(8.0 * weak);
+            }
+        }
+        let mut lines = Vec::new();
+        for _ in 0..LINES {
+            let most = (0..votes.len()).max_by(|a, b| votes[*a].total_cmp(&votes[*b])).unwrap_or(0);
+            if votes[most] <= 0.0 {
+                break;
+            }
+            let (k, at) = (most / n_offsets, most % n_offsets);
+            let line = Line { normal: normal(k), offset: at as f64 - (width + height) as f64 };
+            for beside in 0..=2 * APART[0] {
+                let wrapped = k + ANGLES + beside - APART[0];
+                let other = wrapped % ANGLES;
+                // Half a turn further, a line's offset has the other sign.
+                let flips = wrapped < ANGLES || wrapped >= 2 * ANGLES;
+                let at = if flips { n_offsets - at } else { at };
+                let range = at.saturating_sub(APART[1])..(at + APART[1] + 1).min(n_offsets);
+                range.for_each(|at| votes[other * n_offsets + at] = 0.0);
+            }
+            lines.push(line);
+        }
+        lines
+    }
+
+    /// The corners of four lines in turn, clockwise from the upper left; `None` where they are no
+    /// sheet.
+    fn quadrangle(&self, lines: [Line; 4]) -> Option<Corners> {
+        let mut corners = [[0.0; 2]; 4];
+        for (k, corner) in corners.iter_mut().enumerate() {
+            *corner = crossing(lines[(k + 3) % 4], lines[k])?;
+        }
+        let longer = self.width.max(self.height) as f64;
+        let [right, bottom] = [self.width, self.height].map(|side| side as f64);
+        let slack = OUTSIDE * longer;
+        let inside = |[x, y]: &[f64; 2]| {
+            (-slack..right + slack).contains(x) && (-slack..bottom + slack).contains(y)
+        };
+        if !corners.iter().all(inside) {
+            return None;
+        }
+        let mut area = doubled_area(&corners);
+        if area < 0.0 {
+            corners.reverse();
+            area = -area;
+        }
+        let sides = [0, 1, 2, 3].map(|k| direction(corners[k], corners[(k + 1) % 4]));
+        let turns = (0..4).all(|k| {
+            let (a, b) = (sides[k], sides[(k + 1) % 4]);
+            a[0] * b[1] - a[1] * b[0] > 0.0 && dot(a, b).abs() < SLANT
+        });
+        if !turns || 0.5 * area < LEAST_AREA * right * bottom {
+            return None;
+        }
+        // The upper side is the one that looks upward most.
+        let up = |k: &usize| sides[*k][0];
+        let first = (0..4).max_by(|a, b| up(a).total_cmp(&up(b)))?;
+        corners.rotate_left(first);
+        Some(corners)
+    }
+
+    /// Length of the sides along which a quadrangle is brighter within than without, less what is
+    /// not; `None` where that is too little.
+    fn seen(&self, corners: &Corners) -> Option<f64> {
+        let [mut seen, mut whole, mut balance] = [0.0; 3];
+        for k in 0..4 {
+            let (from, to) = (corners[k], corners[(k + 1) % 4]);
+            let [dx, dy] = direction(from, to);
+            let inward = [-dy, dx];
+            let is_edge = |j: u32| {
+                let place = between(from, to, (f64::from(j) + 0.5) / f64::from(POINTS));
+                let step = |across: f64| self.at(moved(place, inward, across));
+                ACROSS.iter().all(|across| step(*across) - step(-across) > EDGE)
+            };
+            let n = (0..POINTS).filter(|j| is_edge(*j)).count() as f64 / f64::from(POINTS);
+            if n < SEEN[0] {
+                return None;
+            }
+            let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
+            seen += n * length;
+            whole += length;
+            balance += (2.0 * n - 1.0) * length;
+        }
+        (seen > SEEN[1] * whole).then_some(balance)
+    }
+
+    /// The corners of lines fitted to where the brightness changes most beside each side.
+    fn refined(&self, corners: Corners) -> Corners {
+        let lines = [0, 1, 2, 3].map(|k| {
+            let (from, to) = (corners[k], corners[(k + 1) % 4]);
+            let [dx, dy] = direction(from, to);
+            let inward = [-dy, dx];
+            let steepest = |j: u32| {
+                let place = between(from, to, (f64::from(j) + 0.5) / f64::from(POINTS));
+                let slope = |step: i32| {
+                    let across = 0.25 * f64::from(step);
+                    let rise = self.at(moved(place, inward, across + 1.0))
+                        - self.at(moved(place, inward, across - 1.0));
+                    (across, rise)
+                };
+                let steps = (-16..=16).map(slope);
+                steps.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|it| it.1 > EDGE)
+            };
+            let found = (2..POINTS - 2).filter_map(|j| Some((f64::from(j), steepest(j)?.0)));
+            let found: Vec<(f64, f64)> = found.collect();
+            let (shift, slope) = fitted(found);
+            let at = |j: f64| {
+                let place = between(from, to, (j + 0.5) / f64::from(POINTS));
+                moved(place, inward, shift + slope * j)
+            };
+            let (a, b) = (at(0.0), at(f64::from(POINTS)));
+            let [ux, uy] = direction(a, b);
+            Line { normal: [-uy, ux], offset: -uy * a[0] + ux * a[1] }
+        });
+        let mut refined = corners;
+        for (k, corner) in refined.iter_mut().enumerate() {
+            *corner = crossing(lines[(k + 3) % 4], lines[k]).unwrap_or(*corner);
+        }
+        refined
+    }
+}
+
+/// Offset and slope of the line through most of the points: fitted again without those that are
+/// farthest off.
+fn fitted(mut points: Vec<(f64, f64)>) -> (f64, f64) {
+    let mut line = (0.0, 0.0);
+    for _ in 0..4 {
+        if points.len() < 8 {
+            return line;
+        }
+        let n = points.len() as f64;
+        let (x, y) = points.iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
+        let xx: f64 = points.iter().map(|p| (p.0 - x) * (p.0 - x)).sum();
+        let xy: f64 = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
+        line = (y - xy / xx * x, xy / xx);
+        let off = |p: &(f64, f64)| (p.1 - line.0 - line.1 * p.0).abs();
+        points.sort_by(|a, b| off(a).total_cmp(&off(b)));
+        points.truncate(points.len() * 4 / 5);
+    }
+    line
+}
+
+/// Whether four corners follow each other clockwise around something.
+pub(super) fn is_convex(corners: &Corners) -> bool {
+    (0..4).all(|k| {
+        let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);
+        (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0
+    })
+}
+
+/// The picture of a sheet seen square on, without its rim.
+pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
+    let (width, height) = (f64::from(picture.width()), f64::from(picture.height()));
+    let map = Map::to(corners);
+    let ratio = map.ratio([0.5 * width, 0.5 * height]);
+    let side = |a: usize, b: usize| {
+        libm::hypot(corners[b][0] - corners[a][0], corners[b][1] - corners[a][1])
+    };
+    let (across, down) = (side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2)));
+    // As many pixels as the sheet has in the picture.
+    let high = libm::sqrt(across * down / ratio).max(8.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
+    let [wide, high] = [high * ratio, high].map(|side| side.round().clamp(8.0, 4096.0) as u32);
+    RgbImage::from_fn(wide, high, |x, y| {
+        let share =
+            |at: u32, n: u32| RIM + (1.0 - 2.0 * RIM) * (f64::from(at) + 0.5) / f64::from(n);
+        bilinear(picture, map.at([share(x, wide), share(y, high)]))
+    })
+}
+
+fn bilinear(picture: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {
+    let split = |x: f64, n: u32| {
+        let x = (x - 0.5).clamp(0.0, f64::from(n - 1));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "in the picture"
+        )]
+        let first = (x as u32).min(n - 2);
+        (first, x - f64::from(first))
+    };
+    let ((x, dx), (y, dy)) = (split(x, picture.width()), split(y, picture.height()));
+    let value = |c: usize| {
+        let at = |x: u32, y: u32| f64::from(picture.get_pixel(x, y).0[c]);
+        let row = |y: u32| at(x, y) + dx * (at(x + 1, y) - at(x, y));
+        let value = (row(y) + dy * (row(y + 1) - row(y))).round().clamp(0.0, 255.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+        let byte = value as u8;
+        byte
+    };
+    Rgb([0, 1, 2].map(value))
+}
+
+/// From the unit square to a quadrangle (Heckbert, Fundamentals of Texture Mapping, 1989).
+pub(super) struct Map(pub(super) [[f64; 3]; 3]);
+
+impl Map {
+    pub(super) fn to(corners: &Corners) -> Self {
+        let [[x0, y0], [x1, y1], [x2, y2], [x3, y3]] = *corners;
+        let (dx1, dx2, sx) = (x1 - x2, x3 - x2, x0 - x1 + x2 - x3);
+        let (dy1, dy2, sy) = (y1 - y2, y3 - y2, y0 - y1 + y2 - y3);
+        let determinant = dx1 * dy2 - dx2 * dy1;
+        let (g, h) = ((sx * dy2 - dx2 * sy) / determinant, (dx1 * sy - sx * dy1) / determinant);
+        Self([
+            [x1 - x0 + g * x1, x3 - x0 + h * x3, x0],
+            [y1 - y0 + g * y1, y3 - y0 + h * y3, y0],
+            [g, h, 1.0],
+        ])
+    }
+
+    pub(super) fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [x, y, w] = self.0.map(|row| row[0] * u + row[1] * v + row[2]);
+        [x / w, y / w]
+    }
+
+    /// Width by height of the rectangle of which the quadrangle is a picture with this middle.
+    fn ratio(&self, [cx, cy]: [f64; 2]) -> f64 {
+        let column = |k: usize| {
+            let [x, y, w] = [0, 1, 2].map(|row| self.0[row][k]);
+            [x - cx * w, y - cy * w, w]
+        };
+        let ([ax, ay, aw], [bx, by, bw]) = (column(0), column(1));
+        // The focal length at which the sides are at a right angle; where two of them are parallel
+        // in the picture, it is not known.
+        let longer = 2.0 * cx.max(cy);
+        let square = -(ax * bx + ay * by) / (aw * bw);
+        let known = aw.abs().min(bw.abs()) > FLAT
+            && (FOCAL[0]..FOCAL[2]).contains(&(libm::sqrt(square.max(0.0)) / longer));
+        let square = if known { square } else { FOCAL[1] * longer * FOCAL[1] * longer };
+        let ratio = libm::sqrt(
+            (ax * ax + ay * ay + square * aw * aw) / (bx * bx + by * by + square * bw * bw),
+        );
+        let formats = FORMATS.into_iter().flat_map(|format| [format, 1.0 / format]);
+        let off = |format: &f64| libm::log(format / ratio).abs();
+        let nearest = formats.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let near = NEAR_FORMAT[usize::from(!known)];
+        nearest.filter(|format| off(format) < near).unwrap_or(ratio)
+    }
+}
+
+fn normal(k: usize) -> [f64; 2] {
+    let (sin, cos) = libm::sincos((k as f64 + 0.5) * PI / ANGLES as f64);
+    [cos, sin]
+}
+
+fn crossing(a: Line, b: Line) -> Option<[f64; 2]> {
+    let determinant = a.normal[0] * b.normal[1] - a.normal[1] * b.normal[0];
+    (determinant.abs() > 0.2).then(|| {
+        [
+            (a.offset * b.normal[1] - b.offset * a.normal[1]) / determinant,
+            (a.normal[0] * b.offset - b.normal[0] * a.offset) / determinant,
+        ]
+    })
+}
+
+fn doubled_area(corners: &Corners) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum()
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+    let length = libm::hypot(dx, dy).max(f64::MIN_POSITIVE);
+    [dx / length, dy / length]
+}
+
+fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
+    [0, 1].map(|i| from[i] + share * (to[i] - from[i]))
+}
+
+fn moved(place: [f64; 2], along: [f64; 2], by: f64) -> [f64; 2] {
+    [0, 1].map(|i| place[i] + by * along[i])
+}
