@@ -1,6 +1,5 @@
 //! Plans: what is sent to a drone.
 
-use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -53,9 +52,18 @@ impl PyPlan {
     ) -> PyResult<Self> {
         let times_s = numbers(time_s, "time_s", 1)?;
         let n = times_s.len();
+        let rises = |pair: &[f64]| pair[0] < pair[1];
+        if !times_s.windows(2).all(rises) {
+            let hint = "one row for each time";
+            return Err(raised(py, &Error::input("time_s", "others", "rising times", hint)));
+        }
         let column = |name: &str, array: Option<&Bound<'py, PyAny>>, columns: usize| {
             let values = array
                 .map_or_else(|| Ok(vec![0.0; columns * n]), |it| numbers(it, name, columns))?;
+            if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+                let found = format!("{} in row {}", values[at], at / columns);
+                return Err(raised(py, &Error::input(name, found, "finite numbers", "clean it")));
+            }
             if values.len() == columns * n {
                 return Ok(values);
             }
