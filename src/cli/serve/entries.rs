@@ -85,7 +85,7 @@ pub(super) struct Entry {
     /// The large photo that it was made of.
     photo: String,
     language: String,
-    /// What was found: flight_s, read, legible, reason, letters, stops, obstacles.
+    /// What was found: `flight_s`, read, legible, reason, letters, stops, obstacles.
     found: Value,
 }
 

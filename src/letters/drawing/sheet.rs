@@ -170,7 +170,7 @@ impl Edges {
                 let wrapped = k + ANGLES + beside - APART[0];
                 let other = wrapped % ANGLES;
                 // Half a turn further, a line's offset has the other sign.
-                let flips = wrapped < ANGLES || wrapped >= 2 * ANGLES;
+                let flips = !(ANGLES..2 * ANGLES).contains(&wrapped);
                 let at = if flips { n_offsets - at } else { at };
                 let range = at.saturating_sub(APART[1])..(at + APART[1] + 1).min(n_offsets);
                 range.for_each(|at| votes[other * n_offsets + at] = 0.0);
