@@ -290,7 +290,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     assert_eq!(boxes.as_array().unwrap().len(), 4);
     for stroke in strokes.as_array().unwrap() {
         let at: Vec<i64> = serde_json::from_value(stroke["at"].clone()).unwrap();
-        let letter = stroke["letter"].as_u64().unwrap() as usize;
+        let letter = usize::try_from(stroke["letter"].as_u64().unwrap()).unwrap();
         let edges: Vec<i64> = serde_json::from_value(boxes[letter].clone()).unwrap();
         let inside = |p: &[i64]| {
             (edges[0] - 300..=edges[2] + 300).contains(&p[1])

@@ -298,7 +298,7 @@ impl Entries {
     fn keep_order(&self, list: &mut List) -> std::result::Result<u64, Key> {
         let numbers = list.entries.iter().map(|it| it.entry.number).collect();
         let order = pretty(&Order { paused: list.paused, numbers });
-        write(&self.folder.join(ORDER), &order).map_err(|_| Key::DiskFull)?;
+        write(&self.folder.join(ORDER), &order).map_err(|_cause| Key::DiskFull)?;
         self.tell(list);
         Ok(list.revision)
     }
@@ -435,7 +435,7 @@ impl Stored {
     fn change(&mut self, change: impl FnOnce(&mut Entry)) -> std::result::Result<(), Key> {
         let mut entry = self.entry.clone();
         change(&mut entry);
-        write(&self.folder.join(ENTRY), &pretty(&entry)).map_err(|_| Key::DiskFull)?;
+        write(&self.folder.join(ENTRY), &pretty(&entry)).map_err(|_cause| Key::DiskFull)?;
         self.entry = entry;
         Ok(())
     }

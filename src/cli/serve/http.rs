@@ -227,6 +227,7 @@ impl Answer {
     }
 
     /// A file that does not change, and the browser may keep.
+    #[expect(clippy::disallowed_methods, reason = "a file of the gallery, and no link")]
     pub(super) fn file(kind: &'static str, path: &Path) -> std::io::Result<Self> {
         let file = File::open(path)?;
         let length = file.metadata()?.len();

@@ -62,6 +62,7 @@ const LARGE_PATIENCE: Duration = Duration::from_secs(60);
 /// Time between two looks for entries whose days are over.
 const SWEEP: Duration = Duration::from_secs(600);
 
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
     /// Scene that the page begins with

@@ -81,9 +81,11 @@ fn told(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) -> Option
         }
         next_s = sample.time_s + STEP_S;
         let [x, y] = image(&shot.camera, sample.position_m)?;
+        #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         at.extend([(100.0 * sample.time_s).round() as i64, x, y]);
     }
     let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let rgb = stroke.rgb.map(|light| (255.0 * (light / brightest).sqrt()).round() as u8);
     let middle = stroke.samples.get(stroke.samples.len() / 2)?;
     let flight = stroke.drone.map_or(0, |DroneIndex(index)| index);
@@ -101,6 +103,7 @@ fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
 /// A place in ten-thousandths of the photo.
 fn image(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
     let point = camera.image_from_world(position_m)?;
+    #[expect(clippy::cast_possible_truncation, reason = "a place in a photo, or beside it")]
     let share = |px: f64, side: u32| (1e4 * px / f64::from(side)).round() as i64;
     Some([share(point.x_px, camera.width_px), share(point.y_px, camera.height_px)])
 }

@@ -26,6 +26,9 @@ use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
 use crate::scene::Scene;
 use noctograph_core::files::{Limit, files_in};
 
+/// Files of an archive: their names and bytes.
+type NamedFiles = Vec<(String, Vec<u8>)>;
+
 /// How often it is looked whether a visitor who waits is still there.
 const LOOK: Duration = Duration::from_millis(100);
 /// A file of a script, or of the page while one works on it.
@@ -153,7 +156,7 @@ impl Server {
         let name = if route.is_empty() { first } else { route };
         let answer = match &self.hall.page_from {
             Some(folder) if !name.contains("..") => {
-                let text = FILE.read_text(&folder.join(name)).map_err(|_| Key::Gone)?;
+                let text = FILE.read_text(&folder.join(name)).map_err(|_cause| Key::Gone)?;
                 Answer::whole(kind_of(name), text)
             }
             _ => {
@@ -299,10 +302,10 @@ impl Server {
         let outcome = asked.waited(queue, &ticket);
         Ok(number(match outcome {
             Outcome::Made(said, folder) if is_large => {
-                let id = address::secret().map_err(|_| Key::Broken)?;
+                let id = address::secret().map_err(|_cause| Key::Broken)?;
                 let mut said = (*said).clone();
                 said["id"] = json!(id);
-                let kept = Kept::new(id, wish, folder, &said).map_err(|_| Key::DiskFull)?;
+                let kept = Kept::new(id, wish, folder, &said).map_err(|_cause| Key::DiskFull)?;
                 self.photos.keep(kept);
                 said
             }
@@ -339,7 +342,7 @@ impl Server {
             }
             Outcome::Made(_, folder) => {
                 let answer = Answer::file(kind, &folder.path().join(OUT).join(name));
-                Ok(drawing(answer.map_err(|_| Key::Broken)?))
+                Ok(drawing(answer.map_err(|_cause| Key::Broken)?))
             }
             Outcome::Failed(said) => Ok(said.answer()),
             Outcome::Stopped => Err(Key::Busy),
@@ -371,7 +374,7 @@ impl Server {
     }
 
     /// The scripts of the approved entries in the order of flight, and what became of each.
-    fn export(&self, asked: &Asked<'_>) -> Result<(Value, Vec<(String, Vec<u8>)>), Key> {
+    fn export(&self, asked: &Asked<'_>) -> Result<(Value, NamedFiles), Key> {
         let (mut told, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in self.entries.approved().into_iter().enumerate() {
             let title = title.unwrap_or_else(|| "drawing".to_owned());
@@ -511,7 +514,7 @@ fn kind_of(name: &str) -> &'static str {
 fn sent(path: Option<PathBuf>) -> Told {
     let path = path.ok_or(Key::Gone)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Answer::file(kind_of(&name), &path).map_err(|_| Key::Gone)
+    Answer::file(kind_of(&name), &path).map_err(|_cause| Key::Gone)
 }
 
 /// Names and contents of the files that a job made.

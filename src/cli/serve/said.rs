@@ -240,7 +240,7 @@ impl Said {
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Made {
-    Made(Value),
+    Done(Value),
     Failed(Said),
     Stopped,
 }

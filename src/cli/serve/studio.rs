@@ -113,7 +113,7 @@ impl Studio {
             "replay": replay(&shot), "judged": n_waiting < CROWD,
         });
         describe(&shot, &mut said);
-        Ok(Made::Made(said))
+        Ok(Made::Done(said))
     }
 
     /// The large photo: what `preview --json` says.
@@ -151,7 +151,7 @@ impl Studio {
         all["warnings"] = Value::Null;
         let own = said.as_object_mut().into_iter().flat_map(std::mem::take);
         own.for_each(|(key, value)| all[key] = value);
-        Ok(Made::Made(all))
+        Ok(Made::Done(all))
     }
 
     /// The arguments of a large photo.
@@ -167,14 +167,14 @@ impl Studio {
         let plans: Vec<Plan> = shoot.plans.into_iter().map(|planned| planned.plan).collect();
         let svg = plan_view(&plans, subject.title().unwrap_or("drawing"));
         write(&folder.join(OUT).join("plan.svg"), svg.as_bytes())?;
-        Ok(Made::Made(Value::Null))
+        Ok(Made::Done(Value::Null))
     }
 
     fn report(&self, subject: &Subject, folder: &Path) -> Result<Made> {
         let mut args = self.preview(subject, folder)?;
         args.report = true;
         previewed(&args, |_| ())?;
-        Ok(Made::Made(Value::Null))
+        Ok(Made::Done(Value::Null))
     }
 
     fn script(&self, subject: &Subject, folder: &Path) -> Result<Made> {
@@ -186,7 +186,7 @@ impl Studio {
         };
         let report = export::run(&args)?;
         match report.json["stops"].as_str() {
-            None => Ok(Made::Made(Value::Null)),
+            None => Ok(Made::Done(Value::Null)),
             Some(stops) => {
                 let stop = json!({ "key": "stop-export", "values": {}, "text": stops, "hint": "" });
                 Ok(Made::Failed(Said::of_stops(&json!([stop]))))

@@ -240,6 +240,7 @@ impl Subject {
     /// The size of a photo of about as many pixels: `--size=960x540`.
     pub(super) fn size(&self, pixels: f64) -> String {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
         let even = |side: f64| 2 * (side / 2.0).round() as u32;
         let width = (pixels * aspect).sqrt();
         format!("--size={}x{}", even(width), even(width / aspect))

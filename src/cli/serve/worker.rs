@@ -92,7 +92,7 @@ impl Lane {
         }
         let Some(running) = worker else { return Outcome::Failed(Key::Busy.into()) };
         match running.make(doing, folder.path(), self.patience) {
-            Ok(Made::Made(value)) => Outcome::Made(Arc::new(value), Arc::new(folder)),
+            Ok(Made::Done(value)) => Outcome::Made(Arc::new(value), Arc::new(folder)),
             Ok(Made::Failed(said)) => Outcome::Failed(said),
             Ok(Made::Stopped) => Outcome::Stopped,
             Err(end) => {
@@ -214,7 +214,7 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
     let listening = std::thread::Builder::new().spawn(move || {
         for line in std::io::stdin().lines() {
             let Ok(order) = line
-                .map_err(|_| ())
+                .map_err(|_cause| ())
                 .and_then(|line| serde_json::from_str(&line).map_err(|_broken| ()))
             else {
                 break;
