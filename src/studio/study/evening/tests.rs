@@ -17,10 +17,12 @@ fn names_are_in_the_order_of_their_numbers() {
     assert_eq!(names, ["2.csv", "10.csv", "b", "cf1/9", "cf1/10", "cf02", "cf2", "cf10"]);
 }
 
-/// A flight as a log of the firmware at 100 Hz: its estimate, its gyroscope with noise, its motors.
+/// A flight as a log of the firmware at 100 Hz: its estimate, its gyroscope with noise, its
+/// setpoints, its motors.
 fn log(flight: &Flight, seed: u64) -> String {
-    let mut text =
-        String::from("t,x,y,z,yaw,pitch,roll,wx,wy,wz,vx_body,vy_body,vz_body,m1,m2,m3,m4\n");
+    let mut text = String::from(
+        "t,x,y,z,yaw,pitch,roll,wx,wy,wz,vx_body,vy_body,vz_body,ctrltarget.x,ctrltarget.y,ctrltarget.z,m1,m2,m3,m4\n",
+    );
     let mut noise = Normals::new(Noise::new(seed, 0, "gyroscope"));
     let mut due_s = 0.0;
     for sample in &flight.samples {
@@ -45,6 +47,9 @@ fn log(flight: &Flight, seed: u64) -> String {
             v.x,
             v.y,
             v.z,
+            sample.design_m.x,
+            sample.design_m.y,
+            sample.design_m.z,
         ];
         let cells = numbers.iter().chain(&m).map(|number| format!("{number:.5}"));
         writeln!(text, "{}", cells.collect::<Vec<_>>().join(",")).unwrap();
@@ -96,7 +101,7 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
         let found = evening.logs.iter().find(|log| log.log.ends_with(&name)).unwrap();
         let found = found.figures.unwrap();
         let thrust = found.thrust_frac * true_.mass_kg / scene.vehicle.mass_kg;
-        assert!((thrust - 1.0).abs() < 0.005, "{seed}: {found:?}");
+        assert!((thrust - 1.0).abs() < 0.007, "{seed}: {found:?}");
         for axis in 0..2 {
             let off_m = (found.trim_m[axis] - true_.center_of_mass_m[axis]).abs();
             assert!(
