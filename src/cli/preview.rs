@@ -219,6 +219,6 @@ fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
         }
         Some(verdict) => show::verdict_table(verdict),
         None if shot.strokes.is_none() => line("verdict", "none: no word is named (--word WORD)"),
-        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
+        None => line("verdict", "none: the reader knows words of Latin letters and digits only"),
     }
 }

@@ -166,7 +166,7 @@ fn check(strokes: &Strokes) -> Result<()> {
     };
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
         if glyph.character.is_alphanumeric() && classes_of(glyph.character).is_none() {
-            return refuse(index, "a letter or digit that the reader knows: A-Z, a-z, 0-9");
+            return refuse(index, "a letter or digit that the reader knows: Latin letters, 0-9");
         }
         if !glyph.moves.iter().any(|step| step.lit) {
             return refuse(index, "a character that leaves light");
