@@ -1,9 +1,9 @@
 //! Preflight: what speaks against a flight, before it is flown.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
-//! known. Product out: a [`Row`] a check of letters, plans, simulated flights, lamps, base stations
-//! and picture: its numbers, sentences, and advice as keys of the scene. Problems
-//! of the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
+//! known. Product out: a [`Row`] for each check of letters, plans, simulated flights, lamps, base
+//! stations and picture: its numbers, its sentences, and advice as keys of the scene. Problems of
+//! the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
 //! camera. Not checked: obstacles in the room.
 
 use crate::scene::Scene;

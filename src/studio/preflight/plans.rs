@@ -145,14 +145,13 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Row {
 /// of one's own may be such.
 fn headlights(plan: &Plan, light: &LightOptions) -> Row {
     let switches = switches(plan, light);
-    let levels = switches.first().and_then(|channel| plan.lights.get(*channel));
-    let dimmed = levels.map(|levels| {
-        let rows = plan.setpoints.iter().zip(levels);
-        let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
-        dimmed.map(|(setpoint, _)| setpoint.time_s).collect::<Vec<f64>>()
-    });
-    let n = dimmed.as_ref().map(Vec::len);
-    let time_s = dimmed.and_then(|times_s| times_s.first().copied());
+    let rows = |channel: &&str| plan.setpoints.iter().zip(&plan.lights[*channel]);
+    let is_dimmed = |level: f64| level > 0.0 && level < 1.0;
+    let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| is_dimmed(**level));
+    let mut times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
+    times_s.sort_by(f64::total_cmp);
+    let n = (!switches.is_empty()).then_some(times_s.len());
+    let time_s = times_s.first().copied();
     let row = Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64));
     Row { time_s, ..row }.say(
         match n {
