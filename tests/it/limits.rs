@@ -2,7 +2,7 @@
 //! and with many of the largest. The program runs as a process of its own, of which processor time
 //! and memory are measured: where it refuses, 2 s and 300 MB, where it accepts, 1 GB.
 //!
-//! The test prints the table of `docs/limits.md`. `NOCTOGRAPH_LIMITS=all` takes the cases, too,
+//! The test prints the table of `docs/reference/limits.md`. `NOCTOGRAPH_LIMITS=all` takes the cases, too,
 //! whose largest inputs take a minute of a core each.
 #![cfg(target_os = "linux")]
 
