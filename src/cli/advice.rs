@@ -80,10 +80,7 @@ const FLAGS: [(&str, &str, &str); 19] = [
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let path = match error {
         Error::Letter { .. } => "a letter of the word",
-        Error::Input { place, .. } => {
-            let key = place.rsplit(": ").next().unwrap_or(place);
-            key.split('[').next().unwrap_or(key)
-        }
+        Error::Input { place, .. } => place.key.split('[').next().unwrap_or_default(),
         _ => return Vec::new(),
     };
     let has = |typed: &str| {

@@ -54,7 +54,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
 fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
     move |error| match (error, &args.log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {
-            Error::Input { place: log.display().to_string(), found, wanted, hint }
+            Error::input(log.display(), found, wanted, hint)
         }
         (other, _) => other,
     }

@@ -8,6 +8,25 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// Characters of a value that are printed: more than any digest or name that is a value.
 const LONGEST_FOUND: usize = 160;
 
+/// Where a value stands, as it is printed: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file, as it was named; empty of a value in no file.
+    pub file: String,
+    /// The line, from 1.
+    pub line: Option<u64>,
+    /// The key, the column, or the file as a whole.
+    pub key: String,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let line = self.line.map(|line| format!(":{line}")).unwrap_or_default();
+        let colon = if self.key.is_empty() || self.file.is_empty() { "" } else { ": " };
+        write!(f, "{}{line}{colon}{}", self.file, self.key)
+    }
+}
+
 /// One error for the whole crate.
 ///
 /// The text names the place, the value found and the value wanted; [`Error::hint`] is advice.
@@ -27,8 +46,8 @@ pub enum Error {
     /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
-        /// Its place: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7: x_m`.
-        place: String,
+        /// Its place.
+        place: Place,
         /// The value found.
         found: String,
         /// The values that are accepted.
@@ -83,16 +102,14 @@ impl Error {
         }
     }
 
-    /// The same error, with the file in which it was found before its place.
+    /// The same error in a file, and in its line where that is known. A file that it names already
+    /// is a part of this one.
     #[must_use]
-    pub fn in_file(self, path: &Path) -> Self {
-        match self {
-            Self::Input { place, found, wanted, hint } => {
-                let place = format!("{}: {place}", path.display());
-                Self::Input { place, found, wanted, hint }
-            }
-            other => other,
+    pub fn at(mut self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
+        if let Self::Input { place, .. } = &mut self {
+            *place = Place { file: file.to_string(), line: line.into(), key: place.to_string() };
         }
+        self
     }
 
     /// A file that cannot be read.
@@ -117,7 +134,7 @@ impl Error {
         hint: impl Into<String>,
     ) -> Self {
         Self::Input {
-            place: place.to_string(),
+            place: Place { key: place.to_string(), ..Place::default() },
             found: shortened(found.to_string()),
             wanted: wanted.into(),
             hint: hint.into(),

@@ -63,7 +63,7 @@ impl StrokeFont {
                 );
                 let hint = "compare with fonts/ae483.strokes and fonts/simplex.strokes";
                 let found: String = line.chars().take(60).collect();
-                Error::input(format!("{file}:{number}"), format!("`{found}`"), wanted, hint)
+                Error::input("", format!("`{found}`"), wanted, hint).at(file, number as u64)
             })?;
         }
         Ok(font)

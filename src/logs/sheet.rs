@@ -87,7 +87,7 @@ impl Sheet {
         loop {
             let more = reader.read_record(&mut record).map_err(|source| {
                 let line = source.position().map_or(1, csv::Position::line);
-                Error::input(format!("{file}:{line}"), &source, "a line of numbers", HINT)
+                Error::input("", &source, "a line of numbers", HINT).at(file, line)
             })?;
             if !more {
                 sheet.leave_out(&texts);
@@ -112,8 +112,8 @@ impl Sheet {
                     sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));
                 }
                 Err((column, found)) => {
-                    let place = format!("{file}:{line}: {column}");
-                    return Err(Error::input(place, found, "a number in every column", HINT));
+                    let wanted = "a number in every column";
+                    return Err(Error::input(column, found, wanted, HINT).at(file, line));
                 }
             }
         }

@@ -51,17 +51,12 @@ fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::tuning, module)?)
 }
 
-/// A place without the line of a scene's text that nobody wrote: `scene:327: camera.iso`.
-fn without_line(place: &str) -> &str {
-    let rest = place.strip_prefix("scene:").and_then(|rest| rest.split_once(": "));
-    rest.filter(|(line, _)| line.bytes().all(|b| b.is_ascii_digit())).map_or(place, |(_, key)| key)
-}
-
 /// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint } => {
-            let place = without_line(place).to_owned();
+            // Of a scene's text that nobody wrote, a line says nothing.
+            let place = if place.file == "scene" { place.key.clone() } else { place.to_string() };
             ("InputError", vec![place, found.clone(), wanted.clone(), hint.clone()])
         }
         Error::Letter { position, letter, wanted, hint } => {

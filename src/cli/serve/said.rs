@@ -262,6 +262,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     match error {
         Error::Letter { .. } => Key::LetterMissing,
         Error::Input { place, found, wanted, .. } => {
+            let place = place.to_string();
             let is_at = |name: &str| place == name || place.contains(&format!("{name}:"));
             let is_drawing = place.contains("drawing.") && !place.contains("letters.drawing");
             match &**wanted {

@@ -212,7 +212,7 @@ fn without(place: &str, missing: &[&str], why: &[String]) -> Error {
 
 /// The tag behind an error of a camera's key.
 fn tag_of(error: &Error) -> Option<&'static str> {
-    let Error::Input { place: key, .. } = error else { return None };
+    let Error::Input { place, .. } = error else { return None };
     let tags = [
         ("f_number", "FNumber"),
         ("iso", "PhotographicSensitivity"),
@@ -222,7 +222,7 @@ fn tag_of(error: &Error) -> Option<&'static str> {
         ("sensor_width", "FocalPlaneXResolution"),
         ("_px", "PixelXDimension"),
     ];
-    tags.iter().find(|(part, _)| key.contains(part)).map(|(_, tag)| *tag)
+    tags.iter().find(|(part, _)| place.key.contains(part)).map(|(_, tag)| *tag)
 }
 
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.

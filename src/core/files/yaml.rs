@@ -57,7 +57,7 @@ impl Broken {
     /// The error of a file by its name, with a hint.
     #[must_use]
     pub fn error(self, file: &str, hint: &str) -> Error {
-        Error::input(format!("{file}:{}", self.line), self.found, self.wanted, hint)
+        Error::input("", self.found, self.wanted, hint).at(file, self.line as u64)
     }
 }
 

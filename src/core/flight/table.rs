@@ -81,7 +81,7 @@ impl Table {
         let broken = |source: &csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
             let wanted = "a CSV table with a header line and rows of equal length";
-            Error::input(format!("{file}:{line}"), source, wanted, REWRITE_HINT)
+            Error::input("", source, wanted, REWRITE_HINT).at(file, line)
         };
         let header: Vec<String> =
             reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
@@ -99,10 +99,9 @@ impl Table {
                 let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
                 let value = value.ok_or_else(|| {
                     let line = record.position().map_or(1, csv::Position::line);
-                    let place = format!("{file}:{line}: column {name}");
                     let found = format!("{:?}", shortened(cell));
                     let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
-                    Error::input(place, found, wanted, REWRITE_HINT)
+                    Error::input(format!("column {name}"), found, wanted, REWRITE_HINT).at(file, line)
                 })?;
                 push(column, value);
             }

@@ -106,7 +106,7 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
 fn station(generation: Generation, geometry: &Yaml, file: &str, id: u8) -> Result<Station> {
     let broken = |broken: Broken| broken.error(file, HINT);
     let refused = |value: &Yaml, key: &str, found: String, wanted: &str| {
-        Error::input(format!("{file}:{}: geos.{id}.{key}", value.line), found, wanted, HINT)
+        Error::input(format!("geos.{id}.{key}"), found, wanted, HINT).at(file, value.line as u64)
     };
     let [origin, rotation] = GEOMETRY.map(|key| geometry.get(key).map_err(broken));
     let (origin, rotation) = (origin?, rotation?);

@@ -113,7 +113,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|(what, _)| what == "<text>");
     if let Some((_, row)) = texts.first() {
         let found = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
-        return Err(Error::input(format!("{file}:{row}"), found, "paths in place of text", TEXT));
+        return Err(Error::input("", found, "paths in place of text", TEXT).at(file, *row as u64));
     }
     others.into_iter().for_each(|(what, row)| named.add(what, *row));
     let gradients = std::mem::take(&mut walk.gradients);

@@ -158,7 +158,7 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
         let found = error.message().replace('\n', "; ");
-        Error::input(format!("{file}:{line}"), found, "keys and values of a scene", HINT)
+        Error::input("", found, "keys and values of a scene", HINT).at(file, line)
     })?;
     check_keys(&table).map_err(|error| with_line(error, toml, file))?;
     Ok(table)
@@ -357,18 +357,16 @@ fn is_text(key: &str) -> bool {
 
 /// Puts file and line before an error's place, where the place begins with a key of the file.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
-    match error {
-        Error::Input { place, found, wanted, hint } => {
-            let line = line_of(toml, &place).map_or(String::new(), |line| format!(":{line}"));
-            Error::Input { place: format!("{file}{line}: {place}"), found, wanted, hint }
-        }
-        other => other,
-    }
+    let line = match &error {
+        Error::Input { place, .. } => line_of(toml, &place.key),
+        _ => None,
+    };
+    error.at(file, line)
 }
 
 /// The line of the key that a place begins with, such as `camera.iso`; that of its table where the
 /// key is not in the file.
-fn line_of(toml: &str, place: &str) -> Option<usize> {
+fn line_of(toml: &str, place: &str) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
     let mut table = parsed.get_ref();
     let mut found = None;
@@ -383,8 +381,8 @@ fn line_of(toml: &str, place: &str) -> Option<usize> {
     found
 }
 
-fn line_at(text: &str, byte: usize) -> usize {
-    1 + text.bytes().take(byte).filter(|b| *b == b'\n').count()
+fn line_at(text: &str, byte: usize) -> u64 {
+    1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
 /// The error for a value of the wrong type.
