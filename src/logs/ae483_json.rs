@@ -7,7 +7,8 @@
 //! All are read by one rule: an object with `time` and `data` is a variable, one with `time` and
 //! other lists is a block of variables, other objects are folders whose name goes before the names
 //! in them (`drone` excepted). A list of objects with a time is a block by rows, as scripts of
-//! cflib and pandas' `to_json(orient="records")` write it, under the usual names of plain CSV too.
+//! cflib and pandas' `to_json(orient="records")` write it, and lists beside one of times are its
+//! columns, both under the usual names of plain CSV too.
 //! Other numbers, texts and lists are skipped. Python writes `NaN` and
 //! `Infinity`, which are not JSON; they are read as missing values.
 
@@ -66,8 +67,9 @@ pub(super) fn read(
         firmware: None,
     };
     let in_seconds = match value {
-        Node::Object(top) => {
+        Node::Object(mut top) => {
             let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
+            reader.columns(&mut top)?;
             reader.folder(top, "")?;
             in_seconds
         }
@@ -296,6 +298,38 @@ impl Reader<'_> {
         self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })
     }
 
+    /// Takes the lists of an object, one of them of times, as columns under the usual names of
+    /// plain CSV; leaves the rest.
+    fn columns(&mut self, members: &mut BTreeMap<String, Node>) -> Result<()> {
+        let is_list = |key: &String| matches!(members[key], Node::List(_));
+        let titles: Vec<String> = members.keys().filter(|key| is_list(key)).cloned().collect();
+        self.budget.steps(10_000 * titles.len())?;
+        let Some(time) = titles.iter().find(|title| plain_csv::meaning(title).0 == "t") else {
+            return Ok(());
+        };
+        let mut block = Block { name: "columns".to_owned(), ..Block::default() };
+        block.time_s = self.scaled(members, time)?;
+        for title in titles.iter().filter(|title| *title != time) {
+            let (name, unit) = plain_csv::meaning(title);
+            if unit.is_none() {
+                self.open.push(name.clone());
+            }
+            let mut values = self.scaled(members, title)?;
+            self.cut_to_shorter(title, &mut block.time_s, &mut values);
+            block.columns.push(Column { name, values });
+        }
+        let n = block.time_s.len();
+        block.columns.iter_mut().for_each(|column| column.values.truncate(n));
+        self.add(block)
+    }
+
+    /// Takes a list of numbers, in the unit of its title.
+    fn scaled(&self, members: &mut BTreeMap<String, Node>, title: &str) -> Result<Vec<f64>> {
+        let unit = plain_csv::meaning(title).1.unwrap_or(1.0);
+        let values = self.numbers(title, members.remove(title))?;
+        Ok(values.into_iter().map(|value| value * unit).collect())
+    }
+
     /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
     /// without a time are left out, and cells that a row lacks are missing values.
     fn rows(&mut self, name: &str, list: &List) -> Result<bool> {
@@ -429,6 +463,19 @@ mod tests {
         assert_eq!(log.blocks[0].clock, Clock::Mocap);
         assert!(read(b"[{\"x\": 1}]", "log.json").unwrap_err().to_string().contains("a time"));
         assert!(read(b"[1, 2]", "log.json").is_err());
+    }
+
+    #[test]
+    fn lists_beside_one_of_times_are_columns() {
+        let text = br#"{"note": "a", "t_ms": [10, 20], "x_mm": [100, 200], "stateEstimate.y": [1, 2, 3],
+            "stateEstimate.z": {"time": [10, 20], "data": [5, 6]}}"#;
+        let log = read(text, "log.json").unwrap();
+        assert_eq!(log.blocks[0].time_s, [0.01, 0.02]);
+        assert_eq!(log.channel("x_m").unwrap().values, [0.1, 0.2]);
+        assert_eq!(log.channel("stateEstimate.y").unwrap().values, [1.0, 2.0]);
+        assert_eq!(log.channel("stateEstimate.z").unwrap().values, [5.0, 6.0]);
+        let warnings = log.warnings.join("\n");
+        assert!(warnings.contains("2 stamps for 3 values") && warnings.contains("note"), "{warnings}");
     }
 
     #[test]

@@ -3,18 +3,27 @@
 use super::ImportOptions;
 use super::recording::{Block, Clock, Pace, Recording};
 use noctograph_core::crazyflie::{Release, SLOW_CLOCK};
+use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
 
 /// A clock that falls by more than this without a wrap was restarted.
 const RESTART_S: f64 = 1.0;
 
+/// As few falls are spikes.
+const FALLS: usize = 10;
+
 /// Later stamps, beyond 30,000 years, are broken.
 const LATEST_S: f64 = 1e12;
 
 /// Puts every block in rising order of time and all blocks on one axis of true seconds.
-pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) {
-    let Recording { blocks, wrap_s, warnings, .. } = recording;
+///
+/// # Errors
+///
+/// [`Error::Input`] where the rows are in no order of time.
+pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
+    let Recording { file, blocks, wrap_s, warnings, .. } = recording;
     for block in &mut *blocks {
+        check_order(block, file)?;
         let wrap_s = wrap_s.filter(|_| block.clock == Clock::Drone);
         settle_block(block, wrap_s, warnings);
     }
@@ -28,6 +37,18 @@ pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) {
             *time_s /= clock_ratio;
         }
     }
+    Ok(())
+}
+
+/// Refuses rows in any order: a log's clock falls where it wraps or starts again, and nowhere else.
+fn check_order(block: &Block, file: &str) -> Result<()> {
+    let (n, falls) =
+        (block.time_s.len(), block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count());
+    if falls < FALLS || falls <= n / 4 {
+        return Ok(());
+    }
+    let found = format!("{falls} of {n} times before the one above");
+    Err(Error::input(file, found, "rows in the order of their times", "sort them by time"))
 }
 
 fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
@@ -215,7 +236,7 @@ mod tests {
         let columns = vec![Column { name: "a".into(), values }];
         let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
         let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
-        settle(&mut recording, &ImportOptions::default());
+        settle(&mut recording, &ImportOptions::default()).unwrap();
         let block = recording.blocks.pop().unwrap();
         (block.time_s, block.columns[0].values.clone(), recording.warnings.len())
     }
@@ -231,6 +252,15 @@ mod tests {
         assert_eq!((time_s, warnings), (vec![98.0, 99.0, 100.5, 101.5], 1));
         let (time_s, values, _) = settled(&[1.0, 1.0, 1.2, 900.0, 1.4, 1.3, 1.6], None);
         assert_eq!((time_s, values), (vec![1.0, 1.2, 1.3, 1.6], vec![0.0, 2.0, 5.0, 6.0]));
+    }
+
+    #[test]
+    fn rows_in_no_order_of_time_are_refused() {
+        let time_s = (0..100).map(|i| f64::from(i * 37 % 100)).collect();
+        let block = Block { time_s, ..Block::default() };
+        let mut recording = Recording { blocks: vec![block], ..Recording::default() };
+        let error = settle(&mut recording, &ImportOptions::default()).unwrap_err();
+        assert!(error.to_string().contains("36 of 100 times before the one above"), "{error}");
     }
 
     #[test]

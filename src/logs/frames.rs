@@ -112,11 +112,17 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
+    // A drone that begins and ends low, and leaves and comes back along y, has y up, however deep
+    // it flies.
+    let is_low = [rows[0], rows[rows.len() - 1]].iter().all(|row| row[2].abs() < CLIMB_M);
+    let rises_along_y = is_low
+        && climbs(rows.iter(), &rows, 1, 1.0)
+        && climbs(rows.iter().rev(), &rows, 1, 1.0);
     let guess = |seen: &str| {
         Ok((Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess"))))
     };
     let unseen = "no axis shows a take-off or a landing straight along it";
-    if !(is_below || is_flat) {
+    if !(is_below || is_flat || rises_along_y) {
         return guess(unseen);
     }
     let down = takes_off(&rows, 2, -1.0);
@@ -147,28 +153,33 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
 /// Whether rows begin or end on the floor, straight below a climb along an axis, and never come
 /// below.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
+    climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
+}
+
+/// Whether the rows, from one end, begin at the lowest of all, and climb straight.
+fn climbs<'a>(
+    mut rows: impl Iterator<Item = &'a [f64; 3]>,
+    all: &[[f64; 3]],
+    axis: usize,
+    sign: f64,
+) -> bool {
     let height = |row: &[f64; 3]| sign * row[axis];
-    let lowest_m = rows.iter().map(height).fold(f64::INFINITY, f64::min);
-    let straight = |rows: &mut dyn Iterator<Item = &[f64; 3]>| {
-        let Some(first) = rows.next() else { return false };
-        if height(first) > lowest_m + FLOOR_M {
+    let lowest_m = all.iter().map(height).fold(f64::INFINITY, f64::min);
+    let Some(first) = rows.next().filter(|first| height(first) <= lowest_m + FLOOR_M) else {
+        return false;
+    };
+    for row in rows {
+        let climb_m = height(row) - height(first);
+        if climb_m >= CLIMB_M {
+            return true;
+        }
+        let aside = (0..3).filter(|other| *other != axis);
+        let drift_m = aside.map(|other| (row[other] - first[other]).abs()).fold(0.0, f64::max);
+        if drift_m > DRIFT_M && climb_m < STRAIGHT_M {
             return false;
         }
-        let floor_m = height(first);
-        for row in rows {
-            let climb_m = height(row) - floor_m;
-            if climb_m >= CLIMB_M {
-                return true;
-            }
-            let aside = (0..3).filter(|other| *other != axis);
-            let drift_m = aside.map(|other| (row[other] - first[other]).abs()).fold(0.0, f64::max);
-            if drift_m > DRIFT_M && climb_m < STRAIGHT_M {
-                return false;
-            }
-        }
-        false
-    };
-    straight(&mut rows.iter()) || straight(&mut rows.iter().rev())
+    }
+    false
 }
 
 #[cfg(test)]
@@ -223,6 +234,8 @@ mod tests {
         // It drifts as it takes off and lands, along y; z is toward the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
+        let deep = |[x, y, z]: [f64; 3]| [x, z, -y - 0.09 * x];
+        assert_eq!(settled(flight(deep), Axes::Auto).0, [1.0, 0.19, 1.0], "y up, and deep");
         for to in [&drifts as &dyn Fn([f64; 3]) -> [f64; 3], &shuttles] {
             let (z_m, warning) = said(to, Axes::Auto);
             assert!(z_m < 1.0 && warning.contains("z is taken to point up"), "{z_m}: {warning}");

@@ -314,7 +314,7 @@ fn flight(
     recording.blocks.retain(|block| !block.time_s.is_empty());
     recording.name_apart();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    clock::settle(&mut recording, options);
+    clock::settle(&mut recording, options)?;
     frames::settle(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();

@@ -335,9 +335,10 @@ impl Columns<'_> {
                 let hint = "keep the columns of one body";
                 return Err(Error::input(place, "two bodies", "one, for a flight", hint));
             }
-            self.log
-                .warnings
-                .push(format!("{first} and {title} are one quantity: {first} is taken"));
+            let column = index + 1;
+            self.log.warnings.push(format!(
+                "{title} (column {column}) is one quantity with {first}, which is taken"
+            ));
             name = title.to_owned();
         }
         self.from.entry(name.clone()).or_insert_with(|| (title.to_owned(), body));

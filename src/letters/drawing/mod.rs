@@ -112,7 +112,8 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     match kind.as_deref() {
         Some("svg") => {
             let drawing = svg::read(&LIMIT.read(path)?, &file)?;
-            let placing = Placing::new(drawing.bounds(), options, &file)?;
+            let placing = Placing::new(drawing.bounds(), options, &file)
+                .map_err(|error| with_reasons(error, &drawing.warnings))?;
             let lines = drawing.flatten(options.tolerance_m / placing.scale, &file)?;
             let detail = options.detail.unwrap_or(1.0);
             let drawn = reduced(lines, detail, placing.size(), &file)?;
@@ -297,6 +298,14 @@ fn smoothed(
     let timed = kept.iter().filter(|_| !times_s.is_empty());
     let times_s = timed.map(|index| time_s(share(*index))).collect();
     (kept.iter().map(|index| points[*index]).collect(), times_s)
+}
+
+/// The error of a drawing that is empty, with what was not followed: it may be why.
+fn with_reasons(mut error: Error, warnings: &[String]) -> Error {
+    if let Error::Input { hint, .. } = &mut error {
+        warnings.iter().for_each(|warning| *hint += &format!("; {warning}"));
+    }
+    error
 }
 
 /// From a drawing's own units, y up, to the plane of the word.

@@ -406,3 +406,12 @@ fn custom_properties_that_multiply_are_refused() {
     let error = read(page(&body).as_bytes()).err().unwrap().to_string();
     assert!(error.contains("custom properties"), "{error}");
 }
+
+#[test]
+fn an_empty_drawing_names_what_was_not_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.svg");
+    std::fs::write(&path, page("<path stroke='oklch(40% 0.2 90)' d='M0 5H9'/>")).unwrap();
+    let error = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err();
+    assert!(error.hint().contains("stroke `oklch(40% 0.2 90)`"), "{}", error.hint());
+}
