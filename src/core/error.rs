@@ -122,8 +122,12 @@ impl Error {
     /// A file or folder that cannot be written.
     #[must_use]
     pub fn write(path: &Path, source: std::io::Error) -> Self {
-        let hint = "choose a writable folder with space left on its disk".into();
-        Self::Io { path: path.into(), source, hint }
+        use std::io::ErrorKind::{AlreadyExists, NotADirectory};
+        let hint = match source.kind() {
+            AlreadyExists | NotADirectory => "a file is where a folder is wanted: name another",
+            _ => "choose a writable folder with space left on its disk",
+        };
+        Self::Io { path: path.into(), source, hint: hint.into() }
     }
 
     /// A value that cannot be used.
@@ -167,6 +171,13 @@ pub fn within(key: &str, value: f64, min: f64, max: f64) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_in_the_place_of_a_folder_is_said() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let source = std::fs::create_dir_all(file.path()).unwrap_err();
+        assert!(Error::write(file.path(), source).hint().starts_with("a file is where a folder"));
+    }
 
     #[test]
     fn a_number_of_309_digits_is_cut() {
