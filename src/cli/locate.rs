@@ -124,7 +124,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let options = options(args, &scene);
     let (mut logs, mut samples) = (read_all(args, &scene, &args.ranges)?, Vec::new());
     for (drone, log) in logs.iter().enumerate() {
-        let of_log = ranges(&log.flight, drone).map_err(|error| error.at(log.path.display(), None))?;
+        let of_log =
+            ranges(&log.flight, drone).map_err(|error| error.at(log.path.display(), None))?;
         samples.push(of_log);
         check_count(samples.iter().map(Vec::len).sum())?;
     }
@@ -225,7 +226,8 @@ fn by_observer(
     options: &LocateOptions,
 ) -> Result<Located> {
     let tracks = || {
-        let track = |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
+        let track =
+            |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
     match args.observer {

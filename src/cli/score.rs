@@ -84,7 +84,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
-        check_written(&Plan::read_csv(path)?, &strokes).map_err(|error| error.at(path.display(), None))?;
+        check_written(&Plan::read_csv(path)?, &strokes)
+            .map_err(|error| error.at(path.display(), None))?;
     }
     let framed = || -> Result<View> {
         let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();

@@ -467,7 +467,8 @@ mod tests {
 
     #[test]
     fn lists_beside_one_of_times_are_columns() {
-        let text = br#"{"note": "a", "t_ms": [10, 20], "x_mm": [100, 200], "stateEstimate.y": [1, 2, 3],
+        let text =
+            br#"{"note": "a", "t_ms": [10, 20], "x_mm": [100, 200], "stateEstimate.y": [1, 2, 3],
             "stateEstimate.z": {"time": [10, 20], "data": [5, 6]}}"#;
         let log = read(text, "log.json").unwrap();
         assert_eq!(log.blocks[0].time_s, [0.01, 0.02]);
@@ -475,7 +476,10 @@ mod tests {
         assert_eq!(log.channel("stateEstimate.y").unwrap().values, [1.0, 2.0]);
         assert_eq!(log.channel("stateEstimate.z").unwrap().values, [5.0, 6.0]);
         let warnings = log.warnings.join("\n");
-        assert!(warnings.contains("2 stamps for 3 values") && warnings.contains("note"), "{warnings}");
+        assert!(
+            warnings.contains("2 stamps for 3 values") && warnings.contains("note"),
+            "{warnings}"
+        );
     }
 
     #[test]

@@ -115,9 +115,8 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     // A drone that begins and ends low, and leaves and comes back along y, has y up, however deep
     // it flies.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().all(|row| row[2].abs() < CLIMB_M);
-    let rises_along_y = is_low
-        && climbs(rows.iter(), &rows, 1, 1.0)
-        && climbs(rows.iter().rev(), &rows, 1, 1.0);
+    let rises_along_y =
+        is_low && climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
     let guess = |seen: &str| {
         Ok((Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess"))))
     };

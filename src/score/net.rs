@@ -91,8 +91,7 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let logits = |sums: &[i32]| std::array::from_fn(|class| f64::from(sums[class]) * LOGIT);
     let mut logits: Vec<[f64; N_CLASSES]> =
         last.sums(&map).chunks_exact(N_CLASSES).map(logits).collect();
-    // What is dark is no light that is no letter: the net takes a gap between words for a letter
-    // lost.
+    // A dark column is a blank, never "no letter", which the net reads in a gap between words.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
             logits[N_CLASSES - 1] = f64::NEG_INFINITY;

@@ -4,7 +4,8 @@
 //! the visitors, one of the operator, who sits at this machine, and one of each entry, which leads
 //! to that entry alone. A name that is rebound to this machine (DNS rebinding) is known by its
 //! `Host`, and a foreign page that posts by its `Origin`, its `Sec-Fetch-Site`, and by the content
-//! type, which it may not set without a leave that is never given. There are no cookies.
+//! type, for which its browser would ask first (a CORS preflight), which is refused. There are no
+//! cookies.
 
 use std::net::IpAddr;
 

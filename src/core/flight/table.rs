@@ -101,7 +101,8 @@ impl Table {
                     let line = record.position().map_or(1, csv::Position::line);
                     let found = format!("{:?}", shortened(cell));
                     let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
-                    Error::input(format!("column {name}"), found, wanted, REWRITE_HINT).at(file, line)
+                    Error::input(format!("column {name}"), found, wanted, REWRITE_HINT)
+                        .at(file, line)
                 })?;
                 push(column, value);
             }

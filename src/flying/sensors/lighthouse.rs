@@ -95,7 +95,7 @@ impl Lighthouse {
             turn: turn(options),
             scale: 1.0 + options.frame_scale_error,
             bend: Field::new(
-                &mut streams.of_room("lighthouse distortion"),
+                &mut streams.shared_by_room("lighthouse distortion"),
                 options.distortion_m,
                 options.distortion_length_m,
             ),
@@ -173,7 +173,7 @@ pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
 impl Rotor {
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
         let station = &options.stations[i];
-        let mut error = streams.of_room(&format!("station {i} pose"));
+        let mut error = streams.shared_by_room(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
         truth.position_m += error.normals() * options.station_position_error_m;
         let turned = error.normals() * options.station_rotation_error_rad;
@@ -201,7 +201,7 @@ impl Rotor {
             truth,
             sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
             distortion: Field::new(
-                &mut streams.of_room(&format!("station {i} distortion")),
+                &mut streams.shared_by_room(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
                 options.sweep_distortion_length_rad,
             ),

@@ -30,7 +30,7 @@ impl PositionSensor {
             jitter_m: options.jitter_m,
             jitter: Normals::new(streams.own("lighthouse jitter")),
             distortion: Field::new(
-                &mut streams.of_room("lighthouse distortion"),
+                &mut streams.shared_by_room("lighthouse distortion"),
                 options.distortion_m,
                 options.distortion_length_m,
             ),

@@ -27,7 +27,7 @@ impl Streams {
 
     /// What is wrong with a room, the same for all drones and flights in it: the places of stations
     /// and anchors, and what the solution for them bends.
-    pub(super) fn of_room(&self, sensor: &str) -> Noise {
+    pub(super) fn shared_by_room(&self, sensor: &str) -> Noise {
         Noise::new(self.room_seed, 0, sensor)
     }
 

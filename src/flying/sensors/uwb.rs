@@ -88,7 +88,7 @@ impl Uwb {
     ) -> Self {
         let own = fleet.members[fleet.place].index;
         let bias = |i: usize| {
-            let mut noise = streams.of_room(&format!("uwb link {i}"));
+            let mut noise = streams.shared_by_room(&format!("uwb link {i}"));
             Field::new(&mut noise, options.bias_m, BIAS_LENGTH_M)
         };
         let link = |other: u64| {

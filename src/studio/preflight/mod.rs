@@ -270,7 +270,7 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     Some(Peak { value, most, time_s }.row("wake", warn_if(value > most)).say(
         found,
         format!("off by up to {most} m, a twentieth of the letters"),
-        "plan the drones together with {plan.drones}, or fly the lower one before the other",
+        "plan the drones together with {plan.drones}, or fly the lower drone first",
     ))
 }
 

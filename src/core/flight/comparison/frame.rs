@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity};
 
 /// Flights that are this far apart, root mean square, may be in two frames.
-const ELSEWHERE_M: f64 = 0.15;
+const TWO_FRAMES_M: f64 = 0.15;
 /// Most that a transform may leave between two flights that are one.
 const MOST_LEFT_M: f64 = 0.05;
 /// Share of the distance that a transform of two frames leaves at most.
@@ -65,7 +65,7 @@ pub(super) fn place(
         Ok(fit(&pairs(&a, &b, options.max_gap_s)))
     };
     let Some((apart_m, mut best)) = found(b, offset_s)? else { return Ok((offset_s, None)) };
-    if apart_m < ELSEWHERE_M {
+    if apart_m < TWO_FRAMES_M {
         return Ok((offset_s, None));
     }
     let mut best_s = offset_s;
