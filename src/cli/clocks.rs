@@ -180,9 +180,9 @@ fn estimated_s(
     };
     let one = alone(j).map_err(|error| unknown(error.to_string()))?;
     let other = alone(k).map_err(|error| unknown(error.to_string()))?;
-    let found = log_offset_s(&one, &other, &ranges);
-    let after_s =
-        found.ok_or_else(|| unknown("the range between the drones changes too little".into()))?;
+    let offset_s = log_offset_s(&one, &other, &ranges);
+    let after_s = offset_s
+        .ok_or_else(|| unknown("the range between the drones changes too little".into()))?;
     Ok(before[j].offset_s + after_s)
 }
 

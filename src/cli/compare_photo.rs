@@ -36,8 +36,8 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let folder = OutputFolder::create(&args.output)?;
-    let found = register(&render, &photo)?;
-    let (laid, covered) = placed(&render, &found.transform, [photo.width_px, photo.height_px]);
+    let registered = register(&render, &photo)?;
+    let (laid, covered) = placed(&render, &registered.transform, [photo.width_px, photo.height_px]);
     let mut difference: Difference = difference(&photo, &laid);
     let mean = difference.mean(|index| covered[index]);
     for (value, covered) in difference.values.iter_mut().zip(&covered) {
@@ -52,7 +52,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
     let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
-    let Registration { transform, correlation, residual_px: [median_px, p95_px] } = found;
+    let Registration { transform, correlation, residual_px: [median_px, p95_px] } = registered;
     let json = json!({
         "photo_px": [photo.width_px, photo.height_px],
         "transform": transform,

@@ -83,12 +83,12 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let shoot = Shoot::new(scene)?;
     let plans: Vec<&Plan> = shoot.plans.iter().map(|planned| &planned.plan).collect();
     let options = shoot.scene.sim();
-    let found = bounds(&plans, &options)?;
+    let bound = bounds(&plans, &options)?;
     let (place_m, better_m) = one_more_anchor(&plans, &options)?;
-    let picture = bound_map(&plans, &found, &options.sensors.uwb, place_m);
+    let picture = bound_map(&plans, &bound, &options.sensors.uwb, place_m);
     let path = output.keep(|out| out.write_all(picture.as_bytes()))?;
 
-    let word_m = writing_sigma_m(&found, None);
+    let word_m = writing_sigma_m(&bound, None);
     let cm = |sigma_m: Option<f64>| sigma_m.map_or("-".to_owned(), |m| format!("{:.1}", 100.0 * m));
     let mut text = line(
         "bound",
@@ -112,7 +112,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     for (letter, glyph) in glyphs.iter().enumerate() {
         // A drawing has strokes of one color in place of letters.
         let name = if is_word { glyph.character.to_string() } else { (letter + 1).to_string() };
-        for (drone, bound) in found.iter().enumerate() {
+        for (drone, bound) in bound.iter().enumerate() {
             let sigma_m = writing_sigma_m(std::slice::from_ref(bound), Some(letter));
             if let Some(sigma_m) = sigma_m {
                 rows.push(format!("{name}\t{}\t{}", drone + 1, cm(Some(sigma_m))));

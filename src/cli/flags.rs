@@ -63,12 +63,12 @@ impl SceneFlags {
 
     fn named_using(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
-        let mut found = match &self.scene {
+        let mut named = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
             None => NamedScene::new("", parse_scene("", "scene", &settings)?),
         };
-        self.finish(&mut found.scene, used)?;
-        Ok(found)
+        self.finish(&mut named.scene, used)?;
+        Ok(named)
     }
 
     /// The scene for a verb that uses keys which are without effect in a flight.
@@ -193,15 +193,15 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut found = self.scene.named(&settings)?;
+        let mut named = self.scene.named(&settings)?;
         if let Some(room_m) = self.letters.room_m() {
-            let usual = Scene::preset(found.scene.preset).sensors.lighthouse.stations;
-            let stations = &mut found.scene.sensors.lighthouse.stations;
+            let usual = Scene::preset(named.scene.preset).sensors.lighthouse.stations;
+            let stations = &mut named.scene.sensors.lighthouse.stations;
             if *stations == usual {
                 *stations = Profile::indoor().in_room(room_m).stations().into();
             }
         }
-        Ok(found)
+        Ok(named)
     }
 }
 
@@ -228,12 +228,12 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let mut found = self.design.named(&[])?;
-        found.scene.seed = self.seed.or(found.scene.seed);
+        let mut named = self.design.named(&[])?;
+        named.scene.seed = self.seed.or(named.scene.seed);
         if let Some(word) = &self.word {
-            set_word(&mut found.scene, word)?;
+            set_word(&mut named.scene, word)?;
         }
-        Ok(found)
+        Ok(named)
     }
 
     /// The room that was typed.
@@ -319,9 +319,9 @@ impl ProfileFlags {
 /// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
 fn plans_in(input: &str) -> Vec<String> {
     let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
-    let found = numbered.take_while(|path| path.is_file());
-    let found: Vec<String> = found.map(|path| path.display().to_string()).collect();
-    if found.is_empty() { vec![input.to_owned()] } else { found }
+    let plans = numbered.take_while(|path| path.is_file());
+    let paths: Vec<String> = plans.map(|path| path.display().to_string()).collect();
+    if paths.is_empty() { vec![input.to_owned()] } else { paths }
 }
 
 /// Flights from files: flights of ours, or logs of real ones.

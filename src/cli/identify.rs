@@ -40,14 +40,14 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let inertia_kg_m2 = inertia.transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene)));
     let flight = flight.transpose()?;
-    let found =
+    let identified =
         flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
-    warn(found.iter().flat_map(|found| &found.left_out));
+    warn(identified.iter().flat_map(|identified| &identified.left_out));
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
     let assumed = assumed(&vehicle);
     let text =
-        [Some(assumed), found.as_ref().map(text_of), inertia].into_iter().flatten().collect();
-    Ok(Report::new(text, to_json(&vehicle, found.as_ref(), inertia_kg_m2)))
+        [Some(assumed), identified.as_ref().map(text_of), inertia].into_iter().flatten().collect();
+    Ok(Report::new(text, to_json(&vehicle, identified.as_ref(), inertia_kg_m2)))
 }
 
 /// Puts the log's name in the place of "flight".

@@ -45,12 +45,12 @@ const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 /// A color as CSS writes it, as the bytes of the color LED deck that show it.
 fn color(text: &str) -> Result<[u8; 4], String> {
     let wanted = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
-    let found: svgtypes::Color =
+    let color: svgtypes::Color =
         text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
-    if [found.red, found.green, found.blue] == [0; 3] {
+    if [color.red, color.green, color.blue] == [0; 3] {
         return Err("black is no light: name the color that the lamp shall shine in".to_owned());
     }
-    Ok(color_led_wrgb([found.red, found.green, found.blue], LEVELS))
+    Ok(color_led_wrgb([color.red, color.green, color.blue], LEVELS))
 }
 
 /// Least distance of the word from the sides of the volume that a drone may fly in, and from its

@@ -54,11 +54,11 @@ fn map(
     let rows = ERRORS_M.map(|error_m| {
         let mut row = error_m.to_string();
         for gain in GAINS {
-            let found = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
-            let [best, worst] = found.range;
-            let diverged = 100.0 * found.diverged_frac;
-            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {diverged:.0} %)", found.median);
-            left.push(json!({ "gain": gain, "share_left": found }));
+            let left_share = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
+            let [best, worst] = left_share.range;
+            let diverged = 100.0 * left_share.diverged_frac;
+            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {diverged:.0} %)", left_share.median);
+            left.push(json!({ "gain": gain, "share_left": left_share }));
         }
         row
     });

@@ -53,7 +53,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     warn(warnings.map(|problem| problem.sentence(mentioned)));
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
-    let found = Found {
+    let metered = Found {
         ambient_stops: scene.photo.ambient_stops(&lighting.camera),
         floor_stops: floor_stops(&lighting.trace, &lighting.camera, &scene.expose),
         target_stops: args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0),
@@ -62,7 +62,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         fixed_aperture: scene.camera.body.fixed_lens().is_some(),
         readings,
     };
-    Ok(Report::new(text_of(&found), json(&found)))
+    Ok(Report::new(text_of(&metered), json(&metered)))
 }
 
 /// Exposures of the lamps, of the room and of the floor.

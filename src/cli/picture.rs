@@ -148,7 +148,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
         let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
         Some(Size { px, dots_per_inch: Some(dots) })
     };
-    let found = match text.split_once('@') {
+    let size = match text.split_once('@') {
         Some((paper, dots)) => print(paper, dots),
         None => {
             let sides = text.split_once(['x', 'X', '×']);
@@ -156,7 +156,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
             px.map(|px| Size { px, dots_per_inch: None })
         }
     };
-    found.ok_or_else(|| wanted.to_owned())
+    size.ok_or_else(|| wanted.to_owned())
 }
 
 #[cfg(test)]

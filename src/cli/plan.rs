@@ -123,11 +123,11 @@ fn table(word: &str, planned: &[Planned]) -> String {
             _ => format!("drone {}", index + 1),
         };
         let (duration_s, lit_s, n) = (plan.duration_s(), light_s(plan), plan.setpoints.len());
-        let mut found = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints");
+        let mut figures = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints");
         if let Some(streak_m) = worst_streak_m(drone) {
-            found += &format!(", light up to {:.1} mm off the strokes' ends", 1e3 * streak_m);
+            figures += &format!(", light up to {:.1} mm off the strokes' ends", 1e3 * streak_m);
         }
-        text += &line(&name, &found);
+        text += &line(&name, &figures);
     }
     text
 }

@@ -47,22 +47,22 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let results = open_results(&args.output, &FILES)?;
     let bar = counter("flying", options.n_flights());
-    let found = robustness(&options, Some(&store), &bar)?;
+    let endurances = robustness(&options, Some(&store), &bar)?;
     drop(bar);
     let title = format!("{}: disturbances that break the word", options.contender.name);
-    let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
-    let of_radio = found.iter().find(|e| e.factor == Some(Factor::Radio));
+    let curves: Vec<_> = endurances.iter().map(|e| (name(e).to_owned(), points(e))).collect();
+    let of_radio = endurances.iter().find(|e| e.factor == Some(Factor::Radio));
     let advice = match of_radio.and_then(|radio| radio.breaks_at) {
         Some(times) if times > 0.0 => line("advice", ON_BOARD),
         Some(_) => line("advice", "the word does not read without disturbances: mend that first"),
         None => String::new(),
     };
     let [csv, svg] = FILES;
-    results.write(csv, |out| out.write_all(robustness_csv(&found).as_bytes()))?;
+    results.write(csv, |out| out.write_all(robustness_csv(&endurances).as_bytes()))?;
     results.write(svg, |out| out.write_all(endurance(&title, &curves).as_bytes()))?;
     let files = results.keep(&FILES)?;
-    let json = json!({ "factors": found });
-    Ok(Report::new(text(&options, &found) + &advice + "\n", json).with_files(&files))
+    let json = json!({ "factors": endurances });
+    Ok(Report::new(text(&options, &endurances) + &advice + "\n", json).with_files(&files))
 }
 
 fn name(endurance: &Endurance) -> &'static str {

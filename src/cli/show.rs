@@ -97,13 +97,13 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
         return;
     }
     let (n, length_m, left_out) = (strokes.n_strokes(), strokes.length_m(), strokes.left_out);
-    let mut found = format!("{n} strokes, {length_m:.2} m");
+    let mut drawn = format!("{n} strokes, {length_m:.2} m");
     if left_out.strokes > 0 {
         let share = 100.0 * left_out.share;
-        found +=
+        drawn +=
             &format!("; left out: {} short ones, {share:.1} % of the length", left_out.strokes);
     }
-    found += match strokes.picture {
+    drawn += match strokes.picture {
         Picture::Auto => "",
         Picture::Drawing => {
             "; ink on paper (for a photograph, of lights at night too, set letters.picture=photograph)"
@@ -112,7 +112,7 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
             "; edges of a photograph (for ink on paper set letters.picture=drawing)"
         }
     };
-    *text += &line("drawing", &found);
+    *text += &line("drawing", &drawn);
     let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
     json["drawing"] = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
     if !strokes.warnings.is_empty() {

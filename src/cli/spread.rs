@@ -52,7 +52,7 @@ impl SpreadFlags {
         folder: &OutputFolder,
     ) -> Result<Option<Shown>> {
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
-        let found = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
+        let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
             let text = format!(
                 "a band that holds 90 % of further flights needs {LEAST_FLIGHTS}: that of {n} has all of \
@@ -61,26 +61,25 @@ impl SpreadFlags {
             warn(&[text]);
         }
         let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
-        let mut drawings = vec![spread_front(&found)];
+        let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
-        let photos = found
+        let photos = band
             .flights
             .iter()
             .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet: Photo = spread_sheet(&title, photos.collect());
         folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
-        for (drone, (all, within)) in found.all.iter().zip(&found.within).enumerate() {
-            let number =
-                if found.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
+        for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
+            let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
             let name = format!("spread{number}.svg");
             let drawing = spread_over_time(all, within);
             folder.write(&name, |out| out.write_all(drawing.as_bytes()))?;
             names.push(name);
             drawings.push(drawing);
         }
-        let json = json(&found, &self.conditions);
-        Ok(Some(Shown { text: text(&found, &title), json, names, drawings }))
+        let json = json(&band, &self.conditions);
+        Ok(Some(Shown { text: text(&band, &title), json, names, drawings }))
     }
 }
 

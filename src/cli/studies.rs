@@ -63,9 +63,9 @@ impl StudyFlags {
 
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
-        let found = find_scene(named, &self.set.set)?;
-        warn_of_idle_keys_under(conditions, &found.scene);
-        Ok(found)
+        let named = find_scene(named, &self.set.set)?;
+        warn_of_idle_keys_under(conditions, &named.scene);
+        Ok(named)
     }
 
     /// The conditions that were named, or a room's.
@@ -248,8 +248,8 @@ fn pairs_table(ranking: &Ranking) -> String {
     let (mut text, pairs) = (String::new(), &ranking.pairs);
     let names = labels(&ranking.measures, 20);
     let name = |contender: &str| {
-        let found = ranking.measures.iter().zip(&names).find(|(m, _)| m.contender == contender);
-        found.map_or("", |(_, name)| name.as_str()).to_owned()
+        let measured = ranking.measures.iter().zip(&names).find(|(m, _)| m.contender == contender);
+        measured.map_or("", |(_, name)| name.as_str()).to_owned()
     };
     let n_flights = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     if !pairs.is_empty() && n_flights < ranking.least_flights as usize {

@@ -225,19 +225,19 @@ impl<'a> Log<'_, 'a> {
         model.left_out = self.samples.iter().map(is_out).collect();
         let mut start = self.wide_start(&model, &left_out, &[])?;
         let solved = solve(&model, self.samples, &start, true)?;
-        let mut found = Repaired { solved, biases: Vec::new(), left_out, cut_short: false };
+        let mut repaired = Repaired { solved, biases: Vec::new(), left_out, cut_short: false };
         for _ in 0..ROUNDS {
-            model.left_out = self.strays(&found);
-            let evidence = Evidence::new(&model, self.samples, &found, &start);
+            model.left_out = self.strays(&repaired);
+            let evidence = Evidence::new(&model, self.samples, &repaired, &start);
             let (chosen, doubtful) = evidence.choose(LEAST_BIAS_SIGMAS * self.sigma_m);
             let mut biases = [&chosen[..], &doubtful].concat();
             biases.sort_unstable();
             let settled = biases == model.biases;
             model = model.with_biases(biases);
-            start = self.wide_start(&model, &found.left_out, &found.biases)?;
-            found.solved = solve(&model, self.samples, &start, true)?;
-            found.biases = found.solved.biases(&model);
-            for bias in &mut found.biases {
+            start = self.wide_start(&model, &repaired.left_out, &repaired.biases)?;
+            repaired.solved = solve(&model, self.samples, &start, true)?;
+            repaired.biases = repaired.solved.biases(&model);
+            for bias in &mut repaired.biases {
                 let others = model.biases.iter().filter(|of| **of != bias.of).copied();
                 let others = evidence.fit(&others.collect::<Vec<_>>()).0;
                 let all = evidence.fit(&model.biases).0;
@@ -247,7 +247,7 @@ impl<'a> Log<'_, 'a> {
                 break;
             }
         }
-        Ok((found, start))
+        Ok((repaired, start))
     }
 
     /// The log without one more link, of those with the largest residuals the first without which
@@ -275,9 +275,9 @@ impl<'a> Log<'_, 'a> {
             *tries_left = tries_left.checked_sub(1)?;
             // Too few links may be left.
             let without = [&before.left_out[..], &[link]].concat();
-            let found = self.identified(without).ok()?;
-            let after = found.0.solved.innovations.nis()?;
-            (after < HELPS * nis).then_some(found)
+            let identified = self.identified(without).ok()?;
+            let after = identified.0.solved.innovations.nis()?;
+            (after < HELPS * nis).then_some(identified)
         })
     }
 

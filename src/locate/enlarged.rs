@@ -184,16 +184,16 @@ impl Enlarged {
         starts.push(self.mirrored(&along));
         let mut best: Option<(f64, DVector<f64>, DMatrix<f64>)> = None;
         for start in starts {
-            let mut found = self.descend(start, &whiten);
+            let mut descended = self.descend(start, &whiten);
             for i in 0..self.n {
-                let mut at = found.1.fixed_rows_mut::<3>(3 * i);
+                let mut at = descended.1.fixed_rows_mut::<3>(3 * i);
                 at += self.origin_m;
             }
-            if room.is_some_and(|room| !room.holds_all(&found.1)) {
-                found.0 += OUTSIDE;
+            if room.is_some_and(|room| !room.holds_all(&descended.1)) {
+                descended.0 += OUTSIDE;
             }
-            if best.as_ref().is_none_or(|best| found.0 < best.0 - 1e-6) {
-                best = Some(found);
+            if best.as_ref().is_none_or(|best| descended.0 < best.0 - 1e-6) {
+                best = Some(descended);
             }
         }
         let (_, state_m, covariance_m2) = best.expect("there are starts");

@@ -55,7 +55,7 @@ pub(super) fn ambiguities(
 ) -> Vec<Ambiguity> {
     let Some((first, last)) = samples.first().zip(samples.last()) else { return Vec::new() };
     let span_s = span_s(samples).max((last.time_s - first.time_s) / MOST_SPANS);
-    let mut found: Vec<Ambiguity> = Vec::new();
+    let mut ambiguities: Vec<Ambiguity> = Vec::new();
     let mut left = samples;
     while let Some(begin) = left.first() {
         let end_s = begin.time_s + span_s;
@@ -69,16 +69,16 @@ pub(super) fn ambiguities(
         let (ranges, places_m) = expected(anchors_m, span, located, options.range_sigma_m);
         for (index, apart_m) in elsewhere(anchors_m, &ranges, &places_m, options) {
             let drone = DroneIndex(index);
-            let before = found.iter_mut().rev().find(|a| a.drone == drone);
+            let before = ambiguities.iter_mut().rev().find(|a| a.drone == drone);
             match before.filter(|before| before.to_s >= begin.time_s) {
                 Some(before) => {
                     (before.to_s, before.apart_m) = (to_s, before.apart_m.max(apart_m));
                 }
-                None => found.push(Ambiguity { drone, from_s: begin.time_s, to_s, apart_m }),
+                None => ambiguities.push(Ambiguity { drone, from_s: begin.time_s, to_s, apart_m }),
             }
         }
     }
-    found
+    ambiguities
 }
 
 /// The ambiguities of positions whose changes are known.
@@ -109,10 +109,10 @@ pub(super) fn ambiguities_of_motion(
         range.distance_m = -missing / weight;
     }
     let (from_s, to_s) = (first.time_s, last.time_s);
-    let found = elsewhere(anchors_m, &ranges, &places_m, options).into_iter();
+    let others_m = elsewhere(anchors_m, &ranges, &places_m, options).into_iter();
     let ambiguity =
         |(index, apart_m)| Ambiguity { drone: DroneIndex(index), from_s, to_s, apart_m };
-    found.map(ambiguity).collect()
+    others_m.map(ambiguity).collect()
 }
 
 /// The span in which every link is measured, as a rule.
@@ -162,7 +162,7 @@ fn elsewhere(
         .flat_map(|range| [Some(range.link.drones().0), range.link.drones().1])
         .flatten()
         .collect();
-    let mut found: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut farthest_m: BTreeMap<usize, f64> = BTreeMap::new();
     for from in others(anchors_m, ranges, places_m, &heard) {
         let (cost, other_m) = fit(anchors_m, ranges, from);
         let is_outside =
@@ -174,12 +174,12 @@ fn elsewhere(
             let at = |p: &DVector<f64>| p.fixed_rows::<3>(3 * drone).into_owned();
             let apart_m = (at(&other_m) - at(places_m)).norm();
             if apart_m > MIN_SEPARATION_M {
-                let before_m = found.entry(*drone).or_default();
+                let before_m = farthest_m.entry(*drone).or_default();
                 *before_m = before_m.max(apart_m);
             }
         }
     }
-    found
+    farthest_m
 }
 
 /// Places at which a fit may find another solution: the mirror images of each drone, alone behind
@@ -191,7 +191,7 @@ fn others(
     heard: &BTreeSet<usize>,
 ) -> Vec<DVector<f64>> {
     let at = |drone: usize| places_m.fixed_rows::<3>(3 * drone).into_owned();
-    let mut found = Vec::new();
+    let mut starts_m = Vec::new();
     let mirrored = |drones: &[usize], ends_m: &[Vector3<f64>]| {
         let (middle_m, normal) = plane(ends_m)?;
         let mut p = places_m.clone();
@@ -216,14 +216,14 @@ fn others(
                 _ => {}
             }
         }
-        found.extend(mirrored(&[*drone], &anchors));
+        starts_m.extend(mirrored(&[*drone], &anchors));
         ends_m.extend(anchors);
-        found.extend(mirrored(&[*drone], &ends_m));
+        starts_m.extend(mirrored(&[*drone], &ends_m));
     }
     if heard.len() > 1 {
         let ends_m: Vec<Vector3<f64>> = all_anchors.iter().map(|k| anchors_m[*k]).collect();
         let drones: Vec<usize> = heard.iter().copied().collect();
-        found.extend(mirrored(&drones, &ends_m));
+        starts_m.extend(mirrored(&drones, &ends_m));
     }
     // The drones that are not heard would be the worst direction.
     let slopes = residuals(anchors_m, ranges, places_m).0;
@@ -234,9 +234,9 @@ fn others(
     for along_m in [-ALONG_M, ALONG_M] {
         let mut p = places_m.clone();
         rows.iter().zip(worst.iter()).for_each(|(row, part)| p[*row] += along_m * part);
-        found.push(p);
+        starts_m.push(p);
     }
-    found
+    starts_m
 }
 
 /// A point and the normal of the plane nearest to three points or more.

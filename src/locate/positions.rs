@@ -55,8 +55,8 @@ impl Positions {
         let (slope, expected_m) = slope(link, &self.anchors_m, at, 3);
         let value = distance_m - expected_m + along(&slope, at);
         let measurement = Measurement { slope: &slope, value, variance: sigma_m * sigma_m };
-        let found = self.gate.correct(&mut self.normal, link, &measurement);
-        found.map(|innovation| innovation.nis())
+        let innovation = self.gate.correct(&mut self.normal, link, &measurement);
+        innovation.map(|innovation| innovation.nis())
     }
 }
 

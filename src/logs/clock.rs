@@ -287,7 +287,7 @@ mod tests {
         let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
         let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
         let mut recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
-        settle(&mut recording, &ImportOptions::default());
+        settle(&mut recording, &ImportOptions::default()).unwrap();
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
@@ -302,7 +302,7 @@ mod tests {
         let pace = Pace::Microseconds;
         let mut log = Recording { blocks, pace, firmware, ..Recording::default() };
         let stamped_s = log.blocks[0].time_s[199];
-        settle(&mut log, options);
+        settle(&mut log, options).unwrap();
         (log.blocks[0].time_s[199] / stamped_s, log.warnings.join("\n"))
     }
 
@@ -341,17 +341,17 @@ mod tests {
         let block = Block { time_s: vec![84.0, 168.0], ..Block::default() };
         let firmware = Some("2025.12".to_owned());
         let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
-        settle(&mut log, &ImportOptions::default());
+        settle(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
         (log.pace, log.wrap_s) = (Pace::Microseconds, Some(4e6));
-        settle(&mut log, &ImportOptions::default());
+        settle(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!(
             (log.blocks[0].time_s[1], log.warnings.len()),
             (168.0, 0),
             "version 1 of a card"
         );
         let told = ImportOptions { clock_ratio: Some(SLOW_CLOCK), ..ImportOptions::default() };
-        settle(&mut log, &told);
+        settle(&mut log, &told).unwrap();
         assert!((log.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", log.blocks[0].time_s);
     }
 }

@@ -45,20 +45,20 @@ pub(super) fn align(recording: &mut Recording) {
         .or_else(|| position(PositionSource::Firmware))
         .or_else(|| position(PositionSource::Custom));
     let mocap = moving("mocap.{x y z}");
-    let found = mocap.zip(path).and_then(|(mocap, path)| {
+    let shift = mocap.zip(path).and_then(|(mocap, path)| {
         let direct = Search { mocap, path, free: false };
-        let level = |found: Shift| (found, false);
+        let level = |shift: Shift| (shift, false);
         direct.shift().map(level).or_else(|| {
             let turned = Search { free: true, ..direct.clone() };
             turned.shift().map(level).or_else(|| {
                 let [x, y, z] = <[Channel; 3]>::try_from(turned.mocap).ok()?;
                 let back = Channel { values: z.values.iter().map(|z| -z).collect(), ..z };
                 let upright = Search { mocap: vec![x, back, y], path: turned.path, free: true };
-                upright.shift().map(|found| (found, true))
+                upright.shift().map(|shift| (shift, true))
             })
         })
     });
-    let Some((shift, y_up)) = found else {
+    let Some((shift, y_up)) = shift else {
         recording.blocks.retain(|block| block.clock == Clock::Drone);
         let text = "the motion capture's clock could not be aligned with the drone's (no common \
                     path): its columns are left out";

@@ -384,17 +384,17 @@ fn times(
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
         return (values, (wraps > 0).then_some(text));
     }
-    let found = unit_of(&values);
-    let unit_s = wanted.seconds().or(unit).unwrap_or(found.unit_s);
+    let shown = unit_of(&values);
+    let unit_s = wanted.seconds().or(unit).unwrap_or(shown.unit_s);
     let is_guess = wanted.seconds().is_none() && unit.is_none();
     let note = if is_guess && unit_s != 1.0 {
-        let (step, unit) = (found.step, unit_s);
+        let (step, unit) = (shown.step, unit_s);
         Some(format!(
             "column {title}: taken as {unit} s a unit, since its rows are {step} apart, which is no \
              step of a log in seconds"
         ))
-    } else if is_guess && found.in_doubt {
-        let step = found.step;
+    } else if is_guess && shown.in_doubt {
+        let step = shown.step;
         Some(format!(
             "column {title}: its rows are {step} apart, taken as seconds, not milliseconds"
         ))
@@ -432,8 +432,8 @@ pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
 fn known(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, ours, names)| {
         let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
-        let found = |letter: &char| names.iter().any(|usual| with(usual, *letter) == name);
-        letters.chars().find(found).map(|letter| with(ours, letter))
+        let is_usual = |letter: &char| names.iter().any(|usual| with(usual, *letter) == name);
+        letters.chars().find(is_usual).map(|letter| with(ours, letter))
     })
 }
 

@@ -58,9 +58,9 @@ impl Sheet {
         needed: &dyn Fn(&str) -> bool,
         budget: &Budget,
     ) -> Result<Self> {
-        let found = header(text);
-        let mut header_due = found.is_some();
-        let header = found.unwrap_or_else(|| {
+        let titled = header(text);
+        let mut header_due = titled.is_some();
+        let header = titled.unwrap_or_else(|| {
             let numbered = titles(text).into_iter().enumerate();
             let name = |i: usize| {
                 names.get(i).map_or(format!("column{}", i + 1), |name| (*name).to_owned())
@@ -240,8 +240,8 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
 /// A text without its half of the day, and whether that is after noon.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
-    let found = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
-    found.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
+    let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
+    half.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
 }
 
 /// A time of day without its zone, and the seconds by which the zone is ahead.

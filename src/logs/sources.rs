@@ -182,7 +182,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
         Some(search.first(recording, sources)?.channels)
     };
-    let found = [
+    let taken = [
         (Quantity::Position, position),
         (Quantity::Rate, take(RATE, any)),
         (Quantity::Estimate, take(POSITION, &[Custom, Firmware])),
@@ -199,10 +199,10 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     };
     let velocity = velocity.map(|chosen| chosen.channels);
     let attitude = attitude(recording, truth, &mut search);
-    let found =
-        found.into_iter().chain([(Quantity::Velocity, velocity), (Quantity::Attitude, attitude)]);
+    let taken =
+        taken.into_iter().chain([(Quantity::Velocity, velocity), (Quantity::Attitude, attitude)]);
     let mut channels: BTreeMap<Quantity, Vec<Channel>> =
-        found.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
+        taken.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
     let moving_s = moving_s(channels.get(&Quantity::Position));
     channels.retain(|quantity, channels| {
         let dead = why_dead(*quantity, channels, moving_s, &mut search.left_out);

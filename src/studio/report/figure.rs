@@ -248,10 +248,10 @@ impl Panel {
                     |[x, y]: &[f64; 2]| (left..=right).contains(x) && (top..=bottom).contains(y);
                 free(place) && !drawn.iter().any(across)
             };
-            let found = around.iter().find(clear).or_else(|| around.iter().find(free));
-            let found = found.copied().unwrap_or(around[0]);
-            taken.push(corners(found));
-            found
+            let clear_label = around.iter().find(clear).or_else(|| around.iter().find(free));
+            let label = clear_label.copied().unwrap_or(around[0]);
+            taken.push(corners(label));
+            label
         };
         self.marks.iter().map(place).collect()
     }

@@ -211,7 +211,7 @@ pub(crate) fn reason(scene: &Scene, key: &str) -> Option<String> {
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
     let at = values_at(values, key);
-    let found = names_at(values, key);
+    let names_there = names_at(values, key);
     if names.is_empty() {
         let is_off = |value: &&Value| {
             value.as_float() == Some(0.0)
@@ -226,7 +226,7 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
         };
         return (is_set != *holds).then_some(why);
     }
-    let named = names.iter().find(|name| found.iter().any(|found| found == *name));
+    let named = names.iter().find(|name| names_there.iter().any(|there| there == *name));
     (named.is_some() != *holds).then(|| match (named, names) {
         (Some(name), _) => format!("{key} is {name}"),
         (None, names) => {

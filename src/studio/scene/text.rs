@@ -369,16 +369,16 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
 fn line_of(toml: &str, place: &str) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
     let mut table = parsed.get_ref();
-    let mut found = None;
+    let mut line = None;
     for word in place.split([' ', '.', '[']) {
         let Some((key, value)) = table.get_key_value(word) else { break };
-        found = Some(line_at(toml, key.span().start));
+        line = Some(line_at(toml, key.span().start));
         match value.get_ref().as_table() {
             Some(inner) => table = inner,
             None => break,
         }
     }
-    found
+    line
 }
 
 fn line_at(text: &str, byte: usize) -> u64 {

@@ -228,10 +228,10 @@ impl Conditions {
         for (key, value) in &mut table {
             *value = (value.as_float().expect("a number") * times(key)).into();
         }
-        let mut found: Self = table.try_into().expect("the same keys");
-        found.charge_used_frac = found.charge_used_frac.min(1.0);
-        found.motor_loss_frac = found.motor_loss_frac.min(1.0);
-        found
+        let mut widened: Self = table.try_into().expect("the same keys");
+        widened.charge_used_frac = widened.charge_used_frac.min(1.0);
+        widened.motor_loss_frac = widened.motor_loss_frac.min(1.0);
+        widened
     }
 
     /// Checks the ranges.

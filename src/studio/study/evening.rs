@@ -203,9 +203,9 @@ impl Evening {
     #[must_use]
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
-        let mut found = Vec::new();
+        let mut conditions = Vec::new();
         let mut add = |key, value: Option<f64>, from: String| {
-            found.extend(value.map(|value| FoundCondition { key, value, from }));
+            conditions.extend(value.map(|value| FoundCondition { key, value, from }));
         };
         let n = figures.len();
         let enough = n >= LEAST_FLIGHTS;
@@ -244,7 +244,7 @@ impl Evening {
         });
         let outage_s = mean(outages_s);
         add("radio_outage_s", outage_s, "longest gaps, of one in 10 s".into());
-        found
+        conditions
     }
 
     /// A conditions file (TOML) with what was found.
@@ -308,22 +308,22 @@ impl EveningLog {
 
 fn figures(flight: &Flight, scene: &Scene) -> Result<LogFigures> {
     let vehicle = &scene.vehicle;
-    let found = identify(flight, &Assumed::of(vehicle))?;
+    let identified = identify(flight, &Assumed::of(vehicle))?;
     let air = airborne(flight).unwrap_or_default();
-    let lag = found.lag.filter(RotorLag::is_identifiable);
-    let weight_n = found.k_f_n * found.mean_motors.iter().sum::<f64>();
+    let lag = identified.lag.filter(RotorLag::is_identifiable);
+    let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
     let room = GustOptions::default().torque_sigma_n_m;
-    let gust = found.air.map(|air| {
+    let gust = identified.air.map(|air| {
         let share = |axis: usize| air.torque_sigma_n_m[axis] / room[axis];
         ROOM_GUST_M_S * 0.5 * (share(0) + share(1))
     });
     Ok(LogFigures {
         air_s: flight.samples[air.end - 1].time_s - flight.samples[air.start].time_s,
         longest_gap_s: 0.0,
-        thrust_frac: found.k_f_n / vehicle.k_f_n,
-        trim_m: found.center_of_mass_m,
+        thrust_frac: identified.k_f_n / vehicle.k_f_n,
+        trim_m: identified.center_of_mass_m,
         // A torque about y is a center of mass off in x, and the other way around.
-        trim_sigma_m: found
+        trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
         lag_s: lag.map(|lag| lag.lag_s),

@@ -46,8 +46,8 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let own = read_probability(scene, scene.seed)?;
     let gain = |(changes, scene): (Vec<Change>, Scene)| {
-        let found = read_probability(&scene, scene.seed).ok()?;
-        (found - own >= LEAST_GAIN).then_some((found - own, changes, scene))
+        let after = read_probability(&scene, scene.seed).ok()?;
+        (after - own >= LEAST_GAIN).then_some((after - own, changes, scene))
     };
     let candidates = candidates(shoot)?;
     let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
@@ -55,7 +55,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
-    let mut found: Vec<Remedy> = Vec::new();
+    let mut remedies: Vec<Remedy> = Vec::new();
     for (first, changes, scene) in gains {
         let after = further.par_iter().map(|seed| read_probability(&scene, *seed));
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
@@ -63,14 +63,14 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
         gains.push(first);
         let gain = gains.iter().sum::<f64>() / gains.len() as f64;
         if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
-            found.push(Remedy { changes, gain });
+            remedies.push(Remedy { changes, gain });
         }
-        if found.len() == MOST {
+        if remedies.len() == MOST {
             break;
         }
     }
-    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    Ok(found)
+    remedies.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    Ok(remedies)
 }
 
 /// Probability that the scene's word is read with a seed; 0 where nothing is read.
