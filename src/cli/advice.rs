@@ -185,7 +185,8 @@ mod tests {
 
     #[test]
     fn an_error_leads_to_the_flag_or_the_key_that_mends_it() {
-        assert!(at("my.toml:3: vehicle.mass_kg", "fly").contains("--set vehicle.mass_kg=VALUE"));
+        let in_file = Error::input("vehicle.mass_kg", "x", "y", "z").at("my.toml", 3);
+        assert!(of(&in_file, "fly").contains("--set vehicle.mass_kg=VALUE"));
         assert!(at("controller.lqr.q[3]", "fly").contains("--set controller.lqr.q="));
         assert!(at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
         assert!(at("camera.framing.position_m", "preview").contains("`--camera auto`"));

@@ -348,7 +348,11 @@ fn a_negative_mass_is_refused_with_line_and_key() {
 
 #[test]
 fn an_unwritable_folder_is_refused_before_the_flight() {
-    fails(&["preview", "NOOR", "-o", "file/out"], &[("file", "")], &["file/out", "writ"]);
+    fails(
+        &["preview", "NOOR", "-o", "file/out"],
+        &[("file", "")],
+        &["file/out", "a file is where"],
+    );
     fails(&["plan", "NOOR", "-o", "nowhere/plan.csv"], &[], &["nowhere/plan.csv"]);
 }
 

@@ -336,7 +336,7 @@ fn broken_tables_are_read_with_a_warning_or_refused() {
         ("a huge number", cell(&text, 9, 3, "1e300"), Warned("without a number")),
         ("a time that is none", cell(&text, 9, 0, "NaN"), Warned("does not rise")),
         ("each row twice", put(&doubled), Warned("does not rise")),
-        ("rows in reverse", put(&reversed), Warned("does not rise")),
+        ("rows in reverse", put(&reversed), Refused("before the one above")),
         ("parts exchanged", put(&[second, first].concat()), Warned("starts again")),
         ("no height", text.replacen(",z,", ",depth,", 1), Warned("not in the log: position")),
         ("millimeters", scaled(&flight, 1000.0), Warned("meters")),
