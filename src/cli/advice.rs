@@ -80,7 +80,10 @@ const FLAGS: [(&str, &str, &str); 19] = [
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let path = match error {
         Error::Letter { .. } => "a letter of the word",
-        Error::Input { place, .. } => place.key.split('[').next().unwrap_or_default(),
+        Error::Input { place, .. } => {
+            let key = place.key.rsplit(": ").next().unwrap_or_default();
+            key.split('[').next().unwrap_or_default()
+        }
         _ => return Vec::new(),
     };
     let has = |typed: &str| {

@@ -156,7 +156,7 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
     let hint = "name the scene yourself, or trust the photo's if you know who made it";
     let wanted = "a font that comes with the program: a photo may name any file";
-    Err(Error::input(format!("{file}: {key}"), "the path of a file", wanted, hint))
+    Err(Error::input(key, "the path of a file", wanted, hint).at(file, None))
 }
 
 /// Refuses flights that are not those of the photo, where it says which these are.

@@ -129,9 +129,9 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     match (down, y_up) {
         (true, true) => {
             let found = "a flight that rises along -z and along y";
-            let place = format!("{}: axes", recording.file);
             let hint = "say which axes its world has: z-down or y-up";
-            Err(Error::input(place, found, "one axis that points up", hint))
+            Err(Error::input("axes", found, "one axis that points up", hint)
+                .at(&recording.file, None))
         }
         (true, false) => {
             let why =

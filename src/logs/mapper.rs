@@ -173,10 +173,12 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
                 // Not a number is beyond as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
-                    let place = format!("{file}: {name} at {:.3} s of the flight", sample.time_s);
+                    let place = format!("{name} at {:.3} s of the flight", sample.time_s);
                     let wanted = format!("a number within ±{MAX_QUANTITY:e}");
                     let hint = "cut the broken part out of the log, or correct the column's unit";
-                    return Err(Error::input(place, format!("{value:e}"), wanted, hint));
+                    return Err(
+                        Error::input(place, format!("{value:e}"), wanted, hint).at(file, None)
+                    );
                 }
             }
         }

@@ -143,9 +143,8 @@ fn one_of(file: &str, kind: &str, bodies: &BTreeSet<String>) -> Result<()> {
         return Ok(());
     }
     let names = bodies.iter().cloned().collect::<Vec<_>>().join(", ");
-    let place = format!("{file}: {kind}");
     let hint = "export the drone's rigid body alone";
-    Err(Error::input(place, format!("{} ({names})", bodies.len()), "one", hint))
+    Err(Error::input(kind, format!("{} ({names})", bodies.len()), "one", hint).at(file, None))
 }
 
 fn refused(file: &str, found: &str, wanted: &str) -> Error {

@@ -301,10 +301,12 @@ impl Columns<'_> {
         let Title { mut name, is_known, unit, body, other_unit } = Title::of(title);
         let (file, options) = (self.file, self.options);
         if let Some(other) = other_unit {
-            let place = format!("{file}: column {title}");
+            let place = format!("column {title}");
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
-            return Err(Error::input(place, format!("the unit {other}"), wanted, hint));
+            return Err(
+                Error::input(place, format!("the unit {other}"), wanted, hint).at(file, None)
+            );
         }
         if name == "t" && !dated && values.iter().all(|value| value.is_nan()) {
             // A second column of times may be filled.
@@ -331,9 +333,11 @@ impl Columns<'_> {
         }
         if is_known && let Some((first, of_body)) = self.from.get(&name) {
             if *of_body != body {
-                let place = format!("{file}: columns {first} and {title}");
+                let place = format!("columns {first} and {title}");
                 let hint = "keep the columns of one body";
-                return Err(Error::input(place, "two bodies", "one, for a flight", hint));
+                return Err(
+                    Error::input(place, "two bodies", "one, for a flight", hint).at(file, None)
+                );
             }
             let column = index + 1;
             self.log.warnings.push(format!(

@@ -35,8 +35,8 @@ pub(super) fn read(
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
     if !(1..=2).contains(&version) {
-        let place = format!("{file}: byte 1");
-        return Err(Error::input(place, format!("version {version}"), "version 1 or 2", HINT));
+        let found = format!("version {version}");
+        return Err(Error::input("byte 1", found, "version 1 or 2", HINT).at(file, None));
     }
     let mut events = cursor.header()?;
     let body = &bytes[cursor.at..];
@@ -52,7 +52,7 @@ pub(super) fn read(
         let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short | Reason::Zeros);
         if !cut_off && damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
-            return Err(Error::input(format!("{file}: byte {byte}"), damage, wanted, HINT));
+            return Err(Error::input(format!("byte {byte}"), damage, wanted, HINT).at(file, None));
         }
         warnings.push(format!("byte {byte}: {damage}; {n} records before it are read"));
     }
@@ -259,6 +259,6 @@ impl Cursor<'_> {
     }
 
     fn error(&self, at: usize, found: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
-        Error::input(format!("{}: byte {at}", self.file), found, wanted, HINT)
+        Error::input(format!("byte {at}"), found, wanted, HINT).at(self.file, None)
     }
 }

@@ -50,8 +50,7 @@ impl Brand {
     pub(super) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
         let refused = |key: &str, found: String, wanted: String| {
-            let place = format!("{}: {key}", path.display());
-            Error::input(place, found, wanted, "see docs/page.md")
+            Error::input(key, found, wanted, "see docs/page.md").at(path.display(), None)
         };
         let table: Table = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
             refused(

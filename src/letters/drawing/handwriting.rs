@@ -76,8 +76,8 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
         let mut trace = Written { color: page.colors.get(stroke).copied(), ..Written::default() };
         for (point, values) in points.iter().enumerate() {
             let refuse = |wanted: &str| {
-                let place = format!("{file}: stroke {}, point {}", stroke + 1, point + 1);
-                Err(Error::input(place, format!("{values:?}"), wanted, hint))
+                let place = format!("stroke {}, point {}", stroke + 1, point + 1);
+                Err(Error::input(place, format!("{values:?}"), wanted, hint).at(file, None))
             };
             if *n_values.get_or_insert(values.len()) != values.len()
                 || values.len() < 2

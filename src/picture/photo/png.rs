@@ -126,9 +126,9 @@ fn text(
     let unpacked = text.decompress_text_with_limit(MAX_TEXT_BYTES);
     let plain = unpacked.and_then(|()| text.get_text());
     plain.map(Some).map_err(|error| {
-        let place = format!("{}: {keyword}", path.display());
         let wanted = format!("a text of at most {} MiB", MAX_TEXT_BYTES >> 20);
-        Error::input(place, error, wanted, "name a scene, which goes before the photo's own")
+        let hint = "name a scene, which goes before the photo's own";
+        Error::input(keyword, error, wanted, hint).at(path.display(), None)
     })
 }
 
