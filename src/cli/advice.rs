@@ -108,6 +108,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
         ));
+    } else if matches!(error, Error::Input { found, .. } if found.starts_with("the unknown key")) {
+        advice.push("`noctograph scene` prints all keys".to_owned());
     } else if let Some(flag) = flag(path, verb) {
         advice.push(format!("`--{flag}` sets it"));
     }

@@ -49,11 +49,16 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
 fn conclusion(found: &[Checked], stops: bool, profile: &Profile) -> String {
     let verdict = if stops { "not safe to fly" } else { "safe to fly" };
     let room = profile.room_m.map_or_else(String::new, |[w, d, h]| format!(", room {w}x{d}x{h}"));
-    let n = found.iter().filter(|checked| checked.row.severity == Severity::Unknown).count();
-    let unchecked = match n {
+    let counted = |severity, one: &str, several: &str| match found
+        .iter()
+        .filter(|checked| checked.row.severity == severity)
+        .count()
+    {
         0 => String::new(),
-        1 => ", 1 property not checked".to_owned(),
-        n => format!(", {n} properties not checked"),
+        1 => format!(", 1 {one}"),
+        n => format!(", {n} {several}"),
     };
-    format!("{verdict} (profile {}{room}){unchecked}\n", profile.name)
+    let warnings = counted(Severity::Warning, "warning", "warnings");
+    let unchecked = counted(Severity::Unknown, "property not checked", "properties not checked");
+    format!("{verdict} (profile {}{room}){warnings}{unchecked}\n", profile.name)
 }

@@ -77,7 +77,7 @@ pub(super) fn run(
 fn advice_of(mean: &MeanDrone) -> String {
     let [x, y] = mean.center_of_mass_m;
     format!(
-        "give the scene your drones' mean: --set vehicle.k_f_n={:.3e} --set \
+        "the mean of your drones, for any command: --set vehicle.k_f_n={:.3e} --set \
          vehicle.center_of_mass_m=[{x:.2e},{y:.2e}]",
         mean.k_f_n
     )

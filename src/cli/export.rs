@@ -185,7 +185,11 @@ fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String>
 /// Warns of a controller that does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_design() {
-        warn(&["this controller holds positions and trails a trajectory on board".to_owned()]);
+        warn(&[
+            "this controller tracks positions, and lags a trajectory on board: see it first with \
+               `preview --as-exported compressed`, or fly `--set controller.kind=geometric`"
+                .to_owned(),
+        ]);
     }
 }
 

@@ -133,13 +133,16 @@ impl LetterFlags {
             let baseline_m = (0.25 * room_m[2]).min(0.5);
             let high_m = high[2] - FROM_TOP_M - baseline_m;
             let key = |(key, value): (&str, String)| (format!("letters.{key}"), value);
+            // A drawing fills its canvas as it is.
+            let fit = self.drawing.is_none().then(|| ("fit", "fill".to_owned()));
             settings.extend(
                 [
                     ("canvas_m", format!("[{wide_m}, {high_m}]")),
                     ("baseline_m", baseline_m.to_string()),
-                    ("fit", "fill".to_owned()),
                     ("align", "center".to_owned()),
                 ]
+                .into_iter()
+                .chain(fit)
                 .map(key),
             );
         }

@@ -136,10 +136,8 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let own = placement.iter().filter_map(|it| it.cameras.first());
     warn(own.filter(|own| own.tripod_m.is_none()).map(|own| {
         let why = own.sentence();
-        format!(
-            "the camera stands {} (see `check --room`)",
-            why.replacen(": ", " in the room: ", 1)
-        )
+        let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
+        format!("the camera does not fit in the room: {why} (see `check --room`)")
     }));
     seen(&Seen { shot: &shot, findings: &findings, remedies: &remedies });
     // A photo is taken from a place behind the wall, too; it is warned of.
@@ -219,6 +217,6 @@ fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
         }
         Some(verdict) => show::verdict_table(verdict),
         None if shot.strokes.is_none() => line("verdict", "none: no word is named (--word WORD)"),
-        None => line("verdict", "none: the reader knows words of Latin letters and digits only"),
+        None => line("verdict", "none: the reader knows only Latin letters and digits"),
     }
 }

@@ -127,8 +127,10 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     // To fly a scene many times for a photo of unknown origin is left to who trusts it.
     if inside.is_some() && !verdict.legible {
         let again = format!("`noctograph preview --scene {}`", typed(&args.photo));
-        text +=
-            &line("settings", &format!("{again} flies its scene again, and names those that gain"));
+        text += &line(
+            "settings",
+            &format!("{again} flies its scene again, and names settings that help"),
+        );
     }
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
 }

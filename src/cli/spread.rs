@@ -55,8 +55,8 @@ impl SpreadFlags {
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
             let text = format!(
-                "a band that holds 90 % of further flights needs {LEAST_FLIGHTS}: that of {n} has all of \
-                 them within, but holds less of further ones"
+                "{n} flights are too few for a band of 90 % of further ones, which takes {LEAST_FLIGHTS}: \
+                 this band is that of the {n}"
             );
             warn(&[text]);
         }

@@ -115,7 +115,7 @@ impl Error {
     /// A file that cannot be read.
     #[must_use]
     pub fn read(path: &Path, source: std::io::Error) -> Self {
-        let hint = "name a file that exists and is readable".into();
+        let hint = "name a file or folder that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 

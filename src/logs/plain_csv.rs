@@ -246,7 +246,7 @@ pub(super) fn read(
             .push("several rows share a stamp: they are spread evenly up to the next".into());
     }
     if !unknown.is_empty() {
-        let kept = "columns without a meaning here are kept as they are";
+        let kept = "unknown columns are kept unchanged";
         log.warnings.push(format!("{kept}: {}", shortened(&unknown)));
     }
     angles(&mut named, &time_s, options.angle_unit, &mut log.warnings);

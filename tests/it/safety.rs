@@ -164,7 +164,7 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let (code, report, previewed) = run(at, &[&preview[..], &SMALL].concat());
     assert_eq!((code, &report["read"]), (0, &"NOOR".into()), "{report}");
     assert_eq!(warnings, previewed, "export warns as its preview does");
-    assert!(warnings.contains("trails a trajectory"), "{warnings}");
+    assert!(warnings.contains("lags a trajectory"), "{warnings}");
 
     // The same changes in the preview's plan, in the script and in the tables of a show.
     let data = script(&at.join("noor.py")).1;

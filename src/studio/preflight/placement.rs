@@ -254,9 +254,9 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row
         None => Severity::Stop,
     };
     let shows = match (severity, other) {
-        (Severity::Fine, _) => "has a place in the room".to_owned(),
-        (_, Some(other)) => format!("has no place in the room; {other} has"),
-        (_, None) => "has no place in the room, and no usual one has".to_owned(),
+        (Severity::Fine, _) => "fits in the room".to_owned(),
+        (_, Some(other)) => format!("does not fit in the room; {other} does"),
+        (_, None) => "does not fit in the room, and no usual one does".to_owned(),
     };
     let row = Row { limit: most_m, ..Row::of(CAMERA_PLACE, severity, least_m) };
     Ok(Some(row.say(
@@ -332,8 +332,8 @@ impl ShotPlan {
                 self.audience_from_m
             ),
             None => format!(
-                "outside of the room: it is not deep enough for {:.1} m from the flight, which a \
-                 drone may fly and fall without commands",
+                "outside the room, which is not deep enough: {:.1} m from the flight, as far as a drone \
+                 without commands may come",
                 self.audience_from_m
             ),
         };
@@ -363,11 +363,11 @@ impl CameraPlace {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
             return format!(
-                "nowhere: the room is not deep enough for {:.1} m; it would take a lens of \
-                 {:.0} mm (full-frame equivalent; this is {:.0} mm){letters}",
+                "nowhere: the room is not deep enough for {:.1} m with {:.0} mm (full-frame \
+                 equivalent); {:.0} mm would do{letters}",
                 self.least_m,
-                (1e3 * self.longest_equivalent_m).floor(),
-                1e3 * self.equivalent_m
+                1e3 * self.equivalent_m,
+                (1e3 * self.longest_equivalent_m).floor()
             );
         };
         let place = place.map(meters).join(", ");

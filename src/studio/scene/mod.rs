@@ -42,7 +42,7 @@ settings! {
     pub struct Scene {
         /// Preset that gives the keys left out.
         preset: Preset = Preset::Ae4832022;
-        /// Word to write; `\\n` begins a new line.
+        /// Word to write; `\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;
@@ -104,7 +104,12 @@ impl Scene {
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let file = path.display().to_string();
         if !path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png")) {
-            return Self::parse_with(&LIMIT.read_text(path)?, &file, settings);
+            let text = LIMIT.read_text(path)?;
+            if text.trim().is_empty() {
+                let hint = "what printed it may have failed: print it again";
+                return Err(Error::input(file, "an empty file", "a scene", hint));
+            }
+            return Self::parse_with(&text, &file, settings);
         }
         let Some(toml) = photo::read_with_notes(path)?.0.scene_toml else {
             let (found, wanted) = ("a photo without a scene", "a photo of this program");

@@ -390,7 +390,34 @@ pub(super) fn type_error(error: &toml::de::Error) -> Error {
     let text = error.to_string();
     let place = text.rsplit_once("in `").and_then(|(_, rest)| rest.split('`').next());
     let found = error.message().replace('\n', "; ");
-    Error::input(place.unwrap_or("scene"), found, "a value of the key's type", HINT)
+    let mismatch =
+        found.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+    match mismatch {
+        Some((value, expected)) => {
+            Error::input(place.unwrap_or("scene"), in_words(value), in_words(expected), HINT)
+        }
+        None => Error::input(place.unwrap_or("scene"), found, "a value of the key's type", HINT),
+    }
+}
+
+/// What the TOML reader calls a type, or a value of one, as who writes a scene knows it.
+fn in_words(text: &str) -> String {
+    const WORDS: [(&str, &str); 12] = [
+        ("f64", "a number"),
+        ("u8", "a whole number"),
+        ("u32", "a whole number"),
+        ("u64", "a whole number"),
+        ("usize", "a whole number"),
+        ("floating point ", "the number "),
+        ("integer ", "the number "),
+        ("a boolean", "true or false"),
+        ("string ", "the text "),
+        ("a sequence", "a list"),
+        ("sequence", "a list"),
+        ("map", "a table"),
+    ];
+    let known = WORDS.iter().find(|(theirs, _)| text.starts_with(theirs));
+    known.map_or(text.to_owned(), |(theirs, ours)| text.replacen(theirs, ours, 1))
 }
 
 #[cfg(test)]
@@ -415,7 +442,11 @@ mod tests {
         assert_eq!(hint("preset = \"cf-21\""), "did you mean cf21?");
         let other = "[plan.style]\nkind = \"team\"\njerk_m_s3 = 20.0";
         assert!(hint(other).contains("plan.style.kind = \"even\""), "{}", hint(other));
-        assert!(refused("[plan]\nstroke_speed_m_s = \"fast\"").0.contains("my.toml:2: plan"));
+        let (error, _) = refused("[plan]\nstroke_speed_m_s = \"fast\"");
+        let wanted = "plan.stroke_speed_m_s: found the text \"fast\", wanted a number";
+        assert_eq!(error, format!("my.toml:2: {wanted}"));
+        let (error, _) = refused("plan.lights = 3");
+        assert!(error.ends_with("found the number `3`, wanted a list"), "{error}");
     }
 
     #[test]

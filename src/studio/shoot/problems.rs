@@ -108,7 +108,7 @@ impl Problem {
             }
             Self::FacesAway { away_frac } => (
                 format!(
-                    "the lamps that write face away from the camera for {:.0} % of their light",
+                    "{:.0} % of the writing lamps' light is emitted away from the camera",
                     100.0 * away_frac
                 ),
                 "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \

@@ -93,7 +93,7 @@ impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unreadable(why) => write!(f, "unreadable: {why}"),
-            Self::Silent(why) => write!(f, "says nothing: {why}"),
+            Self::Silent(why) => write!(f, "no figures: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
             Self::Gaps(share) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * share),
             Self::Frozen => write!(f, "frozen: its rows repeat one"),
