@@ -50,16 +50,17 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         let text = line("flights", &flights.to_string());
         return Ok(Report::new(text, json!({ "flights": flights })).with_files(&[path]));
     }
-    study.prepare()?;
-    let parts = args.parts.as_deref().map(|folder| shards(&study, folder)).transpose()?;
+    let ready = study.prepare()?;
+    let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
     parts.iter().flatten().try_for_each(|path| store.take(path))?;
     let results = open_results(&args.output, &RANKING)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
-    let records: Vec<Record> = evaluate(&study, &trials, Some(&store), &Stop::default(), &bar)?;
+    let stop = Stop::default();
+    let records: Vec<Record> = evaluate(&study, &ready, &trials, Some(&store), &stop, &bar)?;
     drop(bar);
     let ranking = rank(&study, &records);
-    let files = write_ranking(results, &study, &ranking, &records)?;
+    let files = write_ranking(results, &study, &ready, &ranking, &records)?;
     Ok(ranking_report(&study, &ranking, records.len()).with_files(&files))
 }

@@ -20,7 +20,9 @@ use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Measures, Ranking, Record, Store, Study, flights_csv, ranking_csv};
+use crate::study::{
+    Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
+};
 use noctograph_core::files::Limit;
 
 /// Words, seeds and conditions of a study.
@@ -154,10 +156,11 @@ pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.c
 pub(super) fn write_ranking(
     folder: OutputFolder,
     study: &Study,
+    ready: &[Prepared],
     ranking: &Ranking,
     records: &[Record],
 ) -> Result<Vec<PathBuf>> {
-    let sheet = study_sheet(study, ranking, records)?;
+    let sheet = study_sheet(study, ready, ranking, records)?;
     let [csv, json, flights, photos] = RANKING;
     folder.write(csv, |out| out.write_all(ranking_csv(ranking).as_bytes()))?;
     folder.write(json, |out| {

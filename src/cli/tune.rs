@@ -275,7 +275,8 @@ fn test(
         };
         let trials: Vec<_> = study.trials().collect();
         let bar = counter("testing", trials.len());
-        let records = evaluate(&study, &trials, Some(store), &Stop::default(), &bar)?;
+        let records =
+            evaluate(&study, &study.prepare()?, &trials, Some(store), &Stop::default(), &bar)?;
         let ranking = rank(&study, &records);
         text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
         json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));

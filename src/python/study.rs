@@ -146,7 +146,9 @@ pub(super) fn ranking<'py>(
         let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let counted = |n| counter.store(n, Ordering::Relaxed);
-        let mut others = evaluate(&study, &rest, store.as_ref(), &until, &counted)?.into_iter();
+        let ready = study.prepare()?;
+        let others = evaluate(&study, &ready, &rest, store.as_ref(), &until, &counted)?;
+        let mut others = others.into_iter();
         let record = |(at, trial): (usize, &Trial)| match flown.get(&at) {
             None => others.next().expect("a record for each trial"),
             Some(outcome) => Record {

@@ -20,9 +20,9 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
         light.iter().map(|light| (luminance(*light), *light)).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());
     sorted.select_nth_unstable_by(n_pixels - 1, |a, b| {
-        let [a, b] = [a, b].map(|(bright, [r, g, b])| [*bright, *r, *g, *b]);
-        let differs = b.iter().zip(&a).map(|(b, a)| b.total_cmp(a)).find(|order| order.is_ne());
-        differs.unwrap_or(std::cmp::Ordering::Equal)
+        let by_channel = |at: usize| b.1[at].total_cmp(&a.1[at]);
+        let alike = || by_channel(0).then_with(|| by_channel(1)).then_with(|| by_channel(2));
+        b.0.total_cmp(&a.0).then_with(alike)
     });
     let mut sum = [0.0; 3];
     for (_, light) in &sorted[..n_pixels] {

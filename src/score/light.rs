@@ -80,31 +80,13 @@ impl Light {
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
         let [width, height] = [sides[0] - left, sides[1] - top];
 
-        let light_of_level = light_of_level();
-        let mut values = Vec::with_capacity(width * height);
-        let row_bytes = 3 * photo.width_px as usize;
-        let mut sums = vec![[0_u32; 3]; width];
-        for row in top..top + height {
-            let rows = photo.rgb8.chunks_exact(row_bytes).skip(row * step).take(step);
-            let n_rows = rows.len();
-            sums.fill([0; 3]);
-            for bytes in rows {
-                let pixels = bytes[3 * left * step..].chunks(3 * step);
-                for (sum, pixels) in sums.iter_mut().zip(pixels) {
-                    for pixel in pixels.as_chunks::<3>().0 {
-                        for channel in 0..3 {
-                            sum[channel] += light_of_level[usize::from(pixel[channel])];
-                        }
-                    }
-                }
-            }
-            values.extend(sums.iter().enumerate().map(|(column, sum)| {
-                let n_columns = step.min(photo.width_px as usize - (left + column) * step);
-                let full = 1.0 / (65535 * n_columns * n_rows) as f32;
-                sum.map(|sum| sum as f32 * full)
-            }));
-        }
+        let values = match step {
+            1 => means::<1>(photo, [left, top], [width, height], 1),
+            2 => means::<2>(photo, [left, top], [width, height], 2),
+            step => means::<0>(photo, [left, top], [width, height], step),
+        };
         let sky = median(values.iter().map(|light| luminance(*light))).expect("a photo has pixels");
+        let mut values = values;
         take_off_sky(&mut values, [width, height], block, max_sky);
         Self { step, origin: [left, top], width, height, values, sky }
     }
@@ -191,6 +173,46 @@ impl Frame {
     }
 }
 
+/// Means over blocks of `step` pixels by `step`, of which `STEP` is the number where it is known
+/// beforehand, else 0.
+#[inline(always)]
+fn means<const STEP: usize>(
+    photo: &Photo,
+    [left, top]: [usize; 2],
+    [width, height]: [usize; 2],
+    step: usize,
+) -> Vec<Rgb> {
+    let step = if STEP > 0 { STEP } else { step };
+    let light_of_level = light_of_level();
+    let mut values = Vec::with_capacity(width * height);
+    let row_bytes = 3 * photo.width_px as usize;
+    let mut sums = vec![[0_u32; 3]; width];
+    for row in top..top + height {
+        let rows = photo.rgb8.chunks_exact(row_bytes).skip(row * step).take(step);
+        let n_rows = rows.len();
+        sums.fill([0; 3]);
+        for bytes in rows {
+            let add = |sum: &mut [u32; 3], pixels: &[u8]| {
+                for pixel in pixels.as_chunks::<3>().0 {
+                    for channel in 0..3 {
+                        sum[channel] += light_of_level[usize::from(pixel[channel])];
+                    }
+                }
+            };
+            let blocks = bytes[3 * left * step..].chunks_exact(3 * step);
+            let (rest, n) = (blocks.remainder(), blocks.len());
+            sums.iter_mut().zip(blocks).for_each(|(sum, pixels)| add(sum, pixels));
+            sums.get_mut(n).into_iter().for_each(|sum| add(sum, rest));
+        }
+        values.extend(sums.iter().enumerate().map(|(column, sum)| {
+            let n_columns = step.min(photo.width_px as usize - (left + column) * step);
+            let full = 1.0 / (65535 * n_columns * n_rows) as f32;
+            sum.map(|sum| sum as f32 * full)
+        }));
+    }
+    values
+}
+
 /// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
 /// between their middles.
 fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usize, max_sky: f32) {
@@ -209,22 +231,10 @@ fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usiz
         means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
     }
 
-    let mut sky = vec![[0.0; 3]; width * height];
-    let mut around = Vec::new();
-    for (at, sky) in sky.iter_mut().enumerate() {
-        let (x, y) = (at % width, at / width);
-        let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
-        let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
-        for (channel, sky) in sky.iter_mut().enumerate() {
-            around.clear();
-            for row in rows.clone() {
-                let means = &means[row * width..][columns.clone()];
-                around.extend(means.iter().map(|mean| mean[channel]));
-            }
-            let rank = whole(SKY_SHARE * around.len() as f64);
-            *sky = *around.select_nth_unstable_by(rank, f32::total_cmp).1;
-        }
-    }
+    let sky = [0, 1, 2].map(|channel| {
+        let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
+        sky_around(&means, [width, height])
+    });
 
     // Bilinear between the middles of blocks.
     let between = |at: usize, n_blocks: usize| {
@@ -234,20 +244,81 @@ fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usiz
         (first, (first + 1).min(n_blocks - 1), place - first as f32)
     };
     let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
-    for (y, row) in values.chunks_exact_mut(n_columns).enumerate() {
+    let across = |row: usize| -> Vec<f32> {
+        let at = |(left, right, share): &(usize, usize, f32)| {
+            let ends = |channel: usize| [*left, *right].map(|x| sky[channel][row * width + x]);
+            [0, 1, 2].map(ends).map(|[a, b]| a + share * (b - a))
+        };
+        columns.iter().flat_map(at).collect()
+    };
+    let mut rows = [(0, across(0)), (0, across(0))];
+    for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
         let (above, below, down) = between(y, height);
-        for (value, &(left, right, share)) in row.iter_mut().zip(&columns) {
-            let corners =
-                [above, below].map(|row| [sky[row * width + left], sky[row * width + right]]);
-            for channel in 0..3 {
-                let [above, below] =
-                    corners.map(|[a, b]| a[channel] + share * (b[channel] - a[channel]));
-                // White stays white: a saturated pixel hides what sky there was.
-                let sky = above + down * (below - above);
-                value[channel] = (value[channel] - sky) / (1.0 - sky.min(max_sky));
+        if rows[0].0 != above {
+            rows.swap(0, 1);
+        }
+        for (known, wanted) in rows.iter_mut().zip([above, below]) {
+            if known.0 != wanted {
+                *known = (wanted, across(wanted));
             }
         }
+        let [(_, above), (_, below)] = &rows;
+        let lights = values.as_flattened_mut().iter_mut();
+        for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
+            // White stays white: a saturated pixel hides what sky there was.
+            let sky = above + down * (below - above);
+            *light = (*light - sky) / (1.0 - sky.min(max_sky));
+        }
     }
+}
+
+/// Blocks of a group of ranks.
+const GROUP: usize = 32;
+
+/// The sky of each block: a quantile of the means around it.
+///
+/// Means are counted by their rank among all, in groups, while the window moves along a row.
+fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
+    let mut order: Vec<usize> = (0..means.len()).collect();
+    order.sort_unstable_by(|a, b| means[*a].total_cmp(&means[*b]));
+    let mut ranks = vec![0; means.len()];
+    order.iter().enumerate().for_each(|(rank, at)| ranks[*at] = rank);
+    let around =
+        |at: usize, n: usize| at.saturating_sub(BLOCKS_AROUND)..(at + BLOCKS_AROUND + 1).min(n);
+    let mut sky = Vec::with_capacity(means.len());
+    for y in 0..height {
+        let rows = around(y, height);
+        let mut counts = vec![0_usize; means.len()];
+        let mut groups = vec![0_usize; means.len().div_ceil(GROUP)];
+        let mut counted = 0..0;
+        for x in 0..width {
+            let columns = around(x, width);
+            for (x, is_new) in (counted.start..columns.start)
+                .map(|x| (x, false))
+                .chain((counted.end..columns.end).map(|x| (x, true)))
+            {
+                for y in rows.clone() {
+                    let rank = ranks[y * width + x];
+                    for count in [&mut counts[rank], &mut groups[rank / GROUP]] {
+                        *count = if is_new { *count + 1 } else { *count - 1 };
+                    }
+                }
+            }
+            let mut left = whole(SKY_SHARE * (rows.len() * columns.len()) as f64);
+            counted = columns;
+            let mut found = |counts: &[usize]| {
+                let is_below = |count: &&usize| {
+                    let below = left >= **count;
+                    left -= if below { **count } else { 0 };
+                    below
+                };
+                counts.iter().take_while(is_below).count()
+            };
+            let group = found(&groups) * GROUP;
+            sky.push(means[order[group + found(&counts[group..])]]);
+        }
+    }
+    sky
 }
 
 /// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.

@@ -83,6 +83,8 @@ pub(super) struct Search {
     bright: Vec<f32>,
     /// Those that stand out from the sky.
     levels: Vec<f32>,
+    /// Light in any color and in that of the ink, by the last [`InkRule::full_rank`].
+    exposed: Option<(f64, [Arc<Raster>; 2])>,
 }
 
 impl Search {
@@ -93,32 +95,26 @@ impl Search {
         let noise: f32 = median(bright.iter().map(|value| value.abs())).unwrap_or(0.0);
         let lit = LIT_SIGMAS * (1.4826 * noise).max(1e-4);
         let levels = bright.iter().copied().filter(|value| *value > lit).collect();
-        Self { step, light, bright, levels }
+        Self { step, light, bright, levels, exposed: None }
     }
 
     /// The lines that a rule finds, from the top; none where nothing shines.
-    pub(super) fn lines(&self, rule: InkRule) -> Vec<Line> {
-        let Self { step, light, bright, levels } = self;
-        let [width, height] = light.size();
-        if levels.len() < 16 {
+    pub(super) fn lines(&mut self, rule: InkRule) -> Vec<Line> {
+        if self.levels.len() < 16 {
             return Vec::new();
         }
-        let mut levels = levels.clone();
-        let rank = whole(rule.full_rank * levels.len() as f64);
-        let n_brightest = levels.len() - rank;
-        let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
-        let pure = color::pure(color::of_brightest(light.values(), n_brightest));
-        let pure: Vec<f32> = light.values().iter().map(|light| pure(*light)).collect();
-        let exposed = |values: Vec<f32>| Arc::new(Raster { width, height, values }.exposed(full));
-        let [bright, pure] = [bright.clone(), pure].map(exposed);
+        let known = self.exposed.take().filter(|(rank, _)| *rank == rule.full_rank);
+        let exposed = known.unwrap_or_else(|| (rule.full_rank, self.exposed(rule.full_rank)));
+        let [bright, pure] = &self.exposed.insert(exposed).1;
+        let width = bright.width;
         let ink = match rule.color {
-            InkColor::Any => &bright,
-            InkColor::Own => &pure,
+            InkColor::Any => bright,
+            InkColor::Own => pure,
         };
         let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
         let mut lines: Vec<Line> = Vec::new();
         while lines.len() < MAX_LINES {
-            let line = Line::from_mask(*step, [&bright, &pure], ink, &mask);
+            let line = Line::from_mask(self.step, [bright, pure], ink, &mask);
             let Some(line) = line else { break };
             mask[line.rows[0] * width..line.rows[1] * width].fill(false);
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
@@ -128,6 +124,20 @@ impl Search {
         }
         lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
         lines
+    }
+
+    /// Light in any color and in that of the ink, where a share of the lit pixels is darker than
+    /// full light.
+    fn exposed(&self, full_rank: f64) -> [Arc<Raster>; 2] {
+        let [width, height] = self.light.size();
+        let mut levels = self.levels.clone();
+        let rank = whole(full_rank * levels.len() as f64);
+        let n_brightest = levels.len() - rank;
+        let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
+        let pure = color::pure(color::of_brightest(self.light.values(), n_brightest));
+        let pure: Vec<f32> = self.light.values().iter().map(|light| pure(*light)).collect();
+        let exposed = |values: Vec<f32>| Arc::new(Raster { width, height, values }.exposed(full));
+        [self.bright.clone(), pure].map(exposed)
     }
 }
 

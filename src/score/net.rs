@@ -7,6 +7,9 @@
 use std::ops::Range;
 use std::sync::LazyLock;
 
+use pulp::bytemuck::cast;
+use pulp::{i16x16, i32x8};
+
 use super::strip::{HEIGHT, Strip};
 
 /// The trained weights.
@@ -38,11 +41,21 @@ struct Layer {
     pool: [usize; 2],
     /// Columns from one of the kernel's to the next; `None`: neighbors.
     apart: Option<usize>,
-    /// By output channel, kernel row, kernel column and input channel.
-    weights: Vec<i16>,
+    /// By group of channels that are summed at once, kernel row, kernel column and pair of input
+    /// channels: those of each eight of the group's channels, the pair's side by side.
+    weights: Vec<i16x16>,
+    /// Eights of channels in a group.
+    eights: usize,
+    /// Padded to whole eights.
     multipliers: Vec<i32>,
     biases: Vec<i32>,
 }
+
+/// Channels that are summed at once.
+const LANES: usize = 8;
+
+/// Most eights of channels that are summed at once: they stay in registers.
+const MOST_EIGHTS: usize = 8;
 
 /// Activations, row by row, the channels of a pixel together.
 struct Map {
@@ -108,14 +121,31 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
-        let integers =
-            |bytes: &[u8]| bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
+        let padded = co.next_multiple_of(LANES);
+        let integers = |bytes: &[u8]| {
+            let all = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
+            all.chain(std::iter::repeat_n(0, padded - co)).collect()
+        };
+        let eights = (1..=MOST_EIGHTS).rev().find(|n| (padded / LANES).is_multiple_of(*n));
+        let eights = eights.expect("1 divides every number");
+        let weight = |channel: usize, at: usize| {
+            let own = weights.get(channel * kh * kw * ci + at).filter(|_| channel < co);
+            own.map_or(0, |byte| i16::from(byte.cast_signed()))
+        };
+        let group = |first: usize| {
+            (0..kh * kw * ci).step_by(2).flat_map(move |pair| {
+                (first..first + eights * LANES).step_by(LANES).map(move |eight| {
+                    cast(std::array::from_fn::<i16, 16, _>(|n| weight(eight + n / 2, pair + n % 2)))
+                })
+            })
+        };
         layers.push(Layer {
             kernel: [kh, kw],
             channels: [ci, co],
             pool: [pool / 16, pool % 16],
             apart: (apart > 0).then_some(apart),
-            weights: weights.iter().map(|byte| i16::from(byte.cast_signed())).collect(),
+            weights: (0..padded).step_by(eights * LANES).flat_map(group).collect(),
+            eights,
             multipliers: integers(multipliers),
             biases: integers(biases),
         });
@@ -134,14 +164,21 @@ impl Layer {
         let above = if kh == map.height { 0 } else { kh / 2 };
         let height = map.height + 2 * above + 1 - kh;
         // A row of the map between columns of zeros.
-        let beside = kw / 2 * self.apart.unwrap_or(1) * ci;
-        let row_length = map.width * ci;
-        let mut rows = vec![vec![0_i16; row_length + 2 * beside]; map.height + 2 * above];
-        for (row, values) in rows[above..].iter_mut().zip(map.values.chunks_exact(row_length)) {
+        let beside = kw / 2 * self.apart.unwrap_or(1) * ci / 2;
+        let row_length = map.width * ci / 2;
+        let mut rows = vec![vec![[0; 2]; row_length + 2 * beside]; map.height + 2 * above];
+        let pairs = map.values.as_chunks().0;
+        for (row, values) in rows[above..].iter_mut().zip(pairs.chunks_exact(row_length)) {
             row[beside..beside + row_length].copy_from_slice(values);
         }
         let mut sums = vec![0; height * map.width * co];
-        pulp::Arch::new().dispatch(Sums { layer: self, width: map.width, rows, sums: &mut sums });
+        let all = Sums { layer: self, width: map.width, rows, sums: &mut sums };
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            pulp::Simd::vectorize(simd, With(simd, all));
+            return sums;
+        }
+        pulp::Arch::new().dispatch(With((), all));
         sums
     }
 
@@ -157,43 +194,108 @@ impl Layer {
     }
 }
 
-/// The sums of a layer in the widest registers of this processor: of integers, so in the same bits.
+/// The sums of a layer, eight channels in a register: of integers, so in the same bits.
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,
-    /// Rows of the map with what is padded.
-    rows: Vec<Vec<i16>>,
+    /// Rows of the map with what is padded, by pairs of channels.
+    rows: Vec<Vec<[i16; 2]>>,
     sums: &'a mut [i32],
 }
 
-impl pulp::NullaryFnOnce for Sums<'_> {
+/// Registers of a processor.
+trait Registers: Copy {
+    /// Adds the products of a pair of activations and its weights.
+    fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8;
+}
+
+/// What every processor has.
+impl Registers for () {
+    #[inline(always)]
+    fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
+        let (mut sums, weights): ([i32; LANES], [[i16; 2]; LANES]) = (cast(sums), cast(weights));
+        for (sum, weights) in sums.iter_mut().zip(weights) {
+            let product = |n: usize| i32::from(pair[n]) * i32::from(weights[n]);
+            *sum = sum.wrapping_add(product(0)).wrapping_add(product(1));
+        }
+        cast(sums)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Registers for pulp::x86::V3 {
+    #[inline(always)]
+    fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
+        let pair = cast(self.splat_i32x8(cast(pair)));
+        self.wrapping_add_i32x8(sums, self.multiply_wrapping_add_adjacent_i16x16(pair, weights))
+    }
+}
+
+/// Sums, and the registers that they are taken in.
+struct With<'a, R>(R, Sums<'a>);
+
+impl<R: Registers> pulp::NullaryFnOnce for With<'_, R> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
+        let Self(registers, mut sums) = self;
+        match sums.layer.eights {
+            1 => sums.take::<1>(registers),
+            2 => sums.take::<2>(registers),
+            3 => sums.take::<3>(registers),
+            4 => sums.take::<4>(registers),
+            5 => sums.take::<5>(registers),
+            6 => sums.take::<6>(registers),
+            7 => sums.take::<7>(registers),
+            _ => sums.take::<MOST_EIGHTS>(registers),
+        }
+    }
+}
+
+impl Sums<'_> {
+    #[inline(always)]
+    fn take<const N: usize>(&mut self, registers: impl Registers) {
         let Layer {
             kernel: [kh, kw], channels: [ci, co], apart, weights, biases, multipliers, ..
         } = self.layer;
-        let run = kw * ci;
-        // Columns of the kernel that are neighbors are copied at once.
-        let (piece, step) = apart.map_or((run, run), |apart| (*ci, apart * ci));
-        let mut patch = vec![0_i16; kh * run];
+        let run = kw * ci / 2;
+        // Columns of the kernel that are neighbors lie side by side.
+        let (piece, step) = apart.map_or((run, run), |apart| (ci / 2, apart * ci / 2));
+        let groups = weights.chunks_exact(kh * run * N);
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
-                for (part, row) in patch.chunks_exact_mut(run).zip(&self.rows[y..y + kh]) {
-                    for (n, piece) in part.chunks_exact_mut(piece).enumerate() {
-                        let at = x * ci + n * step;
-                        piece.copy_from_slice(&row[at..at + piece.len()]);
+                for (group, weights) in groups.clone().enumerate() {
+                    let first = group * N * LANES;
+                    let mut totals: [i32x8; N] = std::array::from_fn(|n| {
+                        let own = biases[first + n * LANES..].first_chunk::<LANES>();
+                        cast(*own.expect("biases of whole eights"))
+                    });
+                    let mut pieces = weights.chunks_exact(piece * N);
+                    for row in &self.rows[y..y + kh] {
+                        for (n, weights) in (0..run / piece).zip(&mut pieces) {
+                            let pairs = &row[x * ci / 2 + n * step..][..piece];
+                            for (pair, weights) in pairs.iter().zip(weights.as_chunks::<N>().0) {
+                                for (total, weights) in totals.iter_mut().zip(weights) {
+                                    *total = registers.add(*total, *pair, *weights);
+                                }
+                            }
+                        }
                     }
-                }
-                for (channel, (sum, weights)) in
-                    sums.iter_mut().zip(weights.chunks_exact(kh * run)).enumerate()
-                {
-                    let products =
-                        patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
-                    let total = i64::from(products.sum::<i32>() + biases[channel]);
-                    let scaled = (total * i64::from(multipliers[channel])) >> 24;
-                    *sum = i32::try_from(scaled).expect("logits are small");
+                    let own = sums[first..].chunks_mut(LANES).take(N);
+                    for (n, (sums, total)) in own.zip(totals).enumerate() {
+                        let totals: [i32; LANES] = cast(total);
+                        let by = multipliers[first + n * LANES..].first_chunk::<LANES>();
+                        let by = by.expect("multipliers of whole eights");
+                        #[expect(clippy::cast_possible_truncation, reason = "logits are small")]
+                        let scaled: [i32; LANES] = std::array::from_fn(|lane| {
+                            ((i64::from(totals[lane]) * i64::from(by[lane])) >> 24) as i32
+                        });
+                        match sums.as_chunks_mut().0.first_mut() {
+                            Some(sums) => *sums = scaled,
+                            None => sums.copy_from_slice(&scaled[..sums.len()]),
+                        }
+                    }
                 }
             }
         }

@@ -112,7 +112,7 @@ pub fn read(photo: &Photo) -> Reading {
         let letters = lines.iter().flat_map(|line| &line.letters);
         letters.map(|letter| if letter.letter == '?' { 0.0 } else { letter.p } - EVEN).sum()
     };
-    let light = line::Search::new(photo);
+    let mut light = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut known: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;

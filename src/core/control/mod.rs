@@ -29,4 +29,4 @@ pub use linear::{
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};
 pub use poles::poles;
-pub use response::StepResponse;
+pub use response::{Inverse, StepResponse};

@@ -24,11 +24,13 @@ impl StepResponse {
         let Some(last) = self.values.len().checked_sub(1).filter(|_| place >= 0.0) else {
             return 0.0;
         };
-        #[expect(clippy::cast_possible_truncation, reason = "0 or more")]
-        let index = (place as usize).min(last);
-        let next = self.values[(index + 1).min(last)];
-        let part = (place - place.floor()).clamp(0.0, 1.0);
-        self.values[index] + (next - self.values[index]) * part
+        if place >= last as f64 {
+            return self.values[last];
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "0 to the number of values")]
+        let index = place as u32;
+        let [here, next] = [0, 1].map(|step| self.values[index as usize + step]);
+        here + (next - here) * (place - f64::from(index))
     }
 
     /// Time after which the response stays within 0.1 % of the step from its end.
@@ -59,9 +61,7 @@ impl StepResponse {
         n * (per_input + 1.0) * 0.5 * width * width
     }
 
-    /// Inputs, each held from its time in `times_s` until the next, that make the loop put out
-    /// `wanted`, in the sense of least squares over the whole span, after a rest at its first
-    /// value: the zero-phase inverse, which begins to act before it is due.
+    /// Makes the inverse ready for inputs at some times, each held until the next.
     ///
     /// `ridge` weighs the square of `input − wanted` against that of the error of the output:
     /// motions that the loop cannot follow are left out. 0.01 asks for corners sharply, 1 hardly at
@@ -74,95 +74,143 @@ impl StepResponse {
     ///
     /// If the times do not rise.
     #[must_use]
-    pub fn inverse(&self, times_s: &[f64], wanted: impl Fn(f64) -> f64, ridge: f64) -> Vec<f64> {
+    pub fn inverse(&self, times_s: Vec<f64>, ridge: f64) -> Inverse<'_> {
         assert!(times_s.windows(2).all(|pair| pair[0] < pair[1]), "times rise");
-        let (Some(start_s), Some(end_s)) = (times_s.first(), times_s.last()) else {
-            return Vec::new();
-        };
         let settled_s = self.settled_s();
-        let rest = wanted(*start_s);
         // An input counts from its time until it and the response to its end have settled.
         let width = times_s.iter().enumerate().map(|(k, time_s)| {
             k - times_s.partition_point(|other| other + settled_s < *time_s) + 2
         });
-        let mut normal = Banded::new(times_s.len(), width.max().unwrap_or(1));
-        for (k, time_s) in times_s.iter().enumerate() {
-            normal.add(k, ridge, &[1.0]);
-            normal.right[k] += ridge * (wanted(*time_s) - rest);
-        }
-        let (n, per_input) = (times_s.len() as f64, OUTPUTS_PER_INPUT as f64);
-        let step_s = (end_s - start_s) / (n * per_input).max(1.0);
-        let mut time_s = *start_s;
-        let mut weights: Vec<f64> = Vec::new();
-        while step_s > 0.0 && time_s <= end_s + 0.5 * step_s {
-            let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
-            let from =
-                times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
-            weights.clear();
-            weights.extend((from..until).map(|k| {
-                let after = times_s.get(k + 1).map_or(0.0, |next| self.at(time_s - next));
-                // Everything before the window has settled and counts with the window's first
-                // input.
-                if k == from && from > 0 {
-                    1.0 - after
-                } else {
-                    self.at(time_s - times_s[k]) - after
-                }
-            }));
-            let target = wanted(time_s) - rest;
-            for (i, weight) in weights.iter().enumerate() {
-                normal.right[from + i] += weight * target;
-                normal.add(from + i, *weight, &weights[i..]);
-            }
-            time_s += step_s;
-        }
-        normal.solve().into_iter().map(|input| input + rest).collect()
+        let factors = Banded::new(times_s.len(), width.max().unwrap_or(1));
+        let mut inverse = Inverse { response: self, settled_s, times_s, ridge, factors };
+        pulp::Arch::new().dispatch(Factoring(&mut inverse));
+        inverse
     }
 }
 
-/// A symmetric positive definite system whose entries lie near the diagonal.
+/// The zero-phase inverse of a loop for inputs at some times: it begins to act before it is due.
+#[derive(Debug)]
+pub struct Inverse<'a> {
+    response: &'a StepResponse,
+    settled_s: f64,
+    times_s: Vec<f64>,
+    ridge: f64,
+    factors: Banded,
+}
+
+impl Inverse<'_> {
+    /// Inputs that make the loop put out `wanted`, in the sense of least squares over the whole
+    /// span, after a rest at its first value.
+    #[must_use]
+    pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
+        let Some(start_s) = self.times_s.first() else { return Vec::new() };
+        let rest = wanted(*start_s);
+        let wanted = |time_s: f64| wanted(time_s) - rest;
+        let mut right: Vec<f64> =
+            self.times_s.iter().map(|time_s| self.ridge * wanted(*time_s)).collect();
+        let mut weights = Vec::new();
+        for time_s in self.outputs_s() {
+            let target = wanted(time_s);
+            let from = self.weigh(time_s, &mut weights);
+            let right = &mut right[from..];
+            right.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight * target);
+        }
+        self.factors.solve(&mut right);
+        right.into_iter().map(|input| input + rest).collect()
+    }
+
+    /// Times at which the output is compared with the wanted one.
+    fn outputs_s(&self) -> impl Iterator<Item = f64> + use<> {
+        let ends_s = [self.times_s.first(), self.times_s.last()];
+        let [start_s, end_s] = ends_s.map(|end_s| end_s.copied().unwrap_or_default());
+        let (n, per_input) = (self.times_s.len() as f64, OUTPUTS_PER_INPUT as f64);
+        let step_s = (end_s - start_s) / (n * per_input).max(1.0);
+        let until_s = end_s + 0.5 * step_s;
+        let times_s = std::iter::successors(Some(start_s), move |time_s| Some(time_s + step_s));
+        times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
+    }
+
+    /// What the inputs from the one that is returned on weigh in the output at a time.
+    #[inline(always)]
+    fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
+        let Self { response, settled_s, times_s, .. } = self;
+        let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
+        let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
+        let at = |input_s: &f64| response.at(time_s - input_s);
+        // Everything before the window has settled and counts with the window's first input.
+        let mut own = if from > 0 { 1.0 } else { at(&times_s[0]) };
+        weights.clear();
+        weights.extend((from..until).map(|k| {
+            let after = times_s.get(k + 1).map_or(0.0, at);
+            std::mem::replace(&mut own, after) - after
+        }));
+        from
+    }
+}
+
+/// The normal equations and their factors, in the widest registers of this processor: no product
+/// is fused with a sum, so in the same bits.
+struct Factoring<'a, 'b>(&'a mut Inverse<'b>);
+
+impl pulp::NullaryFnOnce for Factoring<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let inverse = self.0;
+        let (n, width) = (inverse.times_s.len(), inverse.factors.width);
+        let mut normal = std::mem::take(&mut inverse.factors.upper);
+        normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += inverse.ridge);
+        let mut weights = Vec::new();
+        for time_s in inverse.outputs_s() {
+            let from = inverse.weigh(time_s, &mut weights);
+            for (i, weight) in weights.iter().enumerate() {
+                let row = &mut normal[(from + i) * width..][..width];
+                row.iter_mut().zip(&weights[i..]).for_each(|(sum, other)| *sum += weight * other);
+            }
+        }
+        for i in 0..n {
+            let (rows, below) = normal[i * width..].split_at_mut(width);
+            let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();
+            inverse.factors.pivots.push(pivot);
+            rows.iter_mut().for_each(|entry| *entry /= pivot);
+            for (k, row) in (1..width).zip(below.chunks_exact_mut(width)) {
+                let factor = rows[k];
+                if factor != 0.0 {
+                    row.iter_mut().zip(&rows[k..]).for_each(|(sum, other)| *sum -= factor * other);
+                }
+            }
+        }
+        inverse.factors.upper = normal;
+    }
+}
+
+/// Cholesky's factors of a symmetric positive definite system whose entries lie near the diagonal.
+#[derive(Debug)]
 struct Banded {
     width: usize,
     /// Row by row from the diagonal rightward.
     upper: Vec<f64>,
-    right: Vec<f64>,
+    /// What each row was divided by.
+    pivots: Vec<f64>,
 }
 
 impl Banded {
     fn new(n: usize, width: usize) -> Self {
-        Self { width, upper: vec![0.0; n * width], right: vec![0.0; n] }
+        Self { width, upper: vec![0.0; n * width], pivots: Vec::with_capacity(n) }
     }
 
-    /// Adds to a row, from the diagonal rightward.
-    fn add(&mut self, row: usize, factor: f64, values: &[f64]) {
-        let entries = &mut self.upper[row * self.width..(row + 1) * self.width];
-        entries.iter_mut().zip(values).for_each(|(entry, value)| *entry += factor * value);
-    }
-
-    fn solve(mut self) -> Vec<f64> {
-        let (n, width) = (self.right.len(), self.width);
-        for i in 0..n {
-            let pivot = self.upper[i * width].max(f64::MIN_POSITIVE).sqrt();
-            self.upper[i * width..(i + 1) * width].iter_mut().for_each(|entry| *entry /= pivot);
-            self.right[i] /= pivot;
-            let row = self.upper[i * width..(i + 1) * width].to_vec();
-            for k in 1..width.min(n - i) {
-                if row[k] == 0.0 {
-                    continue;
-                }
-                self.right[i + k] -= row[k] * self.right[i];
-                let below = &mut self.upper[(i + k) * width..(i + k + 1) * width];
-                for (entry, factor) in below.iter_mut().zip(&row[k..]) {
-                    *entry -= row[k] * factor;
-                }
-            }
+    fn solve(&self, right: &mut [f64]) {
+        let (n, width) = (right.len(), self.width);
+        for (i, row) in self.upper.chunks_exact(width).enumerate() {
+            right[i] /= self.pivots[i];
+            let (own, below) = right[i..].split_at_mut(1);
+            below.iter_mut().zip(&row[1..]).for_each(|(sum, factor)| *sum -= factor * own[0]);
         }
-        for i in (0..n).rev() {
-            let row = &self.upper[i * width..(i + 1) * width];
-            let known: f64 = (1..width.min(n - i)).map(|k| row[k] * self.right[i + k]).sum();
-            self.right[i] = (self.right[i] - known) / row[0];
+        for (i, row) in self.upper.chunks_exact(width).enumerate().rev() {
+            let known: f64 = (1..width.min(n - i)).map(|k| row[k] * right[i + k]).sum();
+            right[i] = (right[i] - known) / row[0];
         }
-        self.right
     }
 }
 
@@ -185,7 +233,7 @@ mod tests {
         let held: Vec<(f64, f64)> = times_s.iter().map(|t| (*t, ramp(*t))).collect();
         // The hold adds half an interval.
         assert!((loop_.output(0.0, &held, 8.0) - 0.2 * (8.0 - 0.525)).abs() < 1e-3);
-        let sent = loop_.inverse(&times_s, ramp, 1e-4);
+        let sent = loop_.inverse(times_s.clone(), 1e-4).inputs(ramp);
         let sent: Vec<(f64, f64)> = times_s.iter().copied().zip(sent).collect();
         assert!((sent[160].1 - 0.2 * (8.0 + 0.525)).abs() < 2e-3, "{}", sent[160].1);
         for k in 0..340 {
@@ -200,7 +248,7 @@ mod tests {
         let loop_ = lag(0.3);
         let times_s: Vec<f64> = (0..120).map(|k| f64::from(k) * 0.05).collect();
         let corner = |time_s: f64| 0.3 * (time_s - 3.0).max(0.0);
-        let sent = loop_.inverse(&times_s, corner, 0.01);
+        let sent = loop_.inverse(times_s.clone(), 0.01).inputs(corner);
         let sent: Vec<(f64, f64)> = times_s.iter().copied().zip(sent).collect();
         let worst = (0..110).map(|k| {
             let time_s = f64::from(k) * 0.05;
@@ -214,9 +262,10 @@ mod tests {
         // Settled inputs leave the window: a long rest changes nothing.
         let loop_ = lag(0.1);
         let times_s: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.1).collect();
-        let sent = loop_.inverse(&times_s, |time_s| if time_s < 20.0 { 1.0 } else { 2.0 }, 0.01);
+        let step = |time_s| if time_s < 20.0 { 1.0 } else { 2.0 };
+        let sent = loop_.inverse(times_s, 0.01).inputs(step);
         assert!((sent[50] - 1.0).abs() < 2e-3 && (sent[590] - 2.0).abs() < 2e-3, "{}", sent[590]);
-        assert_eq!(loop_.inverse(&[], |_| 0.0, 1.0), [] as [f64; 0]);
-        assert_eq!(loop_.inverse(&[1.0], |_| 3.0, 1.0), [3.0]);
+        assert_eq!(loop_.inverse(Vec::new(), 1.0).inputs(|_| 0.0), [] as [f64; 0]);
+        assert_eq!(loop_.inverse(vec![1.0], 1.0).inputs(|_| 3.0), [3.0]);
     }
 }

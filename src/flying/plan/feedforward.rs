@@ -1,36 +1,43 @@
 //! Feedforward: setpoints sent ahead of the design, so that a drone that lags flies the design.
 //!
 //! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
-//! positions to send. Method: the zero-phase inverse of [`StepResponse`] over the whole flight, per
-//! axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight
+//! positions to send. Method: the zero-phase [`Inverse`] of the loop over the whole flight, per axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight
 //! is sent through the inverse once more ([`learn`]).
 
 use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
-use noctograph_core::control::StepResponse;
+use noctograph_core::control::{Inverse, StepResponse};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 
 /// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
 const RIDGE: f64 = 0.02;
 
-/// Sends the inputs for which the loop's output is the design, per axis.
-///
-/// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
+/// The inverse of a loop for a plan, per axis.
 ///
 /// # Panics
 ///
 /// If the plan's times do not rise.
 #[must_use]
-pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
+pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a>; 3] {
+    axes(|axis| {
+        let times_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s);
+        responses[axis].inverse(times_s.collect(), RIDGE)
+    })
+}
+
+/// Sends the inputs for which the loop's output is the design, per axis; `inverse` is the plan's.
+///
+/// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
+#[must_use]
+pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
         let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
         if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
             return vec![first; plan.setpoints.len()];
         }
-        let design = |time_s: f64| plan.design_m(time_s)[axis];
-        responses[axis].inverse(&times_s(plan), design, RIDGE)
+        inverse[axis].inputs(|time_s| plan.design_m(time_s)[axis])
     });
     sending(plan, |row, setpoint| {
         if setpoint.on_floor() {
@@ -44,20 +51,15 @@ pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
 /// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
 /// iterative learning, and the correction that a controller with feedforward of its own still
 /// needs.
-///
-/// # Panics
-///
-/// If the plan's times do not rise.
 #[must_use]
-pub fn learn(plan: &Plan, flight: &Flight, responses: &[StepResponse; 3]) -> Plan {
+pub fn learn(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
-        let error = |time_s: f64| {
+        inverse[axis].inputs(|time_s| {
             let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
             let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
             let sample = flight.samples.get(next.max(1) - 1).filter(|_| !on_floor);
             sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
-        };
-        responses[axis].inverse(&times_s(plan), error, RIDGE)
+        })
     });
     sending(plan, |row, setpoint| {
         let more = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row]);
@@ -75,14 +77,10 @@ pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     })
 }
 
-/// The inputs of the three axes, which are independent.
-fn axes(inputs: impl Fn(usize) -> Vec<f64> + Sync) -> [Vec<f64>; 3] {
-    let (x, (y, z)) = rayon::join(|| inputs(0), || rayon::join(|| inputs(1), || inputs(2)));
+/// Of each of the three axes, which are independent.
+fn axes<T: Send>(of: impl Fn(usize) -> T + Sync) -> [T; 3] {
+    let (x, (y, z)) = rayon::join(|| of(0), || rayon::join(|| of(1), || of(2)));
     [x, y, z]
-}
-
-fn times_s(plan: &Plan) -> Vec<f64> {
-    plan.setpoints.iter().map(|setpoint| setpoint.time_s).collect()
 }
 
 /// The plan with other positions to send.
@@ -107,7 +105,8 @@ mod tests {
     fn a_loop_without_lag_is_sent_the_design() {
         // A held setpoint is exact in its middle: half an interval of lead remains.
         let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
-        let sent = feedforward(&noor(), &[at_once.clone(), at_once.clone(), at_once]);
+        let responses = [at_once.clone(), at_once.clone(), at_once];
+        let sent = feedforward(&noor(), &inverse(&noor(), &responses));
         for (row, setpoint) in sent.setpoints.iter().enumerate() {
             assert!((sent.sent_m(row) - setpoint.position_m).norm() < 0.06, "row {row}");
         }

@@ -4,6 +4,8 @@
 //! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that
 //! path by at most about `a T² / 8`; `a` is what the flight itself reaches in 95 % of its time.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 
 use noctograph_core::flight::{Flight, FlightSample, airborne};
@@ -68,7 +70,10 @@ pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
 }
 
 /// The samples of a flight in stretches: over bridges, and from one open gap to the next.
-pub(super) fn stretches(flight: &Flight) -> Vec<Vec<FlightSample>> {
+pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
+    if flight.gaps.is_empty() {
+        return vec![Cow::Borrowed(&flight.samples)];
+    }
     let mut stretches = vec![Vec::new()];
     let mut rest = &flight.samples[..];
     for gap in gaps(flight) {
@@ -84,7 +89,7 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Vec<FlightSample>> {
         }
     }
     stretches.last_mut().expect("there is a first one").extend_from_slice(rest);
-    stretches
+    stretches.into_iter().map(Cow::Owned).collect()
 }
 
 /// Samples between the end of one stretch and the start of the next.

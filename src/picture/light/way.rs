@@ -1,5 +1,7 @@
 //! Path of a lamp while it is lit, from its levels and the flight.
 
+use std::borrow::Cow;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::radio::Change;
@@ -28,7 +30,7 @@ const ARM_M: f64 = 0.07;
 
 /// Poses of a flight between which the motion is straight and even within the tolerance, for all of
 /// its lamps. An open gap in a real log separates one stretch of poses from the next.
-pub(super) fn stretches(samples: &[Vec<FlightSample>], tolerance_m: f64) -> Vec<Vec<Pose>> {
+pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -> Vec<Vec<Pose>> {
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
 

@@ -221,7 +221,7 @@ fn check_flight(
         painted: &painted(flight, &trace, scene),
         evenness_stops: trail.map(|(_, reading)| reading.evenness_stops()),
         evener: match trail {
-            Some((Some(camera), now)) => evener(shoot, drone, flight, camera, now)?,
+            Some((Some(camera), now)) => evener(shoot, drone, flight, &trace, camera, now),
             _ => None,
         },
         cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),

@@ -11,7 +11,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightTrace};
+use noctograph_picture::light::{Lamp, LightSample, LightTrace};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
@@ -78,33 +78,56 @@ const HEADINGS: u32 = 24;
 const WORTH_STOPS: f64 = 0.5;
 
 /// The heading at which the exposure along a flight's brightest trail varies least, rad, and by how
-/// much, stops, where that is worth a turn and the trail is as bright and as long as now: the same
-/// flight, lit with its nose turned.
+/// much, stops, where that is worth a turn and the trail is as bright and as long as now: `trace`,
+/// the light of the same flight, with the nose turned.
 pub(super) fn evener(
     shoot: &Shoot,
     drone: usize,
     flight: &Flight,
+    trace: &LightTrace,
     camera: &Camera,
     now: &LampReading,
-) -> Result<Option<[f64; 2]>> {
+) -> Option<[f64; 2]> {
+    let least_stops = now.evenness_stops() - WORTH_STOPS;
+    if least_stops <= 0.0 {
+        return None;
+    }
+    let lamps = writing(std::slice::from_ref(flight), trace, &shoot.scene.light);
     let mut best = None;
     for step in 0..HEADINGS {
         let yaw_rad = TAU * f64::from(step) / f64::from(HEADINGS) - PI;
-        let mut turned = flight.clone();
         let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
-        turned.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad += turn_rad);
-        let trace = shoot.light_drone(drone, &turned)?;
-        let lamps = writing(std::slice::from_ref(&turned), &trace, &shoot.scene.light);
-        let trace = LightTrace { lamps: lamps.into_iter().cloned().collect() };
+        let turned = lamps.iter().map(|lamp| turned(lamp, flight, turn_rad));
+        let trace = LightTrace { lamps: turned.collect() };
         let readings = meter(&trace, camera).unwrap_or_default();
         let Some(found) = brightest(readings.iter()) else { continue };
-        let least = best.map_or(now.evenness_stops() - WORTH_STOPS, |[_, stops]: [f64; 2]| stops);
+        let least = best.map_or(least_stops, |[_, stops]: [f64; 2]| stops);
         let whole = found.median_stops >= now.median_stops && found.lit_s >= 0.99 * now.lit_s;
         if whole && found.evenness_stops() < least {
             best = Some([yaw_rad, found.evenness_stops()]);
         }
     }
-    Ok(best)
+    best
+}
+
+/// A lamp of a flight whose nose is turned.
+fn turned(lamp: &Lamp, flight: &Flight, turn_rad: f64) -> Lamp {
+    let (sin, cos) = libm::sincos(turn_rad);
+    let turn = |v: Vector3<f64>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+    let mut moves = flight.samples.windows(2).peekable();
+    let samples = lamp.samples.iter().map(|sample| {
+        while moves.next_if(|ends| ends[1].time_s <= sample.time_s).is_some() {}
+        let body_m = match (moves.peek(), flight.samples.last()) {
+            (Some([a, b]), _) => {
+                let part = (sample.time_s - a.time_s) / (b.time_s - a.time_s);
+                a.position_m.lerp(&b.position_m, part.clamp(0.0, 1.0))
+            }
+            (_, last) => last.map_or(sample.position_m, |last| last.position_m),
+        };
+        let position_m = body_m + turn(sample.position_m - body_m);
+        LightSample { position_m, axis: turn(sample.axis), ..*sample }
+    });
+    Lamp { samples: samples.collect(), ..lamp.clone() }
 }
 
 /// What only a preview would show: the word in the picture, while the shutter is open, lit.
@@ -184,8 +207,9 @@ mod tests {
             let flights = flown(&shoot).unwrap();
             let picture = Picture::of(&shoot, &flights).unwrap();
             let now = picture.trail(0).unwrap();
-            let (flight, camera) = (flights[0].as_ref().unwrap(), picture.camera().unwrap());
-            (now.evenness_stops(), evener(&shoot, 0, flight, camera, now).unwrap())
+            let (flight, (trace, camera)) =
+                (flights[0].as_ref().unwrap(), picture.lit.as_ref().unwrap());
+            (now.evenness_stops(), evener(&shoot, 0, flight, trace, camera, now))
         };
         let (now_stops, evener) = evenness(&scene);
         let [yaw_rad, stops] = evener.expect("headlights along the word");

@@ -2,7 +2,7 @@
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
-use crate::study::{Measures, Ranking, Record, Study};
+use crate::study::{Measures, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::Photo;
 
@@ -24,13 +24,19 @@ const ROW_PHOTOS: usize = 4;
 /// Height of a capital in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
-/// The median and the worst photo of each scene of a study.
+/// The median and the worst photo of each scene of a study, which was prepared
+/// ([`Study::prepare`]).
 ///
 /// # Errors
 ///
-/// As [`Prepared::photo`](crate::study::Prepared::photo).
-pub fn study_sheet(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Photo> {
-    Ok(contact_sheet(&study_rows(study, ranking, records)?))
+/// As [`Prepared::photo`].
+pub fn study_sheet(
+    study: &Study,
+    ready: &[Prepared],
+    ranking: &Ranking,
+    records: &[Record],
+) -> Result<Photo> {
+    Ok(contact_sheet(&study_rows(study, ready, ranking, records)?))
 }
 
 /// Photos with their captions, in rows of a few.
@@ -46,8 +52,12 @@ pub fn spread_sheet(title: &str, photos: Vec<(Photo, String)>) -> Photo {
 }
 
 /// A row for each scene: its median and its worst photo.
-fn study_rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<SheetRow>> {
-    let prepared = study.prepare()?;
+fn study_rows(
+    study: &Study,
+    ready: &[Prepared],
+    ranking: &Ranking,
+    records: &[Record],
+) -> Result<Vec<SheetRow>> {
     let trials: Vec<_> = study.trials().collect();
     let row = |measures: &Measures| {
         let p = measures.legibility.value;
@@ -60,7 +70,7 @@ fn study_rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Ve
             if record.outcome.flown.is_none() {
                 continue;
             }
-            let ready = &prepared[trial.contender * study.words.len() + trial.word];
+            let ready = &ready[trial.contender * study.words.len() + trial.word];
             let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
             let read = &record.outcome.read;
             let p = record.outcome.probability;

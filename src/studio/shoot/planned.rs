@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use noctograph_core::control::StepResponse;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Warning};
-use noctograph_flying::plan::feedforward::{feedforward, learn};
+use noctograph_flying::plan::feedforward::{feedforward, inverse, learn};
 use noctograph_flying::plan::{
     Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
     stroke_ends, time_lights,
@@ -41,20 +41,21 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let trajectory_clock = Some(scene.trajectory_clock());
     let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
     let follows_design = scene.controller.kind.follows_design();
-    let inverse = scene.plan.reference == ReferenceKind::Inverse;
-    let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
+    let inverted = scene.plan.reference == ReferenceKind::Inverse;
+    let responses = if inverted { Some(step_responses(&scene.sim())?) } else { None };
     let planned = plans.into_par_iter().map(|plan| {
         responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {
             None => plan,
             Some(responses) => {
-                let led = if follows_design { plan } else { feedforward(&plan, responses) };
+                let inverse = inverse(&plan, responses);
+                let led = if follows_design { plan } else { feedforward(&plan, &inverse) };
                 let mut flight = rehearse(scene, &led)?;
                 // The plan is off by the mean error of real flights, which the rehearsal does not
                 // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
                 flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
-                learn(&led, &flight, responses)
+                learn(&led, &flight, &inverse)
             }
         };
         match scene.plan.light_clock {

@@ -77,7 +77,8 @@ pub fn correct(
         }
     }
     let responses = step_responses(&scene.sim())?;
-    let mut next = feedforward::learn(sent, &missed, &responses);
+    let inverse = feedforward::inverse(sent, &responses);
+    let mut next = feedforward::learn(sent, &missed, &inverse);
     // Take-off and landing stay as they were sent.
     for (row, setpoint) in sent.setpoints.iter().enumerate() {
         if setpoint.letter.is_none() {

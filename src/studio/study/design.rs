@@ -107,9 +107,9 @@ impl Study {
     }
 }
 
-/// Flies trials, on as many threads as rayon's pool has; trials in the
-/// store are not flown again, and new ones go into it at once. `done` is called with the number of
-/// trials that are done, from any thread; `stop` ends the study between two flights.
+/// Flies trials with the scenes of [`Study::prepare`], on as many threads as rayon's pool has;
+/// trials in the store are not flown again, and new ones go into it at once. `done` is called with
+/// the number of trials that are done, from any thread; `stop` ends the study between two flights.
 ///
 /// The records come in the order of the trials: they depend on nothing but the study.
 ///
@@ -117,17 +117,6 @@ impl Study {
 ///
 /// Those of the flights and the store, [`Error::Stopped`]; earlier trials stay in the store.
 pub fn evaluate(
-    study: &Study,
-    trials: &[Trial],
-    store: Option<&Store>,
-    stop: &Stop,
-    done: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<Record>> {
-    evaluate_prepared(study, &study.prepare()?, trials, store, stop, done)
-}
-
-/// The same with the scenes of [`Study::prepare`].
-pub(super) fn evaluate_prepared(
     study: &Study,
     prepared: &[Prepared],
     trials: &[Trial],
@@ -193,7 +182,9 @@ mod tests {
         let trials: Vec<Trial> = study.trials().collect();
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| evaluate(&study, &trials, None, &Stop::default(), &|_| {})).unwrap()
+            let ready = study.prepare().unwrap();
+            let fly = || evaluate(&study, &ready, &trials, None, &Stop::default(), &|_| {});
+            pool.install(fly).unwrap()
         };
         let json = |records: &[Record]| serde_json::to_string(records).unwrap();
         assert_eq!(json(&on(1)), json(&on(3)));

@@ -138,7 +138,8 @@ pub fn robustness(
                 Level { times, ..*level }
             } else {
                 let done = |n| done(before + n);
-                let records = evaluate(&study, &trials, store, &Stop::default(), &done)?;
+                let (ready, stop) = (study.prepare()?, Stop::default());
+                let records = evaluate(&study, &ready, &trials, store, &stop, &done)?;
                 level(times, &records)
             };
             before += trials.len();

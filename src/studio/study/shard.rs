@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::design::evaluate_prepared;
+use super::design::evaluate;
 use super::{Prepared, Store, Study, Trial};
 use crate::shoot::Stop;
 use noctograph_core::digest::Digest;
@@ -55,19 +55,20 @@ impl Shard {
         if !path.exists() {
             std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
             let stop = Stop::default();
-            Store::write(&path, &evaluate_prepared(study, &prepared, &trials, None, &stop, done)?)?;
+            Store::write(&path, &evaluate(study, &prepared, &trials, None, &stop, done)?)?;
         }
         Ok((path, trials.len()))
     }
 }
 
-/// The files of a study's shards in a folder, however they were cut, for [`Store::take`].
+/// The files of a study's shards in a folder, however they were cut, for [`Store::take`];
+/// `prepared` is that of [`Study::prepare`].
 ///
 /// # Errors
 ///
-/// [`Error::Io`]; as [`Study::prepare`].
-pub fn shards(study: &Study, folder: &Path) -> Result<Vec<PathBuf>> {
-    let (mut files, stem) = (files_in(folder)?, digest(study, &study.prepare()?));
+/// [`Error::Io`].
+pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec<PathBuf>> {
+    let (mut files, stem) = (files_in(folder)?, digest(study, prepared));
     files.retain(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&stem)));
     Ok(files)
 }
@@ -84,7 +85,7 @@ fn digest(study: &Study, prepared: &[Prepared]) -> String {
 mod tests {
     use super::*;
     use crate::scene::{NamedScene, Preset, Scene};
-    use crate::study::{Conditions, Record, evaluate};
+    use crate::study::{Conditions, Record};
 
     fn study() -> Study {
         let contenders = vec![NamedScene::new("team", Scene::preset(Preset::Ae4832022))];
@@ -104,7 +105,9 @@ mod tests {
     fn shards_of_any_cut_hold_the_flights_of_one_process() {
         let study = study();
         let trials: Vec<Trial> = study.trials().collect();
-        let alone = evaluate(&study, &trials, None, &Stop::default(), &|_| {}).unwrap();
+        let ready = study.prepare().unwrap();
+        let fly = |store| evaluate(&study, &ready, &trials, store, &Stop::default(), &|_| {});
+        let alone = fly(None).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let fly =
             |index, count| Shard { index, count }.fly(&study, folder.path(), &|_| {}).unwrap();
@@ -117,12 +120,11 @@ mod tests {
 
         let store = tempfile::tempdir().unwrap();
         let mut store = Store::open(store.path()).unwrap();
-        let found = shards(&study, folder.path()).unwrap();
+        let found = shards(&study, &ready, folder.path()).unwrap();
         found.iter().for_each(|path| store.take(path).unwrap());
         let known = |record: &&Record| store.get(&record.scene, record.seed).is_some();
         assert_eq!(alone.iter().filter(known).count(), store.n_known(), "of this study alone");
-        let records = evaluate(&study, &trials, Some(&store), &Stop::default(), &|_| {}).unwrap();
-        assert_eq!(records, alone);
+        assert_eq!(fly(Some(&store)).unwrap(), alone);
 
         let line = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, line.replacen("\"probability\":0.", "\"probability\":0.1", 1))

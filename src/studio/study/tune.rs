@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::design::evaluate_prepared;
+use super::design::evaluate;
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
@@ -299,7 +299,7 @@ impl Tuning<'_> {
         trials: &[Trial],
     ) -> Result<Vec<Record>> {
         self.n_flights += trials.len();
-        evaluate_prepared(study, prepared, trials, self.store, self.stop, &|_| {})
+        evaluate(study, prepared, trials, self.store, self.stop, &|_| {})
     }
 
     /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.

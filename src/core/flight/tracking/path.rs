@@ -1,6 +1,6 @@
 //! The design as a path in time: straight legs, each flown evenly.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::flight::Flight;
 
@@ -12,6 +12,32 @@ const TOLERANCE_M: f64 = 2e-6;
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
+    /// Between the ends of the leg before each corner and of its own.
+    legs: Vec<Leg>,
+}
+
+/// A whole leg in the x-z plane.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    from_m: Vector2<f64>,
+    leg_m: Vector2<f64>,
+    square_m2: f64,
+}
+
+impl Leg {
+    fn new(from_m: Vector3<f64>, to_m: Vector3<f64>) -> Self {
+        let (from_m, leg_m) = (from_m.xz(), (to_m - from_m).xz());
+        Self { from_m, leg_m, square_m2: leg_m.norm_squared() }
+    }
+
+    /// Square of the distance of a point.
+    #[inline]
+    fn square_m2(&self, point_m: Vector2<f64>) -> f64 {
+        let arm_m = point_m - self.from_m;
+        let rests = self.leg_m == self.leg_m * 0.0;
+        let along = if rests { 0.0 } else { arm_m.dot(&self.leg_m) / self.square_m2 };
+        (arm_m - self.leg_m * along.clamp(0.0, 1.0)).norm_squared()
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +58,13 @@ impl DesignPath {
     /// The path through points in the order of their times, of which there is at least one.
     pub(crate) fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
-        Self { corners: without_even_corners(corners) }
+        let mut path = Self { corners: without_even_corners(corners), legs: Vec::new() };
+        let ends_m: Vec<Vector3<f64>> =
+            (0..path.corners.len()).map(|leg| path.end_m(leg)).collect();
+        let first_m = path.corners[0].at_m;
+        let starts_m = [first_m].into_iter().chain(ends_m.iter().copied());
+        path.legs = starts_m.zip(&ends_m).map(|(from_m, to_m)| Leg::new(from_m, *to_m)).collect();
+        path
     }
 
     /// The stretch of time that the design covers.
@@ -69,18 +101,18 @@ impl Walk<'_> {
 
     /// Distance in the x-z plane from a point to the path of the design between two times.
     pub(crate) fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
-        let mut from_m = self.at_m(from_s);
-        let mut nearest_m = f64::INFINITY;
-        for leg in self.leg.. {
-            let end_s = self.path.corners.get(leg + 1).map_or(f64::INFINITY, |end| end.time_s);
-            let to_m = self.path.on_leg(leg, end_s.min(to_s));
-            nearest_m = nearest_m.min(in_plane_distance_m(point_m, from_m, to_m));
-            if end_s >= to_s {
-                break;
-            }
-            from_m = to_m;
+        let from_m = self.at_m(from_s);
+        let (path, first, point_m) = (self.path, self.leg, point_m.xz());
+        let later = &path.corners[first + 1..];
+        let last = first + later.iter().take_while(|corner| corner.time_s < to_s).count();
+        let to_m = path.on_leg(last, to_s);
+        let square_m2 = |from_m, to_m| Leg::new(from_m, to_m).square_m2(point_m);
+        if first == last {
+            return square_m2(from_m, to_m).sqrt();
         }
-        nearest_m
+        let ends = square_m2(from_m, path.end_m(first)).min(square_m2(path.end_m(last - 1), to_m));
+        let whole = path.legs[first + 1..last].iter().map(|leg| leg.square_m2(point_m));
+        whole.fold(ends, f64::min).sqrt()
     }
 
     fn go_to(&mut self, time_s: f64) {
@@ -92,6 +124,12 @@ impl Walk<'_> {
 }
 
 impl DesignPath {
+    /// Where a leg ends.
+    fn end_m(&self, leg: usize) -> Vector3<f64> {
+        let end_s = self.corners.get(leg + 1).map_or(f64::INFINITY, |end| end.time_s);
+        self.on_leg(leg, end_s)
+    }
+
     /// Position on the leg that begins at corner `leg`, held before its start and after its end.
     fn on_leg(&self, leg: usize, time_s: f64) -> Vector3<f64> {
         let start = self.corners[leg];
@@ -100,12 +138,6 @@ impl DesignPath {
         let done = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
         start.at_m + (end.at_m - start.at_m) * done.clamp(0.0, 1.0)
     }
-}
-
-fn in_plane_distance_m(point: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
-    let (leg, arm) = ((to - from).xz(), (point - from).xz());
-    let along = if leg == leg * 0.0 { 0.0 } else { arm.dot(&leg) / leg.norm_squared() };
-    (arm - leg * along.clamp(0.0, 1.0)).norm()
 }
 
 /// Leaves out corners that lie on an even, straight leg between their neighbors.
