@@ -48,8 +48,14 @@ const SETUPS: [Setup; 8] = [
     ("rangers, estimates shared", FLOOR, &[("observer.cooperative.share", "estimates")]),
 ];
 
+/// An estimate that is farther from the truth at some time belongs to a filter that went astray.
+const ASTRAY_M: f64 = 0.5;
+
 /// What one flight of a fleet came to.
+#[derive(Default)]
 struct Flown {
+    /// Whether a drone was lost, or a filter went astray.
+    astray: bool,
     /// Mean square of the position's error over lit samples after 2 s.
     square_m2: f64,
     /// Mean normalized squared error of the estimate, by three.
@@ -94,10 +100,13 @@ fn seeded(shoot: &Shoot, seed: u64) -> Shoot {
 
 /// The head of a table, as docs/cooperative.md has it.
 fn heading(what: &str, n_flights: &str) -> String {
-    format!("| {what} | error | bound | NEES/3 | legible of {n_flights} |\n|---|---|---|---|---|")
+    format!(
+        "| {what} | error | bound | NEES/3 | astray, legible of {n_flights} |\n|---|---|---|---|---|"
+    )
 }
 
-/// Prints the row of a table: error, bound, consistency, and how many photos read.
+/// Prints the row of a table: error, bound and consistency of the flights whose filters did not go
+/// astray, how many did, and how many photos read.
 fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome<()> {
     let shoot = shoot(scene, set)?;
     let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
@@ -105,16 +114,19 @@ fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome
     let flown: Outcome<Vec<Flown>> =
         (0..n_flights).into_par_iter().map(|seed| fly(&seeded(&shoot, seed))).collect();
     let flown = flown?;
-    let n = flown.len() as f64;
-    let error_m = (flown.iter().map(|one| one.square_m2).sum::<f64>() / n).sqrt();
-    let nees = flown.iter().map(|one| one.nees).sum::<f64>() / n;
+    let (astray, sound): (Vec<&Flown>, Vec<&Flown>) = flown.iter().partition(|one| one.astray);
+    let (astray, n) = (astray.len(), sound.len() as f64);
+    let error_m = (sound.iter().map(|one| one.square_m2).sum::<f64>() / n).sqrt();
+    let nees = sound.iter().map(|one| one.nees).sum::<f64>() / n;
     let legible = flown.iter().filter(|one| one.legible).count();
     let mut unread = String::new();
     for (seed, _) in flown.iter().enumerate().filter(|(_, one)| !one.legible) {
         write!(unread, " {seed}")?;
     }
     let (error_cm, bound_cm) = (100.0 * error_m, 100.0 * bound_m);
-    print_out(&format!("| {name} | {error_cm:.1} cm | {bound_cm:.1} | {nees:.2} | {legible} |"));
+    print_out(&format!(
+        "| {name} | {error_cm:.1} cm | {bound_cm:.1} | {nees:.2} | {astray}, {legible} |"
+    ));
     if flown.len() <= 16 {
         print_out(&format!("seeds that do not read:{unread}"));
     }
@@ -122,13 +134,20 @@ fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome
 }
 
 fn fly(shoot: &Shoot) -> Outcome<Flown> {
-    let flights = shoot.fly(&|_, _| {})?;
-    let (mut square_m2, mut nees, mut n) = (0.0, 0.0, 0.0);
+    let flights = match shoot.fly(&|_, _| {}) {
+        Err(noctograph::error::Error::Infeasible { .. }) => {
+            return Ok(Flown { astray: true, ..Flown::default() });
+        }
+        flown => flown?,
+    };
+    let (mut square_m2, mut nees, mut n, mut astray) = (0.0, 0.0, 0.0, false);
     for flight in &flights {
         let light = flight.lights.values().next().ok_or("a drone has a lamp")?;
         for (i, sample) in flight.samples.iter().enumerate() {
+            let error_m = (sample.estimate_m - sample.position_m).norm();
+            astray |= error_m > ASTRAY_M;
             if sample.time_s > 2.0 && light[i] > 0.0 {
-                square_m2 += (sample.estimate_m - sample.position_m).norm_squared();
+                square_m2 += error_m * error_m;
                 nees += flight.extra[ESTIMATE_NEES][i];
                 n += 1.0;
             }
@@ -137,7 +156,7 @@ fn fly(shoot: &Shoot) -> Outcome<Flown> {
     let recordings = flights.into_iter().map(Recording::Flight).collect();
     let shot = Shoot { recordings, ..shoot.clone() }.take(&|_, _| {})?;
     let legible = shot.verdict.is_some_and(|verdict| verdict.legible);
-    Ok(Flown { square_m2: square_m2 / n, nees: nees / n, legible })
+    Ok(Flown { astray, square_m2: square_m2 / n, nees: nees / n, legible })
 }
 
 /// Writes a photo of each setup, named as it.

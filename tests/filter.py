@@ -37,7 +37,7 @@ def predict(kf, options, throttle):
     a[1, [2, 3, GUST]] = np.array([1, throttle, 1]) * t
     a[GUST, GUST] = math.exp(-t / options["gust_time_s"])
     q = np.zeros((7, 7))
-    density = options["acceleration_noise_m_s2_sqrt_hz"] ** 2
+    density = options["acceleration_noise_m_s2_sqrt_hz"] ** 2 / 2  # of one-sided noise
     q[:2, :2] = density * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
     walks = ("offset_walk_m_s2_sqrt_s", "gain_walk_m_s2_sqrt_s", "ranger_walk_m_sqrt_s",
              "barometer_walk_m_sqrt_s")

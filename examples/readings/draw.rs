@@ -14,7 +14,6 @@ use noctograph::plan::Plan;
 use noctograph::scene::Scene;
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Recording, Shoot};
-use noctograph::vehicle::GustOptions;
 
 /// What spoils a flight, and what spoils a photograph of it.
 const FLIGHT_FAULTS: [&str; 8] =
@@ -157,11 +156,8 @@ pub(crate) fn fault_of_camera(rng: &mut Rng, p: f64) -> &'static str {
 }
 
 fn gusts(settings: &mut Settings, speed_m_s: f64) {
-    let room = GustOptions::default();
     settings.set("air.gusts.kind", "ornstein-uhlenbeck");
     settings.set("air.gusts.sigma_m_s", format!("{:?}", [speed_m_s; 3]));
-    let torques = room.torque_sigma_n_m.map(|n_m| n_m * speed_m_s / room.sigma_m_s[0]);
-    settings.set("air.gusts.torque_sigma_n_m", format!("{torques:?}"));
 }
 
 /// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in; `glints`:

@@ -24,7 +24,7 @@ use crate::study::Conditions;
 use noctograph_core::files::Limit;
 
 /// Flights, logs and light traces that are read together: sixteen drones for six minutes.
-const FLIGHTS: Limit = Limit {
+pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
     hint: "thin them out, cut them to the time of the picture, or read fewer at a time",

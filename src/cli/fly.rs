@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags, SeedFlag, read_plans};
+use super::flags::{FLIGHTS, FlightFlags, SceneFlags, SeedFlag, read_plans, warn_of};
 use super::outcome::Report;
 use super::output::Outputs;
 use super::progress::watch;
@@ -42,8 +42,19 @@ pub(super) struct FlyArgs {
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let scene = args.scene.load(&args.seed.settings())?;
     let mut plans = read_plans(&args.plans)?;
-    let logs = args.flight.read_all(&args.setpoints, Some(&scene))?;
-    plans.extend(logs.iter().map(sent).collect::<Result<Vec<Plan>>>()?);
+    FLIGHTS.check_all(&args.setpoints)?;
+    for path in &args.setpoints {
+        let log = args.flight.read_log(path, Some(&scene))?;
+        // Flights of ours are of no firmware; those of a drone are on its clock.
+        if log.firmware.is_none() && log.zero_stamp_s.is_none() {
+            let release = scene.vehicle.firmware.name();
+            let text = format!(
+                "it names no firmware, and is flown as by release {release} (vehicle.firmware): a guess"
+            );
+            warn_of(path, &[text]);
+        }
+        plans.push(sent(&log.flight)?);
+    }
     let shoot = Shoot::with_plans(scene, plans)?;
     let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
     let flights = shoot.fly(&watch())?;

@@ -9,7 +9,9 @@ use nalgebra::Vector3;
 
 use super::positions::slope;
 use super::{BiasOf, Link, LocateOptions, RangeSample};
-use noctograph_flying::estimate::{Entry, Gate, Measurement, Normal, Part, Step, along};
+use noctograph_flying::estimate::{
+    Entry, Gate, Measurement, Normal, Part, Step, along, variance_rate,
+};
 
 /// States of a drone.
 pub(super) const STATES: usize = 6;
@@ -166,8 +168,7 @@ impl<'a> Model<'a> {
     /// Transition of the state between two times, and the covariance of its noise.
     fn motion(&self, from_s: f64, to_s: f64) -> (Vec<Entry>, Vec<Entry>) {
         let (mut transition, mut noise) = (Vec::new(), Vec::new());
-        let density = self.options.acceleration_m_s2_sqrt_hz;
-        let q = 0.5 * density * density;
+        let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);
         for (drone, until_s) in self.stands_until_s.iter().enumerate() {
             let span_s = (to_s - from_s.max(*until_s)).max(0.0);
             for i in STATES * drone..STATES * drone + 3 {

@@ -62,6 +62,27 @@ fn a_replay_of_a_replay_is_the_same_flight() {
 }
 
 #[test]
+fn a_log_that_names_no_firmware_is_flown_by_a_guess_that_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = (0..300).map(|i| {
+        let (ms, z) = (20 * i, 0.4 * f64::from(i.min(100)) / 100.0);
+        format!("{ms},0,0,{z},0,0,{z}")
+    });
+    let head = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z,ctrltarget.x,\
+                ctrltarget.y,ctrltarget.z";
+    let text = format!("{head}\n{}\n", rows.collect::<Vec<_>>().join("\n"));
+    std::fs::write(folder.path().join("log.csv"), text).unwrap();
+    let said = |log: &str, out: &str| {
+        let run = ["fly", "--setpoints", log, "-o", out];
+        let run = noctograph(folder.path()).args(run).assert().success();
+        String::from_utf8(run.get_output().stderr.clone()).unwrap()
+    };
+    let warned = said("log.csv", "flown.csv");
+    assert!(warned.contains("log.csv: it names no firmware, and is flown as by"), "{warned}");
+    assert!(!said("flown.csv", "again.csv").contains("firmware"), "a flight of ours has none");
+}
+
+#[test]
 fn compare_prints_a_table_and_writes_plots() {
     let folder = flown();
     let other = ["fly", "plan.csv", "--scene", "team", "--seed", "5", "-o", "other.csv"];

@@ -72,6 +72,26 @@ fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
 }
 
 #[test]
+fn a_filter_is_as_consistent_on_the_floor_as_in_the_air() {
+    let mut scene = Scene::find(FLOOR, &[]).unwrap().scene;
+    let shoot = Shoot::new(scene.clone()).unwrap();
+    let landed_s = shoot.plans.iter().map(|planned| planned.plan.duration_s() - 0.3);
+    let landed_s: Vec<f64> = landed_s.collect();
+    let (mut sum, mut n) = (0.0, 0.0);
+    for seed in 0..8 {
+        scene.seed = seed;
+        let flights = Shoot { scene: scene.clone(), ..shoot.clone() }.fly(&|_, _| {}).unwrap();
+        for (flight, landed_s) in flights.iter().zip(&landed_s) {
+            let rows = flight.samples.iter().zip(&flight.extra[ESTIMATE_NEES]);
+            for (_, nees) in rows.filter(|(sample, _)| sample.time_s > *landed_s) {
+                (sum, n) = (sum + nees, n + 1.0);
+            }
+        }
+    }
+    assert!(n > 0.0 && (0.5..2.0).contains(&(sum / n)), "NEES {} of {n}", sum / n);
+}
+
+#[test]
 fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
     for n in 1..=6_usize {
         let n_drones = n.to_string();

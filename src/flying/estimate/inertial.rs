@@ -54,7 +54,15 @@ pub struct Span {
     pub turn_rad: Vector3<f64>,
 }
 
-/// Spectral densities (two-sided) of the inertial sensors' noise.
+/// Variance that the integral of white noise gains in a second: the noise's two-sided spectral
+/// density. `per_sqrt_hz` is its one-sided noise density in unit/√Hz, as in data sheets and in every
+/// key of a scene.
+#[must_use]
+pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
+    0.5 * (per_sqrt_hz * per_sqrt_hz)
+}
+
+/// [`variance_rate`]s of the inertial sensors' noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Density {
     /// Of the acceleration along world x, y and z, (m/s²)²/Hz.

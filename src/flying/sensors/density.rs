@@ -40,6 +40,15 @@ pub(super) fn random_walk_density(series: &Series) -> [f64; 3] {
     })
 }
 
+/// Variance that the integral of a series about its mean gains in a second.
+pub(super) fn gathered(series: &Series) -> f64 {
+    let n = series.values.len() as f64;
+    let mean = series.values.iter().sum::<f64>() / n;
+    series.values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>()
+        / n
+        / series.rate_hz
+}
+
 fn variance_of_steps(values: &[f64]) -> f64 {
     let steps = values.windows(2).map(|pair| (pair[1] - pair[0]) * (pair[1] - pair[0]));
     let n = (values.len() - 1) as f64;

@@ -89,7 +89,8 @@ impl Imu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensors::density::{Series, random_walk_density, white_density};
+    use crate::estimate::variance_rate;
+    use crate::sensors::density::{Series, gathered, random_walk_density, white_density};
 
     const RATE_HZ: u32 = 500;
 
@@ -115,6 +116,16 @@ mod tests {
                 // 1024 blocks at the slowest: 2.2 % one sigma.
                 assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
             }
+        }
+    }
+
+    #[test]
+    fn noise_gathers_the_variance_that_filters_take_it_for() {
+        let found = series(&ImuOptions::default(), 1 << 17);
+        for (series, density) in [(&found[0], 2.44e-4), (&found[5], 1.86e-3)] {
+            let rate = gathered(series) / variance_rate(density);
+            // 131,072 values: 0.4 % one sigma.
+            assert!((rate - 1.0).abs() < 0.015, "{rate} of what a filter adds in a second");
         }
     }
 

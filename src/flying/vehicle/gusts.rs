@@ -42,7 +42,8 @@ impl Wind {
             Gusts::OrnsteinUhlenbeck(room) => {
                 let filter = |sigma, time_s| Filter::new([sigma, 0.0], time_s, dt_s);
                 filters = Some(room.sigma_m_s.map(|sigma| filter(sigma, room.time_s)));
-                let torque = |sigma| filter(sigma, room.torque_time_s);
+                let share = room.share_of_room();
+                let torque = |sigma: f64| filter(sigma * share, room.torque_time_s);
                 torques = Some(room.torque_sigma_n_m.map(torque));
             }
             Gusts::Dryden if level_m_s > 0.0 => {
@@ -233,6 +234,20 @@ mod tests {
         let found = spectra_of(&indoors(room), |gust| gust.torque_n_m);
         for (found, sigma) in found.iter().zip(torque_sigma_n_m) {
             assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
+        }
+    }
+
+    #[test]
+    fn stiller_air_turns_a_drone_less() {
+        let turns = |sigma_m_s| {
+            let room = GustOptions { sigma_m_s, ..Default::default() };
+            Wind::new(&indoors(room), 0.002, 1, 0).advance().torque_n_m
+        };
+        let room = turns([0.08; 3]);
+        assert!(room.norm() > 0.0 && turns([0.0; 3]).norm() == 0.0);
+        for (sigma_m_s, times) in [([0.16; 3], 2.0), ([0.08, 0.0, 0.0], f64::sqrt(1.0 / 3.0))] {
+            let off = turns(sigma_m_s) - room * times;
+            assert!(off.norm() < 1e-12 * room.norm(), "{sigma_m_s:?}: {off}");
         }
     }
 

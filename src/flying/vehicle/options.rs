@@ -1,5 +1,6 @@
 //! Settings of the drone, its battery and the air around it.
 
+use nalgebra::Vector3;
 use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
@@ -191,18 +192,26 @@ settings! {
     /// autocorrelation falls to 0.5, 0 and 0.5 after a second. A tenth is added for the part above
     /// 1 Hz.
     pub struct GustOptions {
-        /// Standard deviation along world x, y, z. Stiller air turns the drone less, too: the
-        /// torque has a key of its own, torque_sigma_n_m.
+        /// Standard deviation along world x, y, z. Their torque grows with it.
         sigma_m_s: [f64; 3] = [0.08; 3], in 0.0..=50.0;
         /// Correlation time: the size of an eddy over the speed at which it drifts past.
         time_s: f64 = 1.0, in 1e-2..=1e4;
-        /// Standard deviation of the torque of uneven air and rotors about body x, y, z.
+        /// Standard deviation of the torque of uneven air and rotors about body x, y, z where
+        /// sigma_m_s is 0.08 along each axis.
         ///
         /// A regulator without integral action pays for it with its position: this, more than the
         /// push, moves it in a room.
         torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5], in 0.0..=10.0;
         /// Correlation time of that torque.
         torque_time_s: f64 = 1.5, in 1e-2..=1e4;
+    }
+}
+
+impl GustOptions {
+    /// How strong they are, of those of a room.
+    pub(crate) fn share_of_room(&self) -> f64 {
+        let strength = |gusts: &Self| Vector3::from(gusts.sigma_m_s).norm();
+        strength(self) / strength(&Self::default())
     }
 }
 

@@ -57,11 +57,7 @@ const RULES: &[Rule] = &[
         },
         "sweeps pass the firmware's own filter, and nothing else is measured",
     ),
-    (
-        &["air.wind_m_s", "air.gusts.sigma_m_s", "air.gusts.time_s"],
-        |s| !feels_air(&s.vehicle),
-        NO_DRAG,
-    ),
+    (&["air.wind_m_s", "air.gusts.time_s"], |s| !feels_air(&s.vehicle), NO_DRAG),
     (
         &["air.gusts"],
         |s| {

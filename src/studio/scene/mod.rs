@@ -495,7 +495,7 @@ mod tests {
             ("seed = -1\n", ":1", "-1"),
             ("seed = 1\npreset = \"cf22\"\n", ":2", "cf21-thrust-kit"),
             ("preset = \"bzzz\"\n[vehicle]\nmass_kg = -1\n", ":3: vehicle.mass_kg", "-1"),
-            ("[camera]\niso = \"high\"\n", ":2", "string"),
+            ("[camera]\niso = \"high\"\n", ":2", "the text \"high\", wanted a number"),
             ("[camera]\n\niso = nan\n", ":3: camera.iso", "NaN"),
             ("[camera]\nwidth_px = 0\n", ":2: camera.width_px", "0x1080"),
             ("[letters]\nfont = \"comic\"\n", ":2: letters.font", "comic"),

@@ -27,7 +27,7 @@ const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 /// Mean time from one outage of the radio to the next.
 pub(super) const OUTAGE_EVERY_S: f64 = 10.0;
 
-/// Gusts of a ventilated room, to which [`GustOptions::torque_sigma_n_m`] belongs.
+/// Gusts of a ventilated room.
 pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
@@ -298,16 +298,14 @@ impl Conditions {
         }
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
         if self.gust_m_s > 0.0 {
-            let still = || GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() };
-            let (mut gusts, had): (_, f64) = match sim.air.gusts {
-                Gusts::OrnsteinUhlenbeck(own) => (own, 1.0),
-                Gusts::None | Gusts::Dryden => (still(), 0.0),
+            let mut gusts = match sim.air.gusts {
+                Gusts::OrnsteinUhlenbeck(own) => own,
+                Gusts::None | Gusts::Dryden => {
+                    GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() }
+                }
             };
             for own in &mut gusts.sigma_m_s {
                 *own = own.max(self.gust_m_s);
-            }
-            for own in &mut gusts.torque_sigma_n_m {
-                *own *= had.max(self.gust_m_s / ROOM_GUST_M_S);
             }
             sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {

@@ -302,7 +302,15 @@ impl EveningLog {
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
             figures.gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
-        row(flaws.into_iter().flatten().collect(), Some(figures))
+        let mut row = row(flaws.into_iter().flatten().collect(), Some(figures));
+        if !samples.windows(2).any(|pair| pair[0].design_m.xy() != pair[1].design_m.xy()) {
+            row.warnings.push(
+                "its setpoints stay at one place, or are not logged: it does not show the rotors' \
+                 lag"
+                .into(),
+            );
+        }
+        row
     }
 }
 

@@ -5,7 +5,7 @@
 //! controller that answers a correlated innovation would make the throttle correlated with it, and
 //! the filter would read a thrust map from that which is not there.
 
-use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest};
+use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
 use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -111,7 +111,7 @@ impl AltitudeFilter {
             (1, GUST, t),
             (GUST, GUST, kept - 1.0),
         ];
-        let density = o.acceleration_noise_m_s2_sqrt_hz * o.acceleration_noise_m_s2_sqrt_hz;
+        let density = variance_rate(o.acceleration_noise_m_s2_sqrt_hz);
         let walk = |per_sqrt_s: f64| per_sqrt_s * per_sqrt_s * t;
         let noise = [
             (0, 0, density * t * t * t / 3.0),

@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 
 use super::ekf::START;
-use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward};
+use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
 use crate::plan::Plan;
 use crate::sensors::{HeightSensor, Positioning, SensorOptions, time_of_flight_sigma_m};
 use crate::sim::options::{EstimatorKind, SimOptions};
@@ -142,8 +142,8 @@ impl<'a> Fleet<'a> {
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
         let density = Density {
-            acceleration: [0.5 * square(imu.accelerometer_noise_m_s2_sqrt_hz); 3],
-            rate: 0.5 * square(imu.gyro_noise_rad_s_sqrt_hz),
+            acceleration: [variance_rate(imu.accelerometer_noise_m_s2_sqrt_hz); 3],
+            rate: variance_rate(imu.gyro_noise_rad_s_sqrt_hz),
         };
         for (drone, plan) in plans.iter().enumerate() {
             let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);

@@ -37,6 +37,8 @@ use crate::vehicle::State;
 const TWO_WAY: usize = 1;
 /// Ranges that have waited longer for messages are forgotten.
 const LONGEST_WAIT_S: f64 = 2.0;
+/// Specific force along the body's z axis above which a drone with its motors off stands.
+const STANDS_M_S2: f64 = 0.8 * GRAVITY_M_S2;
 /// Messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
 /// Keys of ranges between two other drones that are kept, so that none is used twice.
@@ -309,10 +311,11 @@ impl Cooperative {
         }
     }
 
-    /// The accelerometer does not see the blow of the landing: without this the fleet would fall
-    /// with the drone that has landed.
+    /// With its motors off a drone stands on the floor once its accelerometer feels the weight;
+    /// until then it falls. The accelerometer does not see the blow of the landing: without this
+    /// the fleet would fall with the drone that has landed.
     pub(in crate::sim) fn rest(&mut self) {
-        if !self.peers.is_empty() {
+        if !self.peers.is_empty() && self.force_m_s2.z > STANDS_M_S2 {
             let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
             self.alone.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;

@@ -17,7 +17,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::state_at;
 use super::sweep_filter::SweepFilter;
-use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
+use crate::estimate::{
+    Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward, variance_rate,
+};
 use crate::sensors::{
     DECK_SENSORS_M, Generation, HeightSensor, Range, Readings, SensorOptions, StationPose, Sweep,
     Target, time_of_flight_sigma_m,
@@ -201,8 +203,8 @@ impl Model {
             floor_m: 0.0,
             floor_steps: options.floor_steps,
             density: Density {
-                acceleration: [level, level, upright].map(|density| 0.5 * square(density)),
-                rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
+                acceleration: [level, level, upright].map(variance_rate),
+                rate: variance_rate(options.rate_noise_rad_s_sqrt_hz),
             },
             sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
             position: square(options.position_sigma_m),

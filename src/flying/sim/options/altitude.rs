@@ -19,10 +19,9 @@ settings! {
         gust_sigma_m_s2: f64 = 0.15, in 0.0..=100.0;
         /// Correlation time of the gusts.
         gust_time_s: f64 = 2.0, in 0.01..=1000.0;
-        /// White noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts
-        /// within a step, lag of the motors. Two-sided: its square is the filter's variance rate,
-        /// where the other densities, one-sided as in data sheets, count half.
-        acceleration_noise_m_s2_sqrt_hz: f64 = 0.03, in 0.0001..=100.0;
+        /// Noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts within a
+        /// step, lag of the motors.
+        acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
         /// Random walk of α⁰: mass and lift at no throttle hardly change.
         offset_walk_m_s2_sqrt_s: f64 = 0.005, in 0.0..=100.0;
         /// Random walk of α¹.

@@ -87,8 +87,7 @@ settings! {
     /// Release 2026.08. Sweeps pass the firmware's own outlier filter
     /// (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
-        /// Noise density of the measured acceleration, (m/s²)/√Hz: one-sided, as in data sheets;
-        /// the filter's variance rate is half its square.
+        /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
         /// More follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;

@@ -154,6 +154,14 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
         EveningLog::new(&log, flight, &scene).flaws
     };
     assert_eq!(flaws(Ok(hover())), []);
+    let warnings = |flight: Flight| {
+        let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
+        EveningLog::new(&log, Ok(flight), &scene).warnings
+    };
+    assert!(warnings(hover())[0].contains("does not show the rotors' lag"));
+    let mut moving = hover();
+    moving.samples[1500].design_m.x = 0.1;
+    assert_eq!(warnings(moving), [""; 0]);
     let (mut short, mut holed, mut limited, mut silent) = (hover(), hover(), hover(), hover());
     short.samples.truncate(500);
     assert!(matches!(flaws(Ok(short))[..], [Flaw::Short(s)] if (s - 4.99).abs() < 1e-9));
