@@ -82,8 +82,8 @@ impl Studio {
         }
     }
 
-    /// Arguments of a verb. A word of which the scene's font lacks a letter is written in a typeface
-    /// of this machine that has all of them.
+    /// Arguments of a verb. A word of which the scene's font lacks a letter is written in a
+    /// typeface of this machine that has all of them.
     fn typed(&self, subject: &Subject, folder: &Path) -> Result<Vec<OsString>> {
         let mut typed = [self.base.clone(), subject.arguments(folder)?].concat();
         // Our own font has these.
