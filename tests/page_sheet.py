@@ -95,7 +95,7 @@ with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
         take(visitor(browser, url, PHONE), "empty", PHONE)
         take(visitor(browser, url, PHONE, "Amara"), "word", PHONE)
         page = visitor(browser, url, PHONE)
-        page.fill("#word", "ნინო")
+        page.fill("#word", "🦉")
         until(page, "document.querySelector('#frame').hidden && document.querySelector('#verdict strong')")
         take(page, "unwritable", PHONE)
         take(draws(visitor(browser, url, PHONE)), "pad", PHONE)

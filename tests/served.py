@@ -1,10 +1,8 @@
 """The page at home in Chromium: tests/served.py NOCTOGRAPH
 
-Words, drawings, files, advice, settings and downloads, by keyboard and by pointer; and how long a
-keystroke takes."""
+Words, drawings, files, advice, settings and downloads, by keyboard and by pointer."""
 
 import re
-import statistics
 import sys
 
 from browser import *
@@ -156,28 +154,6 @@ def takes_advice(browser, url):
     assert not trouble, trouble
 
 
-def answers_keystrokes(browser, url):
-    """Milliseconds from a keystroke to photograph and verdict: median and 95th percentile."""
-    page, _ = opened(browser, url, viewport={"width": 1280, "height": 900})
-    ready(page)
-    # From the key's own event to the moment at which the photograph is decoded and the verdict stands beside it.
-    page.evaluate("""() => {
-        window.times = [];
-        document.querySelector('#word').addEventListener('input', () => { window.begun = performance.now(); }, true);
-        const main = document.querySelector('main');
-        new MutationObserver(() => window.times.push(performance.now() - window.begun)).observe(main, {attributes: true, attributeFilter: ['data-shown']});
-    }""")
-    wanted = 0
-    for word in ["NOOR", "SOPHIE", "QUARTZ", "MELODY", "LANTERNS"]:
-        page.fill("#word", "")
-        for letter in word:
-            page.keyboard.type(letter)
-            wanted += 1
-            until(page, f"window.times.length >= {wanted}", 60)
-    times = sorted(page.evaluate("window.times"))
-    return statistics.median(times), times[int(0.95 * len(times))]
-
-
 with sync_playwright() as playwright:
     browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
     server, team = Server(sys.argv[1]), Server(sys.argv[1], "--scene", "team")
@@ -186,10 +162,9 @@ with sync_playwright() as playwright:
         a_refused_script_is_no_file(browser, server.page)
         draws_and_drops(browser, server.page)
         takes_advice(browser, team.page)
-        median, late = answers_keystrokes(browser, server.page)
     finally:
         server.kill()
         team.kill()
         browser.close()
 
-print(f"the page at home in Chromium: keyboard, pointer, drop, advice, settings, downloads; a keystroke's photograph after {median:.0f} ms (p95 {late:.0f} ms)")
+print("the page at home in Chromium: keyboard, pointer, drop, advice, settings, downloads")

@@ -100,7 +100,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
     if let Error::Letter { letter, .. } = error
         && has("font")
-        && let Some(file) = typefaces::with(*letter)
+        && let Some(file) = typefaces::with(&[*letter])
     {
         advice.push(format!("`--font {}` has {letter}", file.display()));
     }

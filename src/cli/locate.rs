@@ -122,11 +122,13 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let folder = OutputFolder::create(&args.output)?;
     let anchors_m = scene.sensors.uwb.anchors();
     let options = options(args, &scene);
-    let (mut logs, mut samples) = (read_all(args, &scene, &args.ranges)?, Vec::new());
-    for (drone, log) in logs.iter().enumerate() {
-        let of_log =
-            ranges(&log.flight, drone).map_err(|error| error.at(log.path.display(), None))?;
-        samples.push(of_log);
+    LOGS.check_all(&args.ranges)?;
+    let (mut logs, mut samples) = (Vec::new(), Vec::new());
+    for path in &args.ranges {
+        let log = read(args, &scene, path)?;
+        samples.push(ranges(&log.flight, logs.len()).map_err(|error| error.at(path.display(), None))?);
+        logs.push(log);
+        // Before the next one is read.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
     let mut alignments = align_logs(&mut logs, &mut samples, args.clocks, &anchors_m, &options)?;
@@ -139,7 +141,9 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
     }
 
-    let mut references = read_all(args, &scene, &args.reference)?;
+    LOGS.check_all(&args.reference)?;
+    let references = args.reference.iter().map(|path| read(args, &scene, path));
+    let mut references = references.collect::<Result<Vec<_>>>()?;
     let more = align_references(&mut references, &logs, &located, &args.offset)?;
     alignments.extend(more);
     let references: Vec<Reference<'_>> = references
@@ -179,16 +183,12 @@ fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
     }
 }
 
-fn read_all<'a>(args: &LocateArgs, scene: &Scene, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
-    LOGS.check_all(paths)?;
-    let read = |path: &'a PathBuf| {
-        let mut log = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
-        // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
-        log.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
-        warn_of(path, &log.flight.warnings);
-        Ok(Dated::new(path, log))
-    };
-    paths.iter().map(read).collect()
+fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
+    let mut found = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
+    // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
+    found.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
+    warn_of(path, &found.flight.warnings);
+    Ok(Dated::new(path, found))
 }
 
 /// Writes the flights and their plots.
@@ -226,8 +226,7 @@ fn by_observer(
     options: &LocateOptions,
 ) -> Result<Located> {
     let tracks = || {
-        let track =
-            |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
+        let track = |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
     match args.observer {
@@ -266,7 +265,7 @@ fn track(log: &Dated<'_>) -> Result<Track> {
 
 /// The ranges of a log: a value that changes is a measurement, one that stays is held.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
-    let mut ranges = Vec::new();
+    let mut found = Vec::new();
     let mut known = false;
     for (name, column) in &log.extra {
         let number = |head: &str| name.strip_prefix(head).and_then(|n| n.parse::<usize>().ok());
@@ -283,12 +282,12 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
                 continue;
             }
             before = distance_m;
-            ranges.push(RangeSample { time_s: sample.time_s, link, distance_m });
+            found.push(RangeSample { time_s: sample.time_s, link, distance_m });
         }
-        check_count(ranges.len())?;
+        check_count(found.len())?;
     }
     if known {
-        return Ok(ranges);
+        return Ok(found);
     }
     let wanted = format!("{TO_ANCHOR}0 and so on, {TO_DRONE}1 and so on");
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))

@@ -23,6 +23,7 @@ use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
+use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -53,12 +54,20 @@ pub(super) struct PreviewArgs {
     /// Whether changes are flown where a word does not read: some thirty flights.
     #[arg(skip = true)]
     pub(super) with_remedies: bool,
+    /// The order that the report shows; `None`: as it was typed.
+    #[arg(skip)]
+    pub(super) command: Option<String>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
 }
 
 impl PreviewArgs {
+    /// The scene with what was typed.
+    pub(super) fn scene(&self) -> Result<Scene> {
+        self.subject.scene()
+    }
+
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
         self.subject.shoot(|scene| self.picture.apply(scene))
@@ -167,7 +176,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: &mentioned,
-            command: &command(),
+            command: &args.command.clone().unwrap_or_else(command),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();

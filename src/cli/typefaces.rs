@@ -1,4 +1,4 @@
-//! Typefaces of this machine: one that has a letter which a font lacks.
+//! Typefaces of this machine: one that has letters which a font lacks.
 
 use std::path::{Path, PathBuf};
 
@@ -30,17 +30,18 @@ const MAX_BYTES: usize = 1 << 30;
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// File of an upright typeface with a character, from the system's folders; light ones first, whose
-/// center lines are nearest to their strokes.
-pub(super) fn with(character: char) -> Option<PathBuf> {
+/// File of an upright typeface with all of some characters, from the system's folders; light ones
+/// first, whose center lines are nearest to their strokes.
+pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let own = OWN.iter().map(|folder| home.join(folder));
     let folders: Vec<PathBuf> = FOLDERS.iter().map(PathBuf::from).chain(own).collect();
-    first_with(&folders, character)
+    first_with(&folders, characters)
 }
 
-/// The first file of folders with a character, light and upright ones before others by their names.
-fn first_with(folders: &[PathBuf], character: char) -> Option<PathBuf> {
+/// The first file of folders with some characters, light and upright ones before others by their
+/// names.
+fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     let mut files = Vec::new();
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
@@ -51,7 +52,7 @@ fn first_with(folders: &[PathBuf], character: char) -> Option<PathBuf> {
         // What is unreadable is no typeface for this hint.
         let file = if n_bytes < MAX_BYTES { LIMIT.read(path).ok() } else { None };
         n_bytes += file.as_ref().map_or(0, Vec::len);
-        file.is_some_and(|file| has_outline(&file, character))
+        file.is_some_and(|file| characters.iter().all(|c| has_outline(&file, *c)))
     })
 }
 
@@ -103,9 +104,9 @@ mod tests {
         std::fs::write(below.join("Broken-Light.ttf"), "no typeface").unwrap();
         std::fs::write(below.join("Light.txt"), "no typeface").unwrap();
         let folders = [folder.path().to_owned(), folder.path().join("nowhere")];
-        assert_eq!(first_with(&folders, 'Q'), Some(below.join("X-Regular.ttf")));
+        assert_eq!(first_with(&folders, &['Q']), Some(below.join("X-Regular.ttf")));
         std::fs::copy(roboto, folder.path().join("Y-LIGHT.TTF")).unwrap();
-        assert_eq!(first_with(&folders, 'Q'), Some(folder.path().join("Y-LIGHT.TTF")));
-        assert_eq!(first_with(&folders, '漢'), None);
+        assert_eq!(first_with(&folders, &['Q', 'R']), Some(folder.path().join("Y-LIGHT.TTF")));
+        assert_eq!(first_with(&folders, &['Q', '漢']), None);
     }
 }

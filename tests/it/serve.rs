@@ -267,7 +267,8 @@ fn a_wish_reaches_no_file_and_no_flag() {
     refused(deep, "page-old");
     refused(json!({ "visitor": "../x", "word": "A" }), "page-old");
     refused(json!({ "visitor": "me", "word": "A", "aspect": 1e9 }), "page-old");
-    refused(word("A\u{1f600}"), "letter-missing");
+    // No typeface has what is no character.
+    refused(word("A\u{378}"), "letter-missing");
 
     // Words that look like flags and files are words.
     for text in ["--help", "x.csv", "-o"] {
@@ -573,9 +574,137 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let own = json!({ "do": "withdraw", "visitor": "late" });
     assert_eq!(server.post(&format!("entries/{withdrawn}"), &own).0, 200);
     assert_eq!(server.at(&format!("/e/{withdrawn}/entry.json")).0, 404);
-    // A name is not found by trying.
-    let guesses = (0..500_u128).map(|n| format!("/e/{n:032x}/entry.json"));
-    assert!(guesses.map(|path| server.at(&path).0).all(|status| status == 404));
+    // A name is not found by trying: NOCTOGRAPH_GUESSES=1000000 tries as many.
+    let n = std::env::var("NOCTOGRAPH_GUESSES").map_or(300, |n| n.parse().unwrap());
+    let mut guess = 0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835_u128;
+    for _ in 0..n {
+        guess = guess.wrapping_mul(0x2360_ed05_1fc6_5da4_4385_df64_9fcc_f645).wrapping_add(1);
+        assert_eq!(server.at(&format!("/e/{guess:032x}/entry.json")).0, 404);
+    }
+}
+
+/// The addresses of visitors, operator, wall and entry lead to what is theirs, and to nothing else.
+#[test]
+fn no_address_leads_to_what_is_of_another() {
+    let server = Server::start(&["--network"]);
+    let send = |visitor: &str, text: &str| {
+        let sent = server.send(visitor, &server.photo(visitor, text)).1;
+        sent["id"].as_str().unwrap().to_owned()
+    };
+    let (mine, theirs) = (send("me", "I"), send("you", "LI"));
+    server.operate(&format!("entries/{theirs}"), &json!({ "do": "approve" }));
+    let wall = server.json(&format!("{}wall", server.path));
+    let hung = wall["photos"][0]["key"].as_str().unwrap();
+    let secret = |path: &str| path[3..35].to_owned();
+    let (visitors, operator) = (secret(&server.path), secret(&server.operator));
+    let approve = json!({ "do": "approve" });
+    let posts = [
+        (format!("/k/{visitors}/entries/{mine}"), approve.clone(), 400),
+        (
+            format!("/k/{visitors}/entries/{mine}"),
+            json!({ "do": "withdraw", "visitor": "you" }),
+            404,
+        ),
+        (format!("/k/{visitors}/order"), json!({ "ids": [mine] }), 404),
+        (format!("/k/{visitors}/pause"), json!({ "paused": true }), 404),
+        (format!("/k/{operator}/entries/{mine}"), approve.clone(), 403),
+        (format!("/o/{visitors}/entries/{mine}"), approve.clone(), 403),
+        (format!("/o/{operator}/entries/{hung}"), approve.clone(), 404),
+        (format!("/o/{operator}/entries/{mine}"), json!({ "do": "delete" }), 400),
+        (format!("/o/{operator}/entries/..%2f{mine}"), approve.clone(), 404),
+        (format!("/o/{operator}/order"), json!({ "ids": "all" }), 400),
+        (format!("/e/{mine}/entries/{mine}"), approve.clone(), 403),
+        (format!("/e/{mine}/live"), json!({ "visitor": "me", "word": "I" }), 403),
+    ];
+    for (path, body, want) in posts {
+        assert_eq!(server.post_at(&path, &body).0, want, "{path}: {body}");
+    }
+    let gets = [
+        (format!("/k/{visitors}/entries/{hung}"), 404),
+        (format!("/k/{visitors}/wall/{mine}.jpg"), 404),
+        (format!("/k/{visitors}/wall/{hung}.png"), 404),
+        (format!("/k/{visitors}/entries/{mine}/photo.png"), 404),
+        (format!("/k/{visitors}/address.json"), 404),
+        (format!("/k/{visitors}/export.json"), 404),
+        (format!("/o/{visitors}/queue.json"), 403),
+        (format!("/o/{operator}/entries/{mine}/wish.json"), 404),
+        (format!("/o/{operator}/entries/{mine}/../{theirs}/photo.png"), 404),
+        (format!("/e/{hung}/entry.json"), 404),
+        (format!("/e/{operator}/entry.json"), 404),
+        (format!("/e/{visitors}/entry.json"), 404),
+        (format!("/e/{mine}/{theirs}/photo.png"), 404),
+        (format!("/e/{mine}/../{theirs}/photo.png"), 404),
+        (format!("/e/{mine}/scene.toml"), 404),
+        (format!("/e/{mine}/wall"), 404),
+        (format!("/e/{}/entry.json", &mine[..31]), 403),
+        (format!("/e/{}/entry.json", mine.to_uppercase()), 404),
+    ];
+    for (path, want) in gets {
+        assert_eq!(server.at(&path).0, want, "{path}");
+    }
+    // A foreign page, a form and another method change nothing; nor does another machine.
+    let path = format!("/o/{operator}/entries/{mine}");
+    let posting = String::from_utf8(server.posting(&path, &approve)).unwrap();
+    let host = format!("127.0.0.1:{}", server.port);
+    for (from, to, want) in [
+        (format!("Origin: http://{host}"), "Origin: http://evil.example".to_owned(), 403),
+        ("same-origin".to_owned(), "cross-site".to_owned(), 403),
+        ("application/json".to_owned(), "text/plain".to_owned(), 415),
+        (format!("Host: {host}"), format!("Host: evil.example:{}", server.port), 421),
+        ("POST".to_owned(), "DELETE".to_owned(), 405),
+    ] {
+        assert_eq!(server.ask(posting.replacen(&from, &to, 1).as_bytes()).0, want, "{to}");
+    }
+    let machine = std::net::UdpSocket::bind("0.0.0.0:0").and_then(|socket| {
+        socket.connect("192.0.2.1:9")?;
+        socket.local_addr()
+    });
+    if let Some(ip) = machine.ok().map(|it| it.ip()).filter(|ip| !ip.is_loopback()) {
+        let mut stream = TcpStream::connect((ip, server.port)).unwrap();
+        stream.write_all(posting.replace("127.0.0.1", &ip.to_string()).as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 403"), "the operator from elsewhere: {answer}");
+    }
+    let own = server.json(&format!("/e/{mine}/entry.json"));
+    assert_eq!(own["state"], "waiting", "after all of it");
+}
+
+/// Entries are removed after their days, from the disk as well, and younger ones are not.
+#[test]
+fn entries_go_after_their_days() {
+    let folder = tempfile::tempdir().unwrap();
+    let gallery = folder.path().join("gallery");
+    let flags = ["--gallery", gallery.to_str().unwrap()];
+    let mut server = Server::start(&flags);
+    let sent = server.send("me", &server.photo("me", "I")).1;
+    let page = format!("/e/{}/entry.json", sent["id"].as_str().unwrap());
+    server.kill();
+    let mut young = Server::start(&[&flags[..], &["--keep", "1"]].concat());
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(young.at(&page).0, 200, "it is younger than a day");
+    young.kill();
+    std::thread::sleep(Duration::from_secs(1));
+    let old = Server::start(&[&flags[..], &["--keep", "1e-5"]].concat());
+    soon("it is older than a second", || old.at(&page).0 == 404);
+    soon("its folder is gone", || !gallery.join("0001-I").exists());
+}
+
+/// What a visitor drew is named by its file, and no path of this machine is told.
+#[test]
+fn no_path_of_the_host_is_told() {
+    let server = Server::start(&[]);
+    let text = json!({ "strokes": [[[0, 0], [100, 40]], [[0, 40], [100, 0]]] }).to_string();
+    let drawing = json!({ "kind": "json", "text": text });
+    let (_, large) = server.post("photos", &json!({ "visitor": "me", "drawing": drawing }));
+    assert!(!large.to_string().contains("/tmp"), "{large}");
+    for name in ["plan.svg", "report.html"] {
+        let path = format!("photos/{}/{name}", large["id"].as_str().unwrap());
+        let page = String::from_utf8(server.get(&path).1).unwrap();
+        let paths = [".noctograph-", "--worker", "job-"].map(|path| page.contains(path));
+        assert_eq!(paths, [false; 3], "{name}");
+        assert!(name != "report.html" || page.contains("preview --drawing drawing.json"));
+    }
 }
 
 #[test]

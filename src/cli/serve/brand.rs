@@ -16,6 +16,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use crate::letters::{Ink, LetterOptions, draw};
 use noctograph_core::files::Limit;
 
 const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
@@ -80,13 +81,12 @@ impl Brand {
             }
         }
         let logo = folder.join("logo.svg");
-        let logo = logo.is_file().then(|| LOGO.read_text(&logo).map(|text| (logo, text)));
-        let logo = match logo.transpose()? {
-            Some((path, text)) if !text.contains("<svg") => {
-                return Err(Error::input(path.display(), "no drawing", "SVG", LOGO.hint));
-            }
-            logo => logo.map(|(_, text)| text.into_bytes()),
+        // What no drawing may hold, such as a letter whose typeface the tablets lack, no logo may.
+        let checked = |logo| {
+            let bytes = LOGO.read(logo)?;
+            draw(logo, &LetterOptions::default(), Ink::Alike).map(|_| bytes)
         };
+        let logo = logo.is_file().then(|| checked(&logo)).transpose()?;
         Ok(Self { table, logo })
     }
 
@@ -134,7 +134,11 @@ mod tests {
             Brand::read(folder.path()).map(|brand| brand.json()).map_err(|e| e.to_string())
         };
         let whole = "title = \"Hall\"\naccent = \"#ffcd82\"\n[consent]\nde = \"Ja.\"\n";
-        let json = read(whole, Some("<svg xmlns='http://www.w3.org/2000/svg'/>")).unwrap();
+        let svg = |inside: &str| {
+            let head = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'>";
+            format!("{head}{inside}</svg>")
+        };
+        let json = read(whole, Some(&svg("<path d='M0 0h9v9h-9z'/>"))).unwrap();
         assert_eq!((&json["title"], &json["logo"]), (&json!("Hall"), &json!(true)));
         assert_eq!(json["consent"]["de"], "Ja.");
         for (table, why) in [
@@ -145,7 +149,15 @@ mod tests {
         ] {
             assert!(read(table, None).unwrap_err().contains(why), "{table}");
         }
-        assert!(read("", Some("hello")).unwrap_err().contains("no drawing"));
+        for (inside, why) in [
+            ("", "nothing drawn"),
+            ("<text>Hall</text>", "found text"),
+            ("<image href='http://elsewhere/x.png' width='9' height='9'/>", "found image"),
+            (&"<g>".repeat(200), "logo.svg"),
+        ] {
+            let found = read("", Some(&svg(inside))).unwrap_err();
+            assert!(found.contains(why), "{inside}: {found}");
+        }
         assert_eq!(contrast([255; 3], [0; 3]).round(), 21.0);
     }
 }

@@ -122,8 +122,13 @@ fn serve(args: &ServeArgs, base: Vec<OsString>) -> Result<()> {
     if let Some(days) = args.keep {
         crate::error::within("--keep", days, 0.0, 36_500.0)?;
     }
-    // A scene that cannot be flown is refused now, not by every visitor's photo.
-    let scene = preview_args([base.clone(), vec!["--word=A".into()]].concat())?.shoot()?.scene;
+    // A scene that cannot be flown is refused now, not by every visitor's photo. Its typeface may
+    // lack our letter: visitors write others with it.
+    let warming = preview_args([base.clone(), vec!["--word=A".into()]].concat())?;
+    let scene = match warming.shoot() {
+        Err(Error::Letter { .. }) => warming.scene()?,
+        shoot => shoot?.scene,
+    };
     let brand = args.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
     let block = args.block.as_deref().map(BlockList::read).transpose()?.unwrap_or_default();
     let temporary = std::env::temp_dir();

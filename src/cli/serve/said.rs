@@ -290,11 +290,15 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     }
 }
 
-/// A text with the names of files in place of their paths.
+/// A text with the names of files in place of their paths, which begin with a slash that no letter
+/// or digit is before.
 fn without_paths(text: &str) -> String {
-    let name = |word: &str| match word.find('/') {
-        Some(0) => word.rsplit_once('/').map_or("", |(_, name)| name).to_owned(),
-        _ => word.to_owned(),
+    let name = |word: &str| {
+        let begins = |at: &usize| !word[..*at].ends_with(char::is_alphanumeric);
+        match word.match_indices('/').map(|(at, _)| at).find(begins) {
+            Some(at) => word[..at].to_owned() + word.rsplit('/').next().unwrap_or_default(),
+            None => word.to_owned(),
+        }
     };
     text.split(' ').map(name).collect::<Vec<_>>().join(" ")
 }
@@ -305,8 +309,8 @@ mod tests {
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {
-        let text = "/tmp/.noctograph-x.tmp/job-1/drawing.svg:3: found a / b, wanted 1/2 m";
-        assert_eq!(without_paths(text), "drawing.svg:3: found a  b, wanted 1/2 m");
+        let text = "/tmp/.noctograph-x.tmp/job-1/drawing.svg:3: (`/tmp/a/b.png`) and 1/2 m/s";
+        assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
     }
 
     /// Every key has a sentence in every language of the page, with the values that are its own.

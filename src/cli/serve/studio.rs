@@ -1,16 +1,18 @@
 //! What a worker makes for a visitor: the photo while one types, the large one with advice, and
 //! files; by the verbs of the command line, so that the page can do what these do and nothing else.
 
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
 use serde_json::{Value, json};
 
 use super::super::preview::{PreviewArgs, Seen, previewed};
-use super::super::{Args, Verb, export, output::Output, show};
+use super::super::{Args, Verb, export, outcome::typed as shell, output::Output, show, typefaces};
 use super::replay::{boxes, replay};
 use super::said::{Made, Said};
 use super::wish::{Subject, Task, preview_args};
@@ -43,16 +45,22 @@ pub(super) const JPEG: &str = "photo.jpg";
 pub(super) const REPLAY: &str = "replay.json";
 pub(super) const SCENE: &str = "scene.toml";
 
+/// Most words whose typefaces are known: an evening's, letter by letter.
+const MOST_FACES: usize = 4096;
+
 /// Makes photos and files.
 #[derive(Debug)]
 pub(super) struct Studio {
     /// Arguments of every verb: the scene that the page begins with.
     base: Vec<OsString>,
+    /// Typefaces of this machine for the letters that the scene's font lacks, by all letters of a
+    /// word; `None` where there is none.
+    faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
 }
 
 impl Studio {
     pub(super) fn new(base: Vec<OsString>) -> Self {
-        Self { base }
+        Self { base, faces: RefCell::default() }
     }
 
     /// Does a job, whose files go into a folder.
@@ -74,8 +82,29 @@ impl Studio {
         }
     }
 
+    /// Arguments of a verb. A word of which the scene's font lacks a letter is written in a
+    /// typeface of this machine that has all of them.
     fn typed(&self, subject: &Subject, folder: &Path) -> Result<Vec<OsString>> {
-        Ok([self.base.clone(), subject.arguments(folder)?].concat())
+        let mut typed = [self.base.clone(), subject.arguments(folder)?].concat();
+        // Our own font has these.
+        let is_plain = |word: &str| self.base.is_empty() && word.is_ascii();
+        if let Some(word) = subject.title().filter(|word| !is_plain(word))
+            && let Err(Error::Letter { .. }) = preview_args(typed.clone())?.scene()?.strokes()
+            && let Some(face) = self.face(word)
+        {
+            typed.extend(["--font".into(), face.into()]);
+        }
+        Ok(typed)
+    }
+
+    fn face(&self, word: &str) -> Option<PathBuf> {
+        let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
+        let mut faces = self.faces.borrow_mut();
+        if faces.len() == MOST_FACES {
+            faces.clear();
+        }
+        let find = || typefaces::with(&letters.iter().copied().collect::<Vec<_>>());
+        faces.entry(letters.clone()).or_insert_with(find).clone()
     }
 
     /// The photo while one types, with its verdict: both read and encode it side by side.
@@ -157,9 +186,17 @@ impl Studio {
     /// The arguments of a large photo.
     fn preview(&self, subject: &Subject, folder: &Path) -> Result<PreviewArgs> {
         let mut typed = self.typed(subject, folder)?;
+        let shown = typed.iter().map(|word| match Path::new(word) {
+            path if path.is_absolute() => shell(path.file_name().unwrap_or_default().as_ref()),
+            word => shell(word),
+        });
+        let shown: Vec<String> = shown.collect();
         typed.extend([subject.size(LARGE).into(), "--backend=cpu".into()]);
         typed.extend(["-o".into(), folder.join(OUT).into()]);
-        preview_args(typed)
+        let mut args = preview_args(typed)?;
+        // As it is typed elsewhere: no path of this machine is in it.
+        args.command = Some(format!("noctograph preview {}", shown.join(" ")));
+        Ok(args)
     }
 
     fn plan(&self, subject: &Subject, folder: &Path) -> Result<Made> {

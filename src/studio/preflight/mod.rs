@@ -253,7 +253,13 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
         };
         (Some((lower + 1, nearest)), apart)
     };
-    let costs = shoot.wakes().into_iter().map(cost);
+    // A drone is flown alone once, however many are above it: by the nearest of them.
+    let mut wakes = shoot.wakes();
+    wakes.sort_by(|([_, a], above_a), ([_, b], above_b)| {
+        a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
+    });
+    wakes.dedup_by_key(|([_, lower], _)| *lower);
+    let costs = wakes.into_iter().map(cost);
     let worst = costs.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).unwrap_or_default();
     let (place, (value, time_s)) = worst;
     let time_s = place.map(|_| time_s);

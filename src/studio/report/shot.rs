@@ -1,12 +1,14 @@
 //! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
+use std::path::Path;
+
 use super::flights::{NamedFlight, error_over_time, front_view, load_over_time, top_view};
 use super::overlay::marks_svg;
 use super::page::Page;
 use super::place::shot_plan;
 use super::plans::plan_view;
 use crate::preflight::{Checked, ShotPlan};
-use crate::scene::Change;
+use crate::scene::{Change, Scene};
 use crate::shoot::{Shot, in_stops, writing};
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::error::Result;
@@ -58,8 +60,11 @@ impl std::fmt::Debug for ShotNotes<'_> {
 /// As [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.scene;
-    let subject = if scene.word.is_empty() { &scene.letters.drawing } else { &scene.word };
-    let subject = subject.replace('\n', " ");
+    let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
+    let subject = match scene.word.as_str() {
+        "" => drawing.to_string_lossy().into_owned(),
+        word => word.replace('\n', " "),
+    };
     let over = shot.marks.as_ref().zip(shot.verdict.as_ref());
     let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
     let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
@@ -81,7 +86,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
     page = page.section("To make it again").printed(notes.command);
-    let changes = scene.changes();
+    let changes = with_names(scene).changes();
     let base = format!("Settings that differ from the preset {}", scene.preset.name());
     let head = ["key", "value", "in the preset"];
     page =
@@ -109,6 +114,17 @@ fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<
     let read = verdict.advice.iter().map(|advice| [gain(advice.gain), advice.text.clone()]);
     let rows: Vec<_> = if notes.remedies.is_empty() { read.collect() } else { flown.collect() };
     if rows.is_empty() { page } else { page.section("What helps").table(["gain", "change"], rows) }
+}
+
+/// A scene with the names of its files in place of their paths, which are of this machine alone.
+fn with_names(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for path in [&mut scene.letters.font, &mut scene.letters.drawing] {
+        if let Some(name) = Path::new(path).file_name() {
+            *path = name.to_string_lossy().into_owned();
+        }
+    }
+    scene
 }
 
 /// Letters that are likely besides the expected one, each with its share.

@@ -1,5 +1,6 @@
 //! The design of a study: which contender flies which word with which seed, and flying it.
 
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -56,8 +57,9 @@ impl Study {
                 return Err(Error::input("study", &contender.name, wanted, "rename the file"));
             }
         }
-        for (index, (word, _)) in self.words.iter().enumerate() {
-            if self.words[..index].iter().any(|(other, _)| other == word) {
+        let mut known = HashSet::new();
+        for (word, _) in &self.words {
+            if !known.insert(word) {
                 let hint = "name each word once, with its number of seeds: NOOR:200";
                 return Err(Error::input("words", word, "each word once", hint));
             }

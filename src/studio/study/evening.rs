@@ -9,6 +9,7 @@
 //! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
 //! position; inertia; delay of the lamps; charge and age of the battery.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 
@@ -75,6 +76,8 @@ pub struct EveningLog {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flaw {
+    /// It is the file of this other log: a link to it, or a name of the same.
+    Again(String),
     /// It cannot be read, for this reason.
     Unreadable(String),
     /// It has no motor commands, or is of the floor: for this reason nothing is identified.
@@ -92,6 +95,7 @@ pub enum Flaw {
 impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Again(log) => write!(f, "the same file as {log}"),
             Self::Unreadable(why) => write!(f, "unreadable: {why}"),
             Self::Silent(why) => write!(f, "no figures: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
@@ -163,8 +167,17 @@ impl Evening {
         let counted = std::sync::atomic::AtomicUsize::new(0);
         let logs = logs_in(folder)?;
         LOGS.check_all(logs.iter().map(|log| &log.path))?;
+        // A file that links lead to again is no other flight, and is read once.
+        let mut firsts = HashMap::new();
+        for log in logs.iter().rev() {
+            firsts.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
+        }
+        let first = |log: &GatheredLog| firsts.get(&log.path.canonicalize().ok()?).copied();
         let row = |log: &GatheredLog| {
-            let row = EveningLog::new(log, import(&log.path, options), scene);
+            let row = match first(log).filter(|first| *first != log.name) {
+                Some(first) => EveningLog::flawed(log, Flaw::Again(first.to_owned())),
+                None => EveningLog::new(log, import(&log.path, options), scene),
+            };
             done(1 + counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
             row
         };
@@ -264,6 +277,11 @@ impl Evening {
 }
 
 impl EveningLog {
+    fn flawed(log: &GatheredLog, flaw: Flaw) -> Self {
+        let (drone, log) = (log.drone.clone(), log.name.clone());
+        Self { drone, log, flaws: vec![flaw], figures: None, warnings: Vec::new() }
+    }
+
     fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
         let read = flight.as_ref().map_or(&[][..], |flight| &flight.warnings);
         // Figures need the motors and the body's rates: what else is not logged is not missed.
@@ -278,7 +296,7 @@ impl EveningLog {
         };
         let flight = match flight {
             Ok(flight) => flight,
-            Err(error) => return row(vec![Flaw::Unreadable(error.to_string())], None),
+            Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
         };
         let air = airborne(&flight).unwrap_or_default();
         let has_motors = !flight.unlogged.contains(&Quantity::Motors);

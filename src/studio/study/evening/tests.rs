@@ -89,9 +89,15 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
         drawn.push(actual.vehicle);
     }
     std::fs::write(folder.path().join("cf0/broken.csv"), "no log").unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("../cf0/0.csv", folder.path().join("cf2/again.csv")).unwrap();
     let evening =
         Evening::import(folder.path(), &ImportOptions::default(), &scene, &|_| {}).unwrap();
-    assert_eq!((evening.logs.len(), evening.sound().count(), evening.drones().len()), (10, 9, 3));
+    let n = 10 + usize::from(cfg!(unix));
+    assert_eq!((evening.logs.len(), evening.sound().count(), evening.drones().len()), (n, 9, 3));
+    let again = evening.logs.iter().find(|log| log.log.contains("again"));
+    let is_named = |log: &EveningLog| log.flaws == [Flaw::Again("cf0/0.csv".into())];
+    assert!(again.is_none_or(is_named), "a link to a log is no other flight: {again:?}");
     let broken = evening.logs.iter().find(|log| log.log.contains("broken")).unwrap();
     assert!(matches!(broken.flaws[..], [Flaw::Unreadable(_)]), "{broken:?}");
     let mut lag_errors_s = Vec::new();

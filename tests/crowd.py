@@ -1,0 +1,118 @@
+"""A hall full of visitors: tests/crowd.py NOCTOGRAPH [VISITORS] [SECONDS]
+
+One visitor types alone, in Chromium and over HTTP, then many at once. Prints the time from a letter to
+its photograph, refusals, and processor time a photograph. No part of the gate: it says something on
+an idle machine only, and prints the load."""
+
+import http.client
+import json
+import os
+import random
+import statistics
+import sys
+import threading
+import time
+from pathlib import Path
+
+from browser import Server, opened, ready, sync_playwright, until
+
+WORDS = "AMARA BENJAMIN CHLOE DMITRI ELENA FELIX GABRIEL HANNAH IBRAHIM JULIA KENJI LUCIA MATTEO NADIA OLIVER PAULA QUENTIN ROSA SAMIRA THEO".split()
+program = sys.argv[1]
+n_visitors, seconds = [int(text) for text in [*sys.argv[2:], "20", "40"][:2]]
+
+
+def cpu_s(server):
+    """Processor time of the server and its workers."""
+    own = server.process.pid
+    fields = [text.rsplit(")", 1)[1].split() for text in map(stat, Path("/proc").glob("[0-9]*")) if text]
+    fields += [stat(Path(f"/proc/{own}")).rsplit(")", 1)[1].split()]
+    mine = [it for it in fields[:-1] if int(it[1]) == own] + fields[-1:]
+    return sum(int(it[11]) + int(it[12]) for it in mine) / os.sysconf("SC_CLK_TCK")
+
+
+def stat(process):
+    try:
+        return (process / "stat").read_text()
+    except OSError:
+        return ""
+
+
+def ask(server, visitor, number, word):
+    """Seconds, status and answer of a letter's wish."""
+    host, path = server.page.removeprefix("http://").split("/", 1)
+    wish = {"visitor": visitor, "number": number, "word": word, "settings": {}, "aspect": 1.6}
+    begun = time.perf_counter()
+    connection = http.client.HTTPConnection(host, timeout=60)
+    connection.request("POST", f"/{path}live", json.dumps(wish), {"Content-Type": "application/json", "Origin": f"http://{host}"})
+    answer = connection.getresponse()
+    body = answer.read()
+    return time.perf_counter() - begun, answer.status, json.loads(body or "{}")
+
+
+def types(server, k, end, answers):
+    """Types words until the end, waiting for no answer, as a browser does."""
+    rng, number, asking = random.Random(k), 0, []
+    word = WORDS[k % len(WORDS)]
+    time.sleep(rng.uniform(0, 1.5))
+    while time.monotonic() < end:
+        for n in range(1, len(word) + 1):
+            number += 1
+            asking.append(threading.Thread(target=lambda of: answers.append(ask(server, f"v{k}", *of)), args=[(number, word[:n])]))
+            asking[-1].start()
+            time.sleep(rng.uniform(0.25, 0.6))
+        time.sleep(rng.uniform(2, 5))
+        word = rng.choice(WORDS)
+    for thread in asking:
+        thread.join()
+
+
+def answers_keystrokes(browser, url):
+    """Milliseconds from a keystroke to photograph and verdict: median and 95th percentile."""
+    page, _ = opened(browser, url, viewport={"width": 1280, "height": 900})
+    ready(page)
+    # From the key's own event to the moment at which the photograph is decoded and the verdict stands beside it.
+    page.evaluate("""() => {
+        window.times = [];
+        document.querySelector('#word').addEventListener('input', () => { window.begun = performance.now(); }, true);
+        const main = document.querySelector('main');
+        new MutationObserver(() => window.times.push(performance.now() - window.begun)).observe(main, {attributes: true, attributeFilter: ['data-shown']});
+    }""")
+    wanted = 0
+    for word in ["NOOR", "SOPHIE", "QUARTZ", "MELODY", "LANTERNS"]:
+        page.fill("#word", "")
+        for letter in word:
+            page.keyboard.type(letter)
+            wanted += 1
+            until(page, f"window.times.length >= {wanted}", 60)
+    times = sorted(page.evaluate("window.times"))
+    return statistics.median(times), times[int(0.95 * len(times))]
+
+
+def told(what, answers, used_s):
+    times = sorted(s for s, _, answer in answers if "photo" in answer)
+    refused = sum(status != 200 for _, status, _ in answers)
+    stopped = sum("stopped" in answer for _, _, answer in answers)
+    print(f"{what}: {len(times)} photographs, median {statistics.median(times):.3f} s, p95 {times[int(0.95 * len(times))]:.3f} s; {stopped} overtaken, {refused} refused; {used_s / len(times):.3f} s of processor each; load {os.getloadavg()[0]:.1f}")
+
+
+server = Server(program)
+try:
+    for n in range(3):
+        ask(server, "warm", n, WORDS[n])
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        median, late = answers_keystrokes(browser, server.page)
+        browser.close()
+    print(f"in Chromium, decoded and with its verdict: median {median:.0f} ms, p95 {late:.0f} ms; load {os.getloadavg()[0]:.1f}")
+    begun = cpu_s(server)
+    alone = [ask(server, "alone", 100 * k + n, word[:n]) for k, word in enumerate(WORDS[:10]) for n in range(1, len(word) + 1)]
+    told("alone", alone, cpu_s(server) - begun)
+    begun, answers, end = cpu_s(server), [], time.monotonic() + seconds
+    visitors = [threading.Thread(target=types, args=(server, k, end, answers)) for k in range(n_visitors)]
+    for visitor in visitors:
+        visitor.start()
+    for visitor in visitors:
+        visitor.join()
+    told(f"{n_visitors} visitors", answers, cpu_s(server) - begun)
+finally:
+    server.kill()
