@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use nalgebra::Vector3;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
+use super::columns::Columns;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{Ends, Reduced, array, data_frame, numbers, raised, reduced, run, run_showing, save};
@@ -16,7 +15,7 @@ use noctograph::flight::table::MAX_DURATION_S;
 use noctograph::flight::{Flight, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
-use noctograph::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
+use noctograph::plan::{LightClock, ReferenceKind, relight};
 use noctograph::report::{NamedFlight, front_view};
 use noctograph::scene::Scene;
 use noctograph::shoot::{Shoot, Stop};
@@ -84,21 +83,8 @@ impl PyFlight {
         attitude_rad: Option<&Bound<'py, PyAny>>,
         design_m: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
-        let refuse = |name: &str, found: String, wanted: String| {
-            let hint = "one row for each time, all of them finite";
-            raised(py, &Error::input(name, found, wanted, hint))
-        };
-        let finite = |name: &str, array: &Bound<'py, PyAny>, columns| {
-            let values = numbers(array, name, columns)?;
-            match values.iter().position(|value| value.is_nan() || value.abs() > 1e6) {
-                Some(at) => {
-                    let found = format!("{} in row {}", values[at], at / columns);
-                    Err(refuse(name, found, "numbers up to 1e6".into()))
-                }
-                None => Ok(values),
-            }
-        };
-        let times_s = finite("time_s", time_s, 1)?;
+        let columns = Columns::new(time_s)?;
+        let times_s = &columns.times_s;
         let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
         let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
         if lasts_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
@@ -107,59 +93,19 @@ impl PyFlight {
             let wanted = "at most an hour, and a sample every two seconds";
             return Err(raised(py, &Error::input("time_s", found, wanted, hint)));
         }
-        if let Some(at) = times_s.windows(2).position(|pair| pair[0] >= pair[1]) {
-            let found = format!("{} after {}", times_s[at + 1], times_s[at]);
-            return Err(refuse("time_s", found, "rising times".into()));
-        }
-        let n = times_s.len();
-        let column = |name: &str, array: Option<&Bound<'py, PyAny>>, columns, usual| {
-            let Some(array) = array else { return Ok(vec![usual; columns * n]) };
-            let values = finite(name, array, columns)?;
-            if values.len() == columns * n {
-                return Ok(values);
-            }
-            let found = format!("{} rows", values.len() / columns);
-            Err(refuse(name, found, format!("{n} rows, as time_s")))
-        };
-        let positions_m = column("position_m", Some(position_m), 3, 0.0)?;
-        let level = |name: &str, array: Option<&Bound<'py, PyAny>>| {
-            let levels = column(name, array, 1, 1.0)?;
-            match levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
-                None => Ok(levels),
-                Some(row) => {
-                    let found = format!("{} in row {row}", levels[row]);
-                    let hint = "1 is the lamp at full: divide bytes by 255";
-                    Err(raised(py, &Error::input(name, found, "levels from 0 to 1", hint)))
-                }
-            }
-        };
-        let lights: BTreeMap<String, Vec<f64>> = match light.map(|it| (it, it.cast::<PyDict>())) {
-            Some((_, Ok(channels))) => channels
-                .iter()
-                .map(|(name, levels)| {
-                    let name = name.extract::<String>()?;
-                    let levels = level(&format!("light[{name:?}]"), Some(&levels))?;
-                    Ok((name, levels))
-                })
-                .collect::<PyResult<_>>()?,
-            other => {
-                let levels = level("light", other.map(|(array, _)| array))?;
-                BTreeMap::from([(HEADLIGHTS.to_owned(), levels)])
-            }
-        };
+        let positions_m = columns.points("position_m", Some(position_m))?;
+        let angles_rad = columns.points("attitude_rad", attitude_rad)?;
+        let designs_m = columns.points("design_m", design_m.or(Some(position_m)))?;
+        let lights = columns.lights(light, 1.0)?;
         let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
-        let angles_rad = column("attitude_rad", attitude_rad, 3, 0.0)?;
-        let designs_m = column("design_m", design_m.or(Some(position_m)), 3, 0.0)?;
-        let point =
-            |values: &[f64], row: usize| Vector3::from_column_slice(&values[3 * row..][..3]);
         let samples = times_s.iter().enumerate().map(|(row, time_s)| FlightSample {
             time_s: *time_s,
-            position_m: point(&positions_m, row),
+            position_m: positions_m[row],
             attitude: {
-                let [yaw_rad, pitch_rad, roll_rad] = point(&angles_rad, row).into();
+                let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
                 Attitude { yaw_rad, pitch_rad, roll_rad }
             },
-            design_m: point(&designs_m, row),
+            design_m: designs_m[row],
             letter: is_lit(row).then_some(0),
             ..FlightSample::default()
         });

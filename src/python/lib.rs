@@ -4,6 +4,7 @@
 //! The interpreter is released while a stage runs, and asked for Ctrl-C meanwhile.
 #![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
 
+mod columns;
 mod flight;
 mod plan;
 mod scene;

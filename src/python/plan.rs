@@ -3,14 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use nalgebra::Vector3;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
+use super::columns::Columns;
 use super::scene::PyScene;
-use super::{Reduced, array, data_frame, numbers, raised, reduced, run, save};
+use super::{Reduced, array, data_frame, raised, reduced, run, save};
 use noctograph::error::Error;
-use noctograph::plan::{HEADLIGHTS, Plan, Setpoint};
+use noctograph::plan::{Plan, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
 
@@ -50,53 +49,23 @@ impl PyPlan {
         sent_m: Option<&Bound<'py, PyAny>>,
         yaw_rad: f64,
     ) -> PyResult<Self> {
-        let times_s = numbers(time_s, "time_s", 1)?;
-        let n = times_s.len();
-        let rises = |pair: &[f64]| pair[0] < pair[1];
-        if !times_s.windows(2).all(rises) {
-            let hint = "one row for each time";
-            return Err(raised(py, &Error::input("time_s", "others", "rising times", hint)));
-        }
-        let column = |name: &str, array: Option<&Bound<'py, PyAny>>, columns: usize| {
-            let values = array
-                .map_or_else(|| Ok(vec![0.0; columns * n]), |it| numbers(it, name, columns))?;
-            if let Some(at) = values.iter().position(|value| !value.is_finite()) {
-                let found = format!("{} in row {}", values[at], at / columns);
-                return Err(raised(py, &Error::input(name, found, "finite numbers", "clean it")));
-            }
-            if values.len() == columns * n {
-                return Ok(values);
-            }
-            let found = format!("{} rows", values.len() / columns);
-            let wanted = format!("{n} rows, as time_s");
-            Err(raised(py, &Error::input(name, found, wanted, "one row for each time")))
+        let columns = Columns::new(time_s)?;
+        let positions_m = columns.points("position_m", Some(position_m))?;
+        let velocities_m_s = columns.points("velocity_m_s", velocity_m_s)?;
+        let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
+        let sent_m = match sent_m {
+            Some(_) => columns.points("sent_m", sent_m)?,
+            None => Vec::new(),
         };
-        let rows = |name: &str, array| -> PyResult<Vec<Vector3<f64>>> {
-            let values = column(name, array, 3)?;
-            Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
-        };
-        let positions_m = rows("position_m", Some(position_m))?;
-        let velocities_m_s = rows("velocity_m_s", velocity_m_s)?;
-        let accelerations_m_s2 = rows("acceleration_m_s2", acceleration_m_s2)?;
-        let sent_m = sent_m.map(|_| rows("sent_m", sent_m)).transpose()?.unwrap_or_default();
-        let lights = match light.map(|it| (it, it.cast::<PyDict>())) {
-            Some((_, Ok(channels))) => channels
-                .iter()
-                .map(|(name, levels)| Ok((name.extract()?, column("light", Some(&levels), 1)?)))
-                .collect::<PyResult<_>>()?,
-            other => {
-                let levels = column("light", other.map(|(array, _)| array), 1)?;
-                BTreeMap::from([(HEADLIGHTS.to_owned(), levels)])
-            }
-        };
+        let lights = columns.lights(light, 0.0)?;
         let setpoint = |row: usize| Setpoint {
-            time_s: times_s[row],
+            time_s: columns.times_s[row],
             position_m: positions_m[row],
             velocity_m_s: velocities_m_s[row],
             acceleration_m_s2: accelerations_m_s2[row],
-            letter: lights.values().any(|levels: &Vec<f64>| levels[row] > 0.0).then_some(0),
+            letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
         };
-        let setpoints = (0..n).map(setpoint).collect();
+        let setpoints = (0..columns.times_s.len()).map(setpoint).collect();
         let plan = Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad };
         // The file's reader is the one check of times, levels and reach.
         let mut csv = Vec::new();

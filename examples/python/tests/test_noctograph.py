@@ -202,9 +202,21 @@ def test_plans_are_made_of_arrays():
     up = np.clip(time_s / 4, 0, 1)[:, None] * [0, 0, 0.8]
     (flight,) = nc.fly(nc.Scene(word="I"), [nc.Plan(time_s, up, light=(time_s > 4).astype(float))])
     assert abs(flight.position_m[-1, 2] - 0.8) < 0.1
-    for arguments in [([0, 1], np.zeros((3, 3))), ([1, 0], np.zeros((2, 3))), ([0, np.nan], np.zeros((2, 3)))]:
-        with pytest.raises(nc.InputError):
-            nc.Plan(*arguments)
+
+
+@pytest.mark.parametrize("product", [nc.Plan, nc.Flight])
+def test_columns_say_which_row_is_wrong(product):
+    rest = np.zeros((2, 3))
+    for time_s, position_m, light, said in [
+        ([0, 1], np.zeros((3, 3)), None, "3 rows.*2 rows, as time_s"),
+        ([0, -1], rest, None, "time_s.*-1 after 0"),
+        ([0, np.nan], rest, None, "time_s.*NaN in row 1"),
+        ([0, 1], rest + [[0] * 3, [np.inf, 0, 0]], None, "position_m.*inf in row 1"),
+        ([0, 1], rest, [0, 255], "255 in row 1.*from 0 to 1"),
+        ([0, 1], rest, {"ring": [0, 1, 1]}, "ring.*3 rows"),
+    ]:
+        with pytest.raises(nc.InputError, match=said):
+            product(time_s, position_m, light=light)
 
 
 def test_keys_are_read_and_set_with_any_value_of_python():
@@ -408,7 +420,7 @@ def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
     if path.startswith("examples"):
         # What the examples found, not only that they ran.
         assert not names["found"].lost.any() and (names["found"].probability[0] > 0.5).any(), names["found"]
-        assert names["exported"].files
+        assert names["exported"].files and not names["mine"].lost.any(), names["mine"]
 
 
 def test_errors_say_what_is_wrong():
@@ -543,6 +555,16 @@ assert firmware.verdict["read"] == "TEA"
 assert found.legible.mean() > 0.8 and not found.lost.any(), found
 """,
 }
+
+
+def test_pages_have_every_cell_of_their_notebooks():
+    pages = HERE.parent.parent.parent / "docs/notebooks"
+    for path in (HERE.parent / "notebooks").glob("*.ipynb"):
+        page = (pages / path.with_suffix(".md").name).read_text()
+        for cell in json.loads(path.read_text())["cells"]:
+            assert "".join(cell["source"]) in page, f"{path.name}: python examples/python/pages.py"
+        for picture in re.findall(r"\]\((\d-[^)]+)\)", page):
+            assert 0 < (pages / picture).stat().st_size <= 200_000, picture
 
 
 @pytest.mark.parametrize("path", sorted((HERE.parent / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)

@@ -55,8 +55,8 @@ pub struct Span {
 }
 
 /// Variance that the integral of white noise gains in a second: the noise's two-sided spectral
-/// density. `per_sqrt_hz` is its one-sided noise density in unit/√Hz, as in data sheets and in every
-/// key of a scene.
+/// density. `per_sqrt_hz` is its one-sided noise density, as in data sheets and in every key of a
+/// scene.
 #[must_use]
 pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
     0.5 * (per_sqrt_hz * per_sqrt_hz)
