@@ -9,6 +9,7 @@ use super::{Cell, Glyph, LeftOut, Picture, StrokeOrder, Strokes};
 use noctograph_core::error::{Error, Result};
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
+use unicode_normalization::char::is_combining_mark;
 
 /// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
@@ -259,11 +260,22 @@ fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64)
 /// The same for characters that keep their proportions.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (size_m, mut pen, mut before) = (options.cap_height_m, 0.0, None);
-    let mut cells = Vec::new();
+    let mut cells: Vec<Placed> = Vec::new();
+    let mut last_pen = 0.0;
     for character in line.chars() {
+        // A mark that no letter of Unicode has is put on the letter before it.
+        let last = cells.last_mut().filter(|_| is_combining_mark(character));
+        if let Some(last) = last
+            && let Some(base) = &last.shape
+            && let Some(marked) = font.marked(base, character)
+        {
+            *last = placed(last.character, last_pen, marked, size_m);
+            continue;
+        }
         pen += before.map_or(0.0, |before| font.kern([before, character]));
         let shape = font.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
+        last_pen = pen;
         cells.extend(
             shape.filter(|_| character != ' ').map(|shape| placed(character, pen, shape, size_m)),
         );
@@ -282,6 +294,17 @@ mod tests {
 
     fn simplex() -> LetterOptions {
         LetterOptions { font: "simplex".into(), ..LetterOptions::default() }
+    }
+
+    #[test]
+    fn a_mark_that_no_letter_has_is_put_on_the_letter_before_it() {
+        let [plain, marked] = ["ọa", "ọ\u{300}a"].map(|text| write(text, &simplex()).unwrap());
+        assert_eq!((plain.glyphs.len(), marked.glyphs.len()), (2, 2));
+        assert_eq!(
+            plain.glyphs[1].cell, marked.glyphs[1].cell,
+            "the next letter stays in its place"
+        );
+        assert!(marked.glyphs[0].moves.len() > plain.glyphs[0].moves.len(), "a grave more");
     }
 
     #[test]

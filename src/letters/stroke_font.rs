@@ -10,10 +10,13 @@
 //!   pen moves in the dark. Points that turn by less than 60° are samples of a curve
 //!   ([`super::arcs`]), and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot.
 //!   `Á = A ´` composes a character: the mark is centered over the base, a mark above it is raised
-//!   by the base's height over a small letter, and `dx,dy` moves it.
+//!   by the base's height over a small letter, and `dx,dy` moves it. Other letters with marks are
+//!   composed where they are written.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::rounded;
 use super::shape::{Fit, Run, Shape};
@@ -30,6 +33,23 @@ const MAX_FONT_POINTS: usize = 1_000_000;
 
 /// Height of a small letter by that of a capital: marks are drawn for it.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
+
+/// Combining marks, each with the sign of its shape; a font has others by their code.
+const MARKS: [(char, char); 13] = [
+    ('\u{300}', '`'),
+    ('\u{301}', '´'),
+    ('\u{302}', 'ˆ'),
+    ('\u{303}', '˜'),
+    ('\u{304}', '¯'),
+    ('\u{306}', '˘'),
+    ('\u{307}', '˙'),
+    ('\u{308}', '¨'),
+    ('\u{30a}', '˚'),
+    ('\u{30b}', '˝'),
+    ('\u{30c}', 'ˇ'),
+    ('\u{327}', '¸'),
+    ('\u{328}', '˛'),
+];
 
 /// A single-line font.
 #[derive(Debug)]
@@ -74,9 +94,26 @@ impl StrokeFont {
         self.letters.keys().copied()
     }
 
-    /// A character's strokes; `None` where the font lacks it.
+    /// A character's strokes; `None` where the font lacks it, and cannot compose it of a letter and
+    /// its marks.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        self.letters.get(&character).cloned()
+        let sign = MARKS.iter().find(|(mark, _)| *mark == character).map(|(_, sign)| sign);
+        self.letters.get(sign.unwrap_or(&character)).cloned().or_else(|| {
+            let mut parts = std::iter::once(character).nfd();
+            let base = parts.next().filter(|base| *base != character)?;
+            let base = match base {
+                'i' => 'ı',
+                'j' => 'ȷ',
+                base => base,
+            };
+            let base = self.letters.get(&base)?.clone();
+            parts.try_fold(base, |base, mark| self.marked(&base, mark))
+        })
+    }
+
+    /// A letter with one more combining mark; `None` where the font lacks the mark.
+    pub(super) fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
+        Some(Arc::new(compose(base, &*self.shape(mark)?, [0.0; 2])))
     }
 
     /// `None` for a line of another form.
@@ -181,6 +218,22 @@ mod tests {
             StrokeFont::parse("# note\n\nA + 0,0 1,1\n", "").is_ok(),
             "a good line is accepted"
         );
+    }
+
+    #[test]
+    fn a_letter_that_the_font_lacks_is_composed_of_its_base_and_marks() {
+        let text = include_str!("../../fonts/simplex.strokes");
+        let font = StrokeFont::parse(text, "simplex.strokes").unwrap();
+        let ink = |letter: char| font.shape(letter).unwrap().ink();
+        let [both, dots, base] = ['ǚ', 'ü', 'u'].map(ink);
+        assert!(
+            both[3] > dots[3] && dots[3] > base[3] && both[1] == base[1],
+            "dots and caron stand one on the other"
+        );
+        assert!(ink('ṣ')[1] < ink('s')[1] && ink('ṣ')[3] == ink('s')[3], "a dot below");
+        assert_eq!(font.shape('字').map(|_| ()), None, "no letter of the font");
+        let marked = font.marked(&font.shape('ọ').unwrap(), '\u{300}').unwrap();
+        assert!(marked.ink()[3] > ink('o')[3] && marked.ink()[1] == ink('ọ')[1]);
     }
 
     #[test]
