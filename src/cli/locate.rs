@@ -126,7 +126,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let (mut logs, mut samples) = (Vec::new(), Vec::new());
     for path in &args.ranges {
         let log = read(args, &scene, path)?;
-        samples.push(ranges(&log.flight, logs.len()).map_err(|error| error.at(path.display(), None))?);
+        samples
+            .push(ranges(&log.flight, logs.len()).map_err(|error| error.at(path.display(), None))?);
         logs.push(log);
         // Before the next one is read.
         check_count(samples.iter().map(Vec::len).sum())?;
@@ -226,7 +227,8 @@ fn by_observer(
     options: &LocateOptions,
 ) -> Result<Located> {
     let tracks = || {
-        let track = |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
+        let track =
+            |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
     match args.observer {

@@ -30,12 +30,12 @@ pub struct Coverage {
     /// Where the rows are, rising.
     pub z_m: Vec<f64>,
     /// Row by row from the lowest, left to right.
-    pub places: Vec<Place>,
+    pub places: Vec<CoveredPlace>,
 }
 
 /// Visibility and accuracy at one place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Place {
+pub struct CoveredPlace {
     /// Stations that see a level drone there.
     pub n_stations: usize,
     /// Stations whose image in a mirror it sees.
@@ -109,7 +109,7 @@ fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
 }
 
 /// Visibility and accuracy of a level drone at a place.
-fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
+fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
     let square = |x: f64| x * x;
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
@@ -139,7 +139,7 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
     let bent = 3.0 * square(options.distortion_m);
     let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
-    Place { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
+    CoveredPlace { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
 
 #[cfg(test)]
@@ -176,9 +176,9 @@ mod tests {
         let mut options = square_stations();
         options.stations.pop();
         let found = look(&options, &Vector3::zeros());
-        assert_eq!(found, Place { n_stations: 1, n_reflected: 0, error_m: None });
+        assert_eq!(found, CoveredPlace { n_stations: 1, n_reflected: 0, error_m: None });
         let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
-        assert_eq!(behind, Place { n_stations: 0, n_reflected: 0, error_m: None });
+        assert_eq!(behind, CoveredPlace { n_stations: 0, n_reflected: 0, error_m: None });
     }
 
     #[test]

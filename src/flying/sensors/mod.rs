@@ -32,7 +32,7 @@ use self::uwb::Uwb;
 use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::flight::Warning;
 
-pub use self::coverage::{Coverage, Place, coverage};
+pub use self::coverage::{Coverage, CoveredPlace, coverage};
 pub(crate) use self::height::time_of_flight_sigma_m;
 pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};

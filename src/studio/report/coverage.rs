@@ -1,7 +1,7 @@
 //! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use noctograph_flying::sensors::{Coverage, Place};
+use noctograph_flying::sensors::{Coverage, CoveredPlace};
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
@@ -94,7 +94,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    fn color(&self, place: &Place) -> Rgb {
+    fn color(&self, place: &CoveredPlace) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
             (1, _) | (_, None) => ONE_STATION,
