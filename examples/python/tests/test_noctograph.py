@@ -577,7 +577,7 @@ def test_notebooks_run(path, tmp_path):
     checks = RESULTS.get(path.stem)
     if checks:
         notebook.cells.append(nbformat.v4.new_code_cell(checks))
-    nbclient.NotebookClient(notebook, timeout=60, resources={"metadata": {"path": tmp_path}}).execute()
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": tmp_path}}).execute()
     pictures = [key for cell in notebook.cells for output in cell.get("outputs", []) for key in output.get("data", {})]
     assert sum(key.startswith("image/") for key in pictures) >= 2
     assert not os.listdir(tmp_path), "nothing is left behind"
