@@ -114,7 +114,9 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
-    let figures: Vec<FlightFigures<'_>> = shot.flights.iter().map(FlightFigures::new).collect();
+    let flights = shot.flights.iter().zip(shot.digests().iter().cloned());
+    let figures: Vec<FlightFigures<'_>> =
+        flights.map(|(flight, digest)| FlightFigures::new(flight, digest)).collect();
     json["flights"] = figures.iter().map(FlightFigures::json).collect();
     json["camera"] = show::camera_json(&shot);
     json["backend"] = backend.into();

@@ -124,9 +124,10 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
 }
 
 impl<'a> FlightFigures<'a> {
-    pub(super) fn new(flight: &'a Flight) -> Self {
+    /// Of a flight and its digest.
+    pub(super) fn new(flight: &'a Flight, sha256: String) -> Self {
         let tracking = track(flight, Part::from_flight(flight));
-        Self { flight, tracking, sha256: flight.sha256() }
+        Self { flight, tracking, sha256 }
     }
 
     /// Flight time, tracking error over the letters or, where none was written, in the air, and

@@ -36,10 +36,14 @@ fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
     // Weak channels hold any share.
-    let per_color = color.map(|c| (c >= MIN_CHANNEL * strongest && c > 0.0).then(|| scale / c));
+    let counts = color.map(|c| c >= MIN_CHANNEL * strongest && c > 0.0);
+    let per_color = color.map(|c| scale / c);
     move |light| {
-        let shares = light.iter().zip(per_color).filter_map(|(light, per)| Some(light * per?));
-        let share = shares.fold(f32::INFINITY, f32::min);
+        let share = |at: usize| match counts[at] {
+            true => light[at] * per_color[at],
+            false => f32::INFINITY,
+        };
+        let share = share(0).min(share(1)).min(share(2));
         if share.is_finite() { share.max(0.0) } else { 0.0 }
     }
 }

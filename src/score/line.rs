@@ -196,13 +196,15 @@ impl Line {
         let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
         let width = self.strip_width(cap_px);
         let per_area = narrow(1.0 / (pitch * pitch));
+        let ends = |first: f64, n: usize| -> Vec<[f64; 2]> {
+            let ends = (0..n).map(|at| first + pitch * at as f64);
+            ends.map(|from| [from, from + pitch]).collect()
+        };
+        let (columns, rows) = (ends(left, width), ends(top, HEIGHT));
         let channel = |light: &Raster| -> Vec<f32> {
-            let at = |at: usize| {
-                let (x, y) =
-                    (left + pitch * (at % width) as f64, top + pitch * (at / width) as f64);
-                (light.sum([x, x + pitch], [y, y + pitch]) * per_area).clamp(0.0, 1.0)
-            };
-            (0..width * HEIGHT).map(at).collect()
+            let mut sums = light.sums(&columns, &rows);
+            sums.iter_mut().for_each(|sum| *sum = (*sum * per_area).clamp(0.0, 1.0));
+            sums
         };
         let [bright, pure] = self.light.each_ref().map(|light| channel(light));
         (Strip { width, bright, pure, read: 0..width }, left * self.step, pitch * self.step)

@@ -31,6 +31,25 @@ impl Raster {
         sum
     }
 
+    /// The same in the rectangles of a grid, row by row.
+    pub(super) fn sums(&self, columns: &[[f64; 2]], rows: &[[f64; 2]]) -> Vec<f32> {
+        type Touched = Vec<(usize, f32)>;
+        let touched = |ends: &[[f64; 2]], n_pixels: usize| -> Vec<Touched> {
+            ends.iter().map(|[from, to]| overlaps(*from, *to, n_pixels).collect()).collect()
+        };
+        let (columns, rows) = (touched(columns, self.width), touched(rows, self.height));
+        let sum = |(rows, columns): (&Touched, &Touched)| {
+            let mut sum = 0.0;
+            for (y, high) in rows {
+                let row = &self.values[y * self.width..][..self.width];
+                sum += columns.iter().map(|(x, wide)| high * wide * row[*x]).sum::<f32>();
+            }
+            sum
+        };
+        let all = rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns)));
+        all.map(sum).collect()
+    }
+
     /// Gaussian blur, cut off at 3 σ; outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]

@@ -88,7 +88,9 @@ pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
 /// Text whose lines end in LF, where any ends in CR alone.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     let next = text.iter().skip(1).chain(&[0]);
-    if !text.iter().zip(next).any(|(byte, next)| *byte == b'\r' && *next != b'\n') {
+    if !text.contains(&b'\r')
+        || !text.iter().zip(next).any(|(byte, next)| *byte == b'\r' && *next != b'\n')
+    {
         return text;
     }
     let mut lines = Vec::with_capacity(text.len());

@@ -12,13 +12,11 @@
 //!
 //! Not modeled: light that a wall throws back, the drone's shadow.
 
-use std::collections::HashMap;
-
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::record::DITHER;
-use super::sources::{Branch, Rgb, Tree, exposure_lx_s, reflected, trees};
+use super::sources::{Branch, Rgb, Tree, exposures_lx_s, reflected, trees};
 use super::{ExposeOptions, Film, Room, narrow};
 use crate::light::LightTrace;
 use noctograph_core::camera::Camera;
@@ -73,19 +71,21 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        let corner = |i: u32, j: u32| floor.seen_lx_s([i * SIDE_PX, j * SIDE_PX]);
+        let corner_lx_s = |corner_px: [u32; 2]| floor.seen_lx_s([corner_px])[0];
+        let corner = |i: u32, j: u32| corner_lx_s([i * SIDE_PX, j * SIDE_PX]);
         let corners: Vec<Vec<Rgb>> = (0..=rows)
             .into_par_iter()
             .map(|j| (0..=columns).map(|i| corner(i, j)).collect())
             .collect();
         let in_row = |(j, corners): (u32, &[Vec<Rgb>])| {
-            let (mut squares, mut seen) = (Vec::new(), HashMap::new());
+            let mut squares = Vec::new();
             let pairs = corners[0].windows(2).zip(corners[1].windows(2));
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
                 let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s };
-                floor.divide(square, &mut squares, &mut seen);
+                let middle_lx_s = corner_lx_s(corner_px.map(|px| px + SIDE_PX / 2));
+                floor.divide(square, middle_lx_s, &floor.feet_px, &mut squares);
             }
             squares
         };
@@ -103,16 +103,19 @@ impl Glow {
         let pixels = film.counts.len() / 3;
         let planes = film.counts.par_chunks_exact_mut(pixels).enumerate();
         planes.for_each(|(channel, plane)| {
-            for square in &self.squares {
-                let corners = square.corners_lx_s.map(|light| narrow(light[channel] * per_lx_s));
-                square.add_to(corners, plane, size_px);
-            }
+            pulp::Arch::new().dispatch(|| {
+                for square in &self.squares {
+                    let light = square.corners_lx_s.map(|light| narrow(light[channel] * per_lx_s));
+                    square.add_to(light, plane, size_px);
+                }
+            });
         });
     }
 }
 
 impl Square {
     /// Adds its light, given in counts at the corners, to a plane.
+    #[inline(always)]
     fn add_to(&self, [nw, ne, sw, se]: [f32; 4], plane: &mut [u32], [width, height]: [u32; 2]) {
         let [x, y] = self.corner_px;
         let step = 1.0 / self.side_px as f32;
@@ -165,51 +168,75 @@ impl<'a> Floor<'a> {
         Self { camera, room, trees, n_lamps, feet_px, even_lx_s }
     }
 
-    /// Exposure of the sensor at a corner of pixels.
-    fn seen_lx_s(&self, corner_px: [u32; 2]) -> Rgb {
-        let [x_px, y_px] = corner_px.map(f64::from);
+    /// Exposure of the sensor at corners of pixels that are near each other.
+    fn seen_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
-        let met = |ray| Some((ray, self.room.met(ray)?));
-        let Some((ray, (on, point_m))) = camera.world_from_image(x_px, y_px).and_then(met) else {
-            return [0.0; 3];
+        let met = corners_px.map(|corner_px| {
+            let [x_px, y_px] = corner_px.map(f64::from);
+            let ray = camera.world_from_image(x_px, y_px)?;
+            let (on, point_m) = self.room.met(ray)?;
+            let cos = (camera.camera_from_world * ray).z;
+            let surface = &self.room.surfaces[on];
+            let n = camera.f_number;
+            let reflected = surface.albedo * camera.transmission / (4.0 * n * n);
+            let share = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
+            Some((on, point_m, -ray, share))
+        });
+        let first = met[0].map(|(on, ..)| on);
+        let (Some(on), true) = (first, met.iter().all(|it| it.map(|(on, ..)| on) == first)) else {
+            return match N {
+                1 => [[0.0; 3]; N],
+                _ => corners_px.map(|corner_px| self.seen_lx_s([corner_px])[0]),
+            };
         };
+        let met = met.map(|met| met.expect("all meet the surface that the first does"));
+        let (points_m, toward) = (met.map(|met| met.1), met.map(|met| met.2));
         let surface = &self.room.surfaces[on];
-        let n = camera.f_number;
-        let reflected = surface.albedo * camera.transmission / (4.0 * n * n);
-        let cos = (camera.camera_from_world * ray).z;
-        let share = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
         // The floor does not light itself.
         let is_floor = surface.normal == Vector3::z();
         let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
-        exposure_lx_s(lights, point_m, surface, -ray).map(|channel| channel * share)
+        let lit = || exposures_lx_s(lights, points_m, surface, toward);
+        let lit: [Rgb; N] = pulp::Arch::new().dispatch(lit);
+        std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Keeps a square that is even, divides any other; drops what is dark. Neighbors share the
-    /// corners that were seen.
-    fn divide(&self, square: Square, squares: &mut Vec<Square>, seen: &mut HashMap<[u32; 2], Rgb>) {
+    /// Keeps a square that is even, divides any other; drops what is dark. `middle` is what is seen
+    /// in its middle; `feet_px` are those that may be under it.
+    fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
-        let half = side_px / 2;
-        let middle = self.seen_lx_s([x + half, y + half]);
+        let (half, quarter) = (side_px / 2, side_px / 4);
         let uneven = (0..3).any(|c| {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
             (middle[c] - mean).abs() > EVEN[0] * middle[c].max(mean) + self.even_lx_s
         });
-        let fine = !uneven && !self.feet_px.iter().any(|foot_px| square.is_under(*foot_px));
-        if half == 0 || fine {
+        // Feet that are under a quarter are under the whole, too.
+        let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
+        let feet_px: Vec<[f64; 3]> = feet_px.collect();
+        if half == 0 || (!uneven && feet_px.is_empty()) {
             squares.extend(Some(square).filter(|s| s.corners_lx_s != [[0.0; 3]; 4]));
             return;
         }
-        let mut corner = |x, y| *seen.entry([x, y]).or_insert_with(|| self.seen_lx_s([x, y]));
-        let (north, south) = (corner(x + half, y), corner(x + half, y + side_px));
-        let (west, east) = (corner(x, y + half), corner(x + side_px, y + half));
+        let quarters_px = [[x, y], [x + half, y], [x, y + half], [x + half, y + half]];
+        let [m_nw, m_ne, m_sw, m_se] = quarters_px.map(|corner| corner.map(|px| px + quarter));
+        let [north, south, west, east, m_nw, m_ne, m_sw, m_se] = self.seen_lx_s([
+            [x + half, y],
+            [x + half, y + side_px],
+            [x, y + half],
+            [x + side_px, y + half],
+            m_nw,
+            m_ne,
+            m_sw,
+            m_se,
+        ]);
         let quarters = [
-            ([x, y], [nw, north, west, middle]),
-            ([x + half, y], [north, ne, middle, east]),
-            ([x, y + half], [west, middle, sw, south]),
-            ([x + half, y + half], [middle, east, south, se]),
+            ([nw, north, west, middle], m_nw),
+            ([north, ne, middle, east], m_ne),
+            ([west, middle, sw, south], m_sw),
+            ([middle, east, south, se], m_se),
         ];
-        for (corner_px, corners_lx_s) in quarters {
-            self.divide(Square { corner_px, side_px: half, corners_lx_s }, squares, seen);
+        for (corner_px, (corners_lx_s, middle)) in quarters_px.into_iter().zip(quarters) {
+            let quarter = Square { corner_px, side_px: half, corners_lx_s };
+            self.divide(quarter, middle, &feet_px, squares);
         }
     }
 }

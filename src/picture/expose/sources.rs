@@ -187,7 +187,7 @@ pub(super) fn reflected(
             let below_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
             let area_m2 = width_m * depth_m / (columns * rows);
             let share = albedo * area_m2 / std::f64::consts::PI;
-            let light_cd_s = exposure_lx_s(trees, below_m, &floor, Vector3::z());
+            let [light_cd_s] = exposures_lx_s(trees, [below_m], &floor, [Vector3::z()]);
             let light_cd_s = light_cd_s.map(|channel| channel * share);
             let position_m = Vector3::new(x_m, y_m, floor_z_m);
             sources.push(Source { position_m, axis: Vector3::z(), light_cd_s });
@@ -200,52 +200,85 @@ pub(super) fn reflected(
     Tree { emitter: &PATCH, branches }
 }
 
-/// Exposure of a point of a surface, in light that counts as much as it reflects `toward` a side,
-/// of length 1, relative to what it reflects evenly.
-pub(super) fn exposure_lx_s(
+/// Exposure of points of a surface, in light that counts as much as it reflects `toward` a side of
+/// each, of length 1, relative to what it reflects evenly. The points lie near each other, so that
+/// they part mostly the same branches, and are lit side by side; in the bits of each alone.
+#[inline(always)]
+pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],
-    point_m: Vector3<f64>,
+    points_m: [Vector3<f64>; N],
     surface: &Surface,
-    toward: Vector3<f64>,
-) -> Rgb {
+    toward: [Vector3<f64>; N],
+) -> [Rgb; N] {
+    let points_m: [[f64; N]; 3] = std::array::from_fn(|axis| points_m.map(|point| point[axis]));
     // A mirror shows lamps apart that light a matte surface together.
     let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
-    let mut sum = [0.0; 3];
+    let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
         // Where the body hides the lamp, its light ends at once.
         let edge = match emitter.visible_cos {
             everywhere if everywhere <= -1.0 => 0.0,
             cos => emitter.share(cos),
         };
+        let is_even = emitter.spill >= 1.0 && emitter.visible_cos <= -1.0;
         let mut index = 0;
+        // The first branch that is not part of one that a point has taken as a source.
+        let mut awaits = [0; N];
         while let Some(Branch { source, radius_m, next }) = branches.get(index) {
-            let to_point_m = point_m - source.position_m;
-            let square = to_point_m.norm_squared();
-            let per_m = 1.0 / square.sqrt();
-            let cos_beam = source.axis.dot(&to_point_m) * per_m;
-            let (past, spread) = (cos_beam - emitter.visible_cos, radius_m * per_m);
-            let at_edge = edge > 0.0 && past.abs() < spread;
-            let is_near = radius_m * radius_m > opening * opening * square;
-            if *next > index + 1 && (is_near || at_edge) {
-                index += 1;
-                continue;
+            let to: [[f64; N]; 3] = std::array::from_fn(|axis| {
+                points_m[axis].map(|point| point - source.position_m[axis])
+            });
+            let dot = |v: &Vector3<f64>| -> [f64; N] {
+                std::array::from_fn(|n| v.x * to[0][n] + v.y * to[1][n] + v.z * to[2][n])
+            };
+            let squares: [f64; N] = std::array::from_fn(|n| {
+                to[0][n] * to[0][n] + to[1][n] * to[1][n] + to[2][n] * to[2][n]
+            });
+            let per_m = squares.map(|square| 1.0 / square.sqrt());
+            let cos_beam = if is_even { [0.0; N] } else { dot(&source.axis) };
+            let cos_beam: [f64; N] = std::array::from_fn(|n| cos_beam[n] * per_m[n]);
+            let at_edge: [bool; N] = std::array::from_fn(|n| {
+                edge > 0.0 && (cos_beam[n] - emitter.visible_cos).abs() < radius_m * per_m[n]
+            });
+            let is_leaf = *next == index + 1;
+            let parts: [bool; N] = std::array::from_fn(|n| {
+                let is_near = radius_m * radius_m > opening * opening * squares[n];
+                !is_leaf && (is_near || at_edge[n])
+            });
+            let takes: [bool; N] = std::array::from_fn(|n| awaits[n] <= index && !parts[n]);
+            let down = dot(&surface.normal);
+            let mut shares: [f64; N] = std::array::from_fn(|n| {
+                let share = (-down[n] * per_m[n] / squares[n]).max(0.0);
+                if takes[n] { share } else { 0.0 }
+            });
+            if !is_even || surface.roughness.is_some() {
+                for n in (0..N).filter(|n| takes[*n]) {
+                    let mut share = emitter.share(cos_beam[n]);
+                    if at_edge[n] {
+                        // The sources of a branch are hidden one after another, not all at once.
+                        let past = cos_beam[n] - emitter.visible_cos;
+                        let shown = 0.5 + 0.5 * past / (radius_m * per_m[n]);
+                        share += edge * (shown - f64::from(u8::from(past >= 0.0)));
+                    }
+                    shares[n] *= share;
+                    if let Some(roughness) = surface.roughness.filter(|_| shares[n] > 0.0) {
+                        let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];
+                        shares[n] *= surface.sheen(roughness, from, toward[n]);
+                    }
+                }
             }
-            let mut share = emitter.share(cos_beam);
-            if at_edge {
-                // The sources of a branch are hidden one after another, not all at once.
-                share += edge * (0.5 + 0.5 * past / spread - f64::from(u8::from(past >= 0.0)));
+            for (sums, light) in sums.iter_mut().zip(source.light_cd_s) {
+                sums.iter_mut().zip(shares).for_each(|(sum, share)| *sum += share * light);
             }
-            share *= (-surface.normal.dot(&to_point_m) * per_m / square).max(0.0);
-            if let Some(roughness) = surface.roughness.filter(|_| share > 0.0) {
-                share *= surface.sheen(roughness, to_point_m * -per_m, toward);
+            let mut any_parts = false;
+            for n in 0..N {
+                any_parts |= parts[n] && awaits[n] <= index;
+                awaits[n] = if takes[n] { *next } else { awaits[n] };
             }
-            for (sum, light) in sum.iter_mut().zip(source.light_cd_s) {
-                *sum += share * light;
-            }
-            index = *next;
+            index = if any_parts { index + 1 } else { *next };
         }
     }
-    sum
+    std::array::from_fn(|n| sums.map(|sums| sums[n]))
 }
 
 #[cfg(test)]
@@ -254,7 +287,8 @@ mod tests {
     use super::*;
 
     fn seen(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
-        exposure_lx_s(trees, point_m, &Surface::matte(Vector3::z(), 0.0, 0.5), Vector3::z())
+        let floor = Surface::matte(Vector3::z(), 0.0, 0.5);
+        exposures_lx_s(trees, [point_m], &floor, [Vector3::z()])[0]
     }
 
     #[test]

@@ -70,22 +70,26 @@ impl Backdrop {
     pub(super) fn add(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if self.room != [0.0; 3] {
             let surfaces = self.surfaces(y, rows[0].len());
-            let mut surfaces = surfaces.iter();
-            let [red, green, blue] = rows;
             let dy = y as f32 + 0.5 - self.center_px[1];
-            let mut dx = 0.5 - self.center_px[0];
-            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+            let share = |x: u16| {
+                let dx = f32::from(x) + 0.5 - self.center_px[0];
                 let radius_sq = dy * dy + dx * dx;
                 let cos_sq = self.focal_sq_px2 / (self.focal_sq_px2 + radius_sq);
-                let mut share = cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
-                if let Some(surface) = surfaces.next() {
-                    share *= surface;
-                }
+                cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0)
+            };
+            let [red, green, blue] = rows;
+            let pixels = (0..).zip(red.iter_mut().zip(green).zip(blue));
+            let add = |((r, g), b): ((&mut f32, &mut f32), &mut f32), share: f32| {
                 *r += self.room[0] * share;
                 *g += self.room[1] * share;
                 *b += self.room[2] * share;
-                dx += 1.0;
-            }
+            };
+            pulp::Arch::new().dispatch(|| match surfaces.is_empty() {
+                true => pixels.for_each(|(x, pixel)| add(pixel, share(x))),
+                false => pixels
+                    .zip(&surfaces)
+                    .for_each(|((x, pixel), surface)| add(pixel, share(x) * surface)),
+            });
         }
         if let Some(picture) = &self.picture {
             picture.add(y, self.center_px[1], rows);

@@ -58,19 +58,27 @@ impl Glare {
         out: &mut [u32],
     ) {
         let halo = &self.halo[channel];
-        scratch.cells.clear();
-        scratch.cells.resize(halo.width, 0);
-        for &(cell, part) in &self.rows[y] {
-            let cells = &halo.values[cell * halo.width..][..halo.width];
-            for (sum, &value) in scratch.cells.iter_mut().zip(cells) {
-                *sum += QUADRUPLE.part(value, part);
+        let cells = &mut scratch.cells;
+        cells.clear();
+        cells.resize(halo.width, 0);
+        pulp::Arch::new().dispatch(|| {
+            for &(cell, part) in &self.rows[y] {
+                let values = &halo.values[cell * halo.width..][..halo.width];
+                for (sum, &value) in cells.iter_mut().zip(values) {
+                    *sum += QUADRUPLE.part(value, part);
+                }
             }
-        }
-        for (out, &count) in out.iter_mut().zip(pixels) {
-            *out = count - scattered(count, self.share);
-        }
-        QUADRUPLE.along(&scratch.cells, out, |out, light| {
-            *out = out.saturating_add(u32::try_from(light).unwrap_or(u32::MAX));
+            for (out, &count) in out.iter_mut().zip(pixels) {
+                *out = count - scattered(count, self.share);
+            }
+            let most = cells.iter().copied().fold(0, u64::max);
+            if most < QUADRUPLE.most_narrow() {
+                QUADRUPLE.along_narrow(cells, out);
+            } else {
+                QUADRUPLE.along(cells, out, |out, light| {
+                    *out = out.saturating_add(u32::try_from(light).unwrap_or(u32::MAX));
+                });
+            }
         });
     }
 }
@@ -91,21 +99,23 @@ fn scattered(count: u32, share: u32) -> u32 {
 pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let columns = width.div_ceil(CELL_PX);
-    let light = |pixels: &[u32]| -> u64 {
-        pixels.iter().map(|&count| u64::from(scattered(count, share))).sum()
-    };
     std::array::from_fn(|channel| {
         let mut out = Plane::dark(columns, height.div_ceil(CELL_PX));
         let sums = out.values.par_chunks_exact_mut(columns);
         let rows = sums.zip(film.plane(channel).par_chunks(CELL_PX * width));
         rows.with_min_len(TASK_ROWS).for_each(|(sums, rows)| {
-            for row in rows.chunks_exact(width) {
-                for (sum, pixels) in sums.iter_mut().zip(row.chunks(CELL_PX)) {
-                    if pixels.iter().any(|count| *count != 0) {
-                        *sum += light(pixels);
+            pulp::Arch::new().dispatch(|| {
+                for row in rows.chunks_exact(width) {
+                    let (cells, rest) = row.as_chunks::<CELL_PX>();
+                    let light = |count: &u32| u64::from(scattered(*count, share));
+                    for (sum, pixels) in sums.iter_mut().zip(cells) {
+                        *sum += pixels.iter().map(light).sum::<u64>();
+                    }
+                    if let Some(sum) = sums.get_mut(cells.len()) {
+                        *sum += rest.iter().map(light).sum::<u64>();
                     }
                 }
-            }
+            });
         });
         out
     })

@@ -83,8 +83,12 @@ pub fn develop(
     seed: u64,
 ) -> Result<Photo> {
     let levels = Levels8::new(options.tone);
-    let (_, rgb8) = process(film, camera, room, options, seed, |rgb| {
-        options.tone.mix(rgb).map(|light| levels.level(light))
+    let (_, rgb8) = process(film, camera, room, options, seed, |light, out| {
+        options.tone.mix(light);
+        for (channel, light) in light.iter().enumerate() {
+            let levels = light.iter().map(|light| levels.level(*light));
+            out[channel..].iter_mut().step_by(3).zip(levels).for_each(|(out, level)| *out = level);
+        }
     })?;
     Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
 }
@@ -101,7 +105,11 @@ pub fn read_out(
     options: &PhotoOptions,
     seed: u64,
 ) -> Result<Readout> {
-    let (white_lx_s, rgb) = process(film, camera, room, options, seed, |rgb| rgb)?;
+    let (white_lx_s, rgb) = process(film, camera, room, options, seed, |light, out| {
+        for (channel, light) in light.iter().enumerate() {
+            out[channel..].iter_mut().step_by(3).zip(light).for_each(|(out, light)| *out = *light);
+        }
+    })?;
     Ok(Readout { width_px: film.width_px, height_px: film.height_px, rgb, white_lx_s })
 }
 
@@ -110,8 +118,8 @@ impl Readout {
     #[must_use]
     pub fn rgb16(&self, tone: Tone) -> Vec<u16> {
         let levels = Levels16::new(tone);
-        let pixels = self.rgb.chunks_exact(3);
-        pixels.flat_map(|p| tone.mix([p[0], p[1], p[2]]).map(|light| levels.level(light))).collect()
+        let pixels = self.rgb.as_chunks::<3>().0.iter();
+        pixels.flat_map(|rgb| tone.mixed(*rgb).map(|light| levels.level(light))).collect()
     }
 }
 
@@ -129,7 +137,7 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
 /// Rows that one task processes at least.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row; `finish` makes the product from the channels of a pixel. Also
+/// Processes the picture row by row; `finish` makes a row of the product from its channels. Also
 /// returns the luminous exposure at white.
 fn process<T: Copy + Default + Send>(
     film: &Film,
@@ -137,7 +145,7 @@ fn process<T: Copy + Default + Send>(
     room: &ExposeOptions,
     options: &PhotoOptions,
     seed: u64,
-    finish: impl Fn([f32; 3]) -> [T; 3] + Sync,
+    finish: impl Fn(&mut [Vec<f32>; 3], &mut [T]) + Sync,
 ) -> Result<(f64, Vec<T>)> {
     options.check()?;
     if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
@@ -174,12 +182,7 @@ fn process<T: Copy + Default + Send>(
         }
         backdrop.add(y, light);
         sensor.read(y, light, reading);
-        let [red, green, blue] = light;
-        for (out, ((&r, &g), &b)) in
-            out.chunks_exact_mut(3).zip(red.iter().zip(&*green).zip(&*blue))
-        {
-            out.copy_from_slice(&finish([r, g, b]));
-        }
+        finish(light, out);
     });
     Ok((sensor.white_lx_s, out))
 }

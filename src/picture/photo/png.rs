@@ -136,6 +136,9 @@ fn text(
 /// in place.
 fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let wide = depth == png::BitDepth::Sixteen;
+    if color == png::ColorType::Rgb && !wide {
+        return;
+    }
     let bytes = color.samples() * if wide { 2 } else { 1 };
     let has_color = color.samples() > 2;
     let n = samples.len() / bytes;

@@ -38,11 +38,19 @@ const TOE: f64 = 1.5;
 
 impl Tone {
     /// The part of the curve that acts on the three channels of a pixel together.
-    #[inline(always)]
-    pub(super) fn mix(self, rgb: [f32; 3]) -> [f32; 3] {
+    pub(super) fn mixed(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             Self::Neutral => neutral(rgb),
             Self::Camera | Self::Linear => rgb,
+        }
+    }
+
+    /// The same of a row.
+    pub(super) fn mix(self, [red, green, blue]: &mut [Vec<f32>; 3]) {
+        if self == Self::Neutral {
+            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+                [*r, *g, *b] = neutral([*r, *g, *b]);
+            }
         }
     }
 

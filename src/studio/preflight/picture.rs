@@ -74,6 +74,10 @@ fn brightest<'a>(readings: impl Iterator<Item = &'a LampReading>) -> Option<&'a 
 
 /// Headings that are tried, in a turn.
 const HEADINGS: u32 = 24;
+/// Headings that are read in full: those that look evenest by a quarter of the samples, whose
+/// medians are off by less than these stops.
+const FINALISTS: usize = 4;
+const COARSE_STOPS: f64 = 0.1;
 /// Stops by which another heading is worth a turn of the nose.
 const WORTH_STOPS: f64 = 0.5;
 
@@ -93,21 +97,36 @@ pub(super) fn evener(
         return None;
     }
     let lamps = writing(std::slice::from_ref(flight), trace, &shoot.scene.light);
-    let mut best = None;
-    for step in 0..HEADINGS {
-        let yaw_rad = TAU * f64::from(step) / f64::from(HEADINGS) - PI;
+    let read = |lamps: &[Lamp], yaw_rad: f64, slack_stops: f64| {
         let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
-        let turned = lamps.iter().map(|lamp| turned(lamp, flight, turn_rad));
-        let trace = LightTrace { lamps: turned.collect() };
-        let readings = meter(&trace, camera).unwrap_or_default();
-        let Some(found) = brightest(readings.iter()) else { continue };
-        let least = best.map_or(least_stops, |[_, stops]: [f64; 2]| stops);
-        let whole = found.median_stops >= now.median_stops && found.lit_s >= 0.99 * now.lit_s;
-        if whole && found.evenness_stops() < least {
-            best = Some([yaw_rad, found.evenness_stops()]);
-        }
-    }
-    best
+        let lamps = lamps.iter().map(|lamp| turned(lamp, flight, turn_rad)).collect();
+        let readings = meter(&LightTrace { lamps }, camera).unwrap_or_default();
+        let found = brightest(readings.iter())?;
+        let is_bright = found.median_stops >= now.median_stops - slack_stops;
+        let whole = is_bright && found.lit_s >= 0.99 * now.lit_s;
+        whole.then(|| [yaw_rad, found.evenness_stops()])
+    };
+    let evener = |a: &[f64; 2], b: &[f64; 2]| a[1].total_cmp(&b[1]);
+    let coarse: Vec<Lamp> = lamps.iter().map(|lamp| thinned(lamp)).collect();
+    let headings = (0..HEADINGS).map(|step| TAU * f64::from(step) / f64::from(HEADINGS) - PI);
+    let mut headings: Vec<[f64; 2]> =
+        headings.filter_map(|yaw_rad| read(&coarse, yaw_rad, COARSE_STOPS)).collect();
+    headings.sort_by(evener);
+    let lamps: Vec<Lamp> = lamps.into_iter().cloned().collect();
+    let best =
+        headings.iter().take(FINALISTS).filter_map(|[yaw_rad, _]| read(&lamps, *yaw_rad, 0.0));
+    best.min_by(evener).filter(|[_, stops]| *stops < least_stops)
+}
+
+/// A lamp with some of its samples: those beside a change of its level, and every fourth.
+fn thinned(lamp: &Lamp) -> Lamp {
+    let level = |at: usize| lamp.samples.get(at).map(|sample| sample.level);
+    let kept = lamp.samples.iter().enumerate().filter(|(at, _)| {
+        let beside = [level(at.wrapping_sub(1)), level(at + 1)];
+        at.is_multiple_of(4) || beside != [level(*at); 2]
+    });
+    let samples = kept.map(|(_, sample)| *sample).collect();
+    Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples }
 }
 
 /// A lamp of a flight whose nose is turned.
@@ -127,7 +146,7 @@ fn turned(lamp: &Lamp, flight: &Flight, turn_rad: f64) -> Lamp {
         let position_m = body_m + turn(sample.position_m - body_m);
         LightSample { position_m, axis: turn(sample.axis), ..*sample }
     });
-    Lamp { samples: samples.collect(), ..lamp.clone() }
+    Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.collect() }
 }
 
 /// What only a preview would show: the word in the picture, while the shutter is open, lit.

@@ -1,5 +1,7 @@
 //! The photograph with every product on the way to it.
 
+use std::sync::OnceLock;
+
 use super::file::{Shown, encode};
 use super::problems::{self, Problem};
 use super::{Judging, Lighting, Metered, Planned, Shoot};
@@ -47,20 +49,34 @@ pub struct Shot {
     /// What is wrong with flights and picture; first what keeps the word from being read whatever
     /// its letters are: the shutter, the exposure, lamps that face away.
     pub problems: Vec<Problem>,
+    /// Those of [`Self::digests`], once they were asked for.
+    digests: OnceLock<Vec<String>>,
 }
 
 impl Shot {
+    /// SHA-256 of each flight.
+    pub fn digests(&self) -> &[String] {
+        self.digests.get_or_init(|| digests(&self.flights))
+    }
+
     /// SHA-256 of the flights, separated by spaces; `None` where there are none.
     #[must_use]
     pub fn flight_sha256(&self) -> Option<String> {
-        flight_sha256(&self.flights)
+        joined(self.digests())
     }
 }
 
 /// SHA-256 of flights, separated by spaces; `None` where there are none.
 #[must_use]
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
-    let digests: Vec<String> = flights.iter().map(Flight::sha256).collect();
+    joined(&digests(flights))
+}
+
+fn digests(flights: &[Flight]) -> Vec<String> {
+    flights.iter().map(Flight::sha256).collect()
+}
+
+fn joined(digests: &[String]) -> Option<String> {
     (!digests.is_empty()).then(|| digests.join(" "))
 }
 
@@ -94,10 +110,11 @@ impl Shoot {
             None => Ok(None),
             Some(reader) => self.read(reader, &photo, &camera, &flights).map(Some),
         };
+        let known = OnceLock::new();
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
-                let shown = self.shown(&flights);
+                let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
                 encode(format, scene, &photo, &exposure.film, &camera, shown).map(Some)
             }
         };
@@ -135,16 +152,17 @@ impl Shoot {
             verdict,
             marks,
             problems,
+            digests: known,
         })
     }
 
     /// Digests of the flights, and of strokes that a font or drawing outside the scene made, and
     /// the gaps of logs.
-    fn shown(&self, flights: &[Flight]) -> Shown {
+    fn shown(&self, flights: &[Flight], digests: &[String]) -> Shown {
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         Shown {
-            flight_sha256: flight_sha256(flights),
+            flight_sha256: joined(digests),
             strokes_sha256: strokes.map(Strokes::sha256),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
         }

@@ -1,5 +1,7 @@
 //! The design as a path in time: straight legs, each flown evenly.
 
+use std::ops::Range;
+
 use nalgebra::{Vector2, Vector3};
 
 use crate::flight::Flight;
@@ -12,32 +14,54 @@ const TOLERANCE_M: f64 = 2e-6;
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
-    /// Between the ends of the leg before each corner and of its own.
-    legs: Vec<Leg>,
+    /// From the end of the leg before each corner to that of its own.
+    legs: Legs,
 }
 
-/// A whole leg in the x-z plane.
-#[derive(Clone, Copy, Debug)]
-struct Leg {
-    from_m: Vector2<f64>,
-    leg_m: Vector2<f64>,
-    square_m2: f64,
+/// Whole legs, by the five numbers of [`plane_leg`].
+#[derive(Clone, Debug, Default)]
+struct Legs([Vec<f64>; 5]);
+
+/// Legs whose distances are taken at once.
+const LANES: usize = 8;
+
+impl Legs {
+    fn push(&mut self, leg: [f64; 5]) {
+        self.0.iter_mut().zip(leg).for_each(|(column, value)| column.push(value));
+    }
+
+    /// Square of the distance of a point from the nearest of some legs.
+    #[inline(always)]
+    fn square_m2(&self, point_m: Vector2<f64>, legs: Range<usize>) -> f64 {
+        let columns = self.0.each_ref().map(|column| column[legs.clone()].as_chunks::<LANES>());
+        let mut least = [f64::INFINITY; LANES];
+        for at in 0..columns[0].0.len() {
+            let columns = columns.map(|column| &column.0[at]);
+            for lane in 0..LANES {
+                let square = square_m2(point_m, columns.map(|column| column[lane]));
+                least[lane] = if square < least[lane] { square } else { least[lane] };
+            }
+        }
+        let rest = 0..columns[0].1.len();
+        let rest = rest.map(|at| square_m2(point_m, columns.map(|column| column.1[at])));
+        rest.chain(least).fold(f64::INFINITY, f64::min)
+    }
 }
 
-impl Leg {
-    fn new(from_m: Vector3<f64>, to_m: Vector3<f64>) -> Self {
-        let (from_m, leg_m) = (from_m.xz(), (to_m - from_m).xz());
-        Self { from_m, leg_m, square_m2: leg_m.norm_squared() }
-    }
+/// A leg in the x-z plane: where it begins, its vector, and the square of that.
+fn plane_leg(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
+    let leg_m = (to_m - from_m).xz();
+    [from_m.x, from_m.z, leg_m.x, leg_m.y, leg_m.norm_squared()]
+}
 
-    /// Square of the distance of a point.
-    #[inline]
-    fn square_m2(&self, point_m: Vector2<f64>) -> f64 {
-        let arm_m = point_m - self.from_m;
-        let rests = self.leg_m == self.leg_m * 0.0;
-        let along = if rests { 0.0 } else { arm_m.dot(&self.leg_m) / self.square_m2 };
-        (arm_m - self.leg_m * along.clamp(0.0, 1.0)).norm_squared()
-    }
+/// Square of the distance of a point from a leg.
+#[inline(always)]
+fn square_m2(point_m: Vector2<f64>, [from_x, from_z, leg_x, leg_z, square]: [f64; 5]) -> f64 {
+    let (x, z) = (point_m.x - from_x, point_m.y - from_z);
+    let along = (x * leg_x + z * leg_z) / square;
+    let along = if square > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
+    let (x, z) = (x - leg_x * along, z - leg_z * along);
+    x * x + z * z
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -58,12 +82,14 @@ impl DesignPath {
     /// The path through points in the order of their times, of which there is at least one.
     pub(crate) fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
-        let mut path = Self { corners: without_even_corners(corners), legs: Vec::new() };
-        let ends_m: Vec<Vector3<f64>> =
-            (0..path.corners.len()).map(|leg| path.end_m(leg)).collect();
-        let first_m = path.corners[0].at_m;
-        let starts_m = [first_m].into_iter().chain(ends_m.iter().copied());
-        path.legs = starts_m.zip(&ends_m).map(|(from_m, to_m)| Leg::new(from_m, *to_m)).collect();
+        let corners = without_even_corners(corners);
+        let mut path = Self { corners, legs: Legs::default() };
+        let mut from_m = path.corners[0].at_m;
+        for leg in 0..path.corners.len() {
+            let to_m = path.end_m(leg);
+            path.legs.push(plane_leg(from_m, to_m));
+            from_m = to_m;
+        }
         path
     }
 
@@ -104,15 +130,15 @@ impl Walk<'_> {
         let from_m = self.at_m(from_s);
         let (path, first, point_m) = (self.path, self.leg, point_m.xz());
         let later = &path.corners[first + 1..];
-        let last = first + later.iter().take_while(|corner| corner.time_s < to_s).count();
+        let last = first + later.partition_point(|corner| corner.time_s < to_s);
         let to_m = path.on_leg(last, to_s);
-        let square_m2 = |from_m, to_m| Leg::new(from_m, to_m).square_m2(point_m);
+        let near = |from_m, to_m| square_m2(point_m, plane_leg(from_m, to_m));
         if first == last {
-            return square_m2(from_m, to_m).sqrt();
+            return near(from_m, to_m).sqrt();
         }
-        let ends = square_m2(from_m, path.end_m(first)).min(square_m2(path.end_m(last - 1), to_m));
-        let whole = path.legs[first + 1..last].iter().map(|leg| leg.square_m2(point_m));
-        whole.fold(ends, f64::min).sqrt()
+        let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
+        let whole = || path.legs.square_m2(point_m, first + 1..last);
+        ends_m2.min(pulp::Arch::new().dispatch(whole)).sqrt()
     }
 
     fn go_to(&mut self, time_s: f64) {

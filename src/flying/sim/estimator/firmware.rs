@@ -17,7 +17,7 @@
 //! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
 //! when a drone is put down and waits.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 
 use super::deck::{Deck, Rotation};
 use super::ekf::{Model, START};
@@ -181,16 +181,14 @@ impl Firmware {
         let (r, v) = (self.world_from_body, self.velocity_m_s);
         let up = r.row(2).transpose();
 
-        let mut phi = SMatrix::<f64, 9, 9>::identity();
-        let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
-            phi.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+        let drift = Drift {
+            position: [r * span_s, -r * v.cross_matrix() * span_s],
+            velocity: [
+                Matrix3::identity() - rate.cross_matrix() * span_s,
+                up.cross_matrix() * (-GRAVITY_M_S2 * span_s),
+            ],
         };
-        set(0, VELOCITY, r * span_s);
-        set(0, TURN, -r * v.cross_matrix() * span_s);
-        set(VELOCITY, VELOCITY, Matrix3::identity() - rate.cross_matrix() * span_s);
-        set(VELOCITY, TURN, up.cross_matrix() * (-GRAVITY_M_S2 * span_s));
-        set(TURN, TURN, turned_back(&(rate * span_s)));
-        self.transform(&phi);
+        self.transform(Some(&drift), &turned_back(&(rate * span_s)));
 
         let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
         self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
@@ -322,18 +320,26 @@ impl Firmware {
         let turn_rad = std::mem::take(&mut self.turn_rad);
         if turn_rad.amax() > LEAST_TURN_RAD {
             self.attitude = self.attitude.by(&turn_rad);
-            let mut phi = SMatrix::<f64, 9, 9>::identity();
-            phi.fixed_view_mut::<3, 3>(TURN, TURN).copy_from(&turned_back(&turn_rad));
-            self.transform(&phi);
+            self.transform(None, &turned_back(&turn_rad));
         }
         self.world_from_body = self.attitude.matrix();
         self.bound();
     }
 
-    /// `P ← Φ P Φᵀ`, symmetric.
-    fn transform(&mut self, phi: &SMatrix<f64, 9, 9>) {
+    /// `P ← Φ P Φᵀ`, symmetric; Φ leaves positions and velocities as they are where nothing drifts.
+    fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
-        let p = phi * p * phi.transpose();
+        // Columns are the rows of the transposed.
+        let p = SMatrix::<f64, 9, 9>::from_data(ArrayStorage(moved(
+            &p.transpose().data.0,
+            drift,
+            turn,
+        )));
+        let p = SMatrix::<f64, 9, 9>::from_data(ArrayStorage(moved(
+            &p.transpose().data.0,
+            drift,
+            turn,
+        )));
         self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
     }
 
@@ -344,6 +350,36 @@ impl Firmware {
             *variance = variance.max(self.options.least_variance).min(LARGEST_VARIANCE);
         }
     }
+}
+
+/// What errors of velocity and turn add to those of position, and make of those of velocity.
+struct Drift {
+    position: [Matrix3<f64>; 2],
+    velocity: [Matrix3<f64>; 2],
+}
+
+/// `Φ P`, row by row, without the products of Φ's zeros and ones.
+fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
+    let mut all = *p;
+    all[TURN..].fill([0.0; 9]);
+    if drift.is_some() {
+        all[VELOCITY..TURN].fill([0.0; 9]);
+    }
+    let mut add = |to: usize, block: &Matrix3<f64>, from: usize| {
+        for (i, k) in (0..3).flat_map(|i| (0..3).map(move |k| (i, k))) {
+            let factor = block[(i, k)];
+            let sums = all[to + i].iter_mut().zip(&p[from + k]);
+            sums.for_each(|(sum, value)| *sum += factor * value);
+        }
+    };
+    if let Some(Drift { position, velocity }) = drift {
+        add(0, &position[0], VELOCITY);
+        add(0, &position[1], TURN);
+        add(VELOCITY, &velocity[0], VELOCITY);
+        add(VELOCITY, &velocity[1], TURN);
+    }
+    add(TURN, turn, TURN);
+    all
 }
 
 /// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
