@@ -15,6 +15,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::super::message;
 use crate::error::{Error, Result};
 use crate::letters::{Ink, LetterOptions, draw};
 use noctograph_core::files::Limit;
@@ -82,9 +83,11 @@ impl Brand {
         }
         let logo = folder.join("logo.svg");
         // What no drawing may hold, such as a letter whose typeface the tablets lack, no logo may.
-        let checked = |logo| {
+        let checked = |logo: &Path| -> Result<Vec<u8>> {
             let bytes = LOGO.read(logo)?;
-            draw(logo, &LetterOptions::default(), Ink::Alike).map(|_| bytes)
+            let drawn = draw(logo, &LetterOptions::default(), Ink::Alike)?;
+            drawn.warnings.iter().for_each(|warning| message("warning: ", warning));
+            Ok(bytes)
         };
         let logo = logo.is_file().then(|| checked(&logo)).transpose()?;
         Ok(Self { table, logo })
@@ -138,7 +141,7 @@ mod tests {
             let head = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'>";
             format!("{head}{inside}</svg>")
         };
-        let json = read(whole, Some(&svg("<path d='M0 0h9v9h-9z'/>"))).unwrap();
+        let json = read(whole, Some(&svg("<circle cx='4' cy='4' r='3'/>"))).unwrap();
         assert_eq!((&json["title"], &json["logo"]), (&json!("Hall"), &json!(true)));
         assert_eq!(json["consent"]["de"], "Ja.");
         for (table, why) in [
@@ -152,7 +155,7 @@ mod tests {
         for (inside, why) in [
             ("", "nothing drawn"),
             ("<text>Hall</text>", "found text"),
-            ("<image href='http://elsewhere/x.png' width='9' height='9'/>", "found image"),
+            ("<image href='http://elsewhere/x.png' width='9' height='9'/>", "nothing drawn"),
             (&"<g>".repeat(200), "logo.svg"),
         ] {
             let found = read("", Some(&svg(inside))).unwrap_err();
