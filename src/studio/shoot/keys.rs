@@ -81,6 +81,7 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         ("letters.font", ..) => {
             vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()]
         }
+        ("letters.fallback", ..) => vec!["[\"simplex\"]".into()],
         ("plan.lights", ..) => vec!["[\"ring\"]".into()],
         ("floor.steps", ..) => {
             vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
