@@ -11,6 +11,7 @@ use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kin
 /// Keys that change no product of this chain, and what they change.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
+    ("letters.fallback", "words with letters that the font lacks"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
     (
         "vehicle.firmware",
@@ -81,7 +82,6 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         ("letters.font", ..) => {
             vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()]
         }
-        ("letters.fallback", ..) => vec!["[\"simplex\"]".into()],
         ("plan.lights", ..) => vec!["[\"ring\"]".into()],
         ("floor.steps", ..) => {
             vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
