@@ -99,10 +99,10 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
     if let Error::Letter { letter, .. } = error
-        && has("font")
+        && has("fallback")
         && let Some(file) = typefaces::with(&[*letter])
     {
-        advice.push(format!("`--font {}` has {letter}", file.display()));
+        advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
     if exists(path, Scene::SHAPE.settings()) && has("set") {
         advice.push(format!(

@@ -16,7 +16,7 @@ use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
 };
 use crate::plan::{Plan, Style};
-use crate::preflight::{Profile, frame_within};
+use crate::preflight::{Profile, canvas_within, frame_within};
 use crate::scene::{NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
@@ -180,7 +180,20 @@ pub(super) struct DesignFlags {
 impl DesignFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        Ok(self.named(more)?.scene)
+        let mut scene = self.named(more)?.scene;
+        self.fit(&mut scene)?;
+        Ok(scene)
+    }
+
+    /// Fits a word to what the camera shows of it from within the room, unless its size was typed.
+    fn fit(&self, scene: &mut Scene) -> Result<()> {
+        let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
+        if let Some(room_m) = self.letters.room_m().filter(|_| is_typed == [false; 2])
+            && let Some(canvas_m) = canvas_within(scene, room_m)?
+        {
+            scene.letters.canvas_m = Some(canvas_m);
+        }
+        Ok(())
     }
 
     fn named(&self, more: &[Setting]) -> Result<NamedScene> {
@@ -224,7 +237,9 @@ pub(super) struct SubjectFlags {
 impl SubjectFlags {
     /// The scene.
     pub(super) fn scene(&self) -> Result<Scene> {
-        Ok(self.named()?.scene)
+        let mut scene = self.named()?.scene;
+        self.design.fit(&mut scene)?;
+        Ok(scene)
     }
 
     fn named(&self) -> Result<NamedScene> {
@@ -271,6 +286,7 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
+        self.design.fit(&mut named.scene)?;
         if let Some(room_m) = self.room_m() {
             frame_within(&mut named.scene, room_m)?;
         }

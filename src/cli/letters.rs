@@ -13,6 +13,10 @@ pub(super) struct LetterFlags {
     /// Font of a word: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
+    /// Fonts of the letters that the font lacks, such as a typeface of another script: the first
+    /// that has one
+    #[arg(long, value_name = "NAME|FILE,...", value_delimiter = ',')]
+    fallback: Vec<String>,
     /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
     /// paper, a logo, a photograph), or handwriting as *.json; the color LED deck and the ring
     /// write in its colors
@@ -22,6 +26,13 @@ pub(super) struct LetterFlags {
     /// 1; 0.5 for a photograph]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
+    /// Colors and numbers of the strokes of a drawing that are drawn, such as red or 2,5-7; `plan
+    /// -o x.svg` shows the numbers [default: all]
+    #[arg(long, value_name = "COLOR|N,...")]
+    ink: Option<String>,
+    /// Strokes of a drawing that are left out, in the same way [default: none]
+    #[arg(long, value_name = "COLOR|N,...")]
+    without: Option<String>,
     /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise
     /// from the upper left; it is cut out and seen square on [default: those of a sheet that is
     /// seen as a whole]
@@ -32,9 +43,10 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 4]>,
     /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
-    /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling and
-    /// within the 4 m that two Lighthouse stations serve; these hang in its corners where no scene
-    /// places them, and safety checks keep any plan 0.2 m from its walls
+    /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling, within
+    /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
+    /// room; stations hang in its corners where no scene places them, and safety checks keep any
+    /// plan 0.2 m from its walls
     #[arg(long, value_name = "WxDxH", value_parser = room)]
     room: Option<[f64; 3]>,
 }
@@ -108,7 +120,12 @@ impl LetterFlags {
         let drawing = drawing.flat_map(|file| {
             [("letters.drawing", file.as_str()), ("letters.drawing_sha256", ""), ("word", "")]
         });
-        let mut settings = owned(font.chain(drawing));
+        let chosen = self.ink.iter().map(|list| ("letters.ink", list.as_str()));
+        let left_out = self.without.iter().map(|list| ("letters.without", list.as_str()));
+        let mut settings = owned(font.chain(drawing).chain(chosen).chain(left_out));
+        if !self.fallback.is_empty() {
+            settings.push(("letters.fallback".to_owned(), format!("{:?}", self.fallback)));
+        }
         settings
             .extend(self.detail.map(|detail| ("letters.detail".to_owned(), detail.to_string())));
         settings.extend(self.corners.iter().map(|Corners(corners_px)| {

@@ -60,7 +60,11 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let files = match output {
         Sink::Plans(outputs) => outputs.keep(&plans, |plan, mut out| plan.write_csv(&mut out))?,
         Sink::Drawing(file) => {
-            vec![file.keep(|out| out.write_all(plan_view(&plans, title).as_bytes()))?]
+            vec![
+                file.keep(|out| {
+                    out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes())
+                })?,
+            ]
         }
     };
     let (mut text, mut json) = (table(title, &planned), json(title, &planned));

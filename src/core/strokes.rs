@@ -43,6 +43,9 @@ pub struct Strokes {
     pub joints_m: Vec<[f64; 2]>,
     /// What the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
+    /// The number of each stroke of a drawing, by which it is chosen or left out (`letters.ink`,
+    /// `letters.without`), and a point of it; empty for a word.
+    pub numbers: Vec<(usize, [f64; 2])>,
     /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
     /// bitmap.
     pub picture: Picture,

@@ -49,7 +49,7 @@ impl Font {
     /// where it cannot be read.
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
-        let face = match check_name(name)? {
+        let face = match check_name("letters.font", name)? {
             Kind::Ours(text) => Face::Strokes(StrokeFont::parse(text, name)?),
             Kind::Strokes => Face::Strokes(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
             Kind::Outlines => Face::Outlines(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
@@ -116,6 +116,19 @@ impl Font {
         }
     }
 
+    /// Whether it has a character.
+    pub(super) fn has(&self, character: char) -> bool {
+        match &*self.face {
+            Face::Strokes(font) => font.shape(character).is_some(),
+            Face::Outlines(face) => face.has(character),
+        }
+    }
+
+    /// Whether it has a character, or its capital.
+    pub(super) fn draws(&self, character: char) -> bool {
+        self.has(character) || capital(character).is_some_and(|capital| self.has(capital))
+    }
+
     pub(super) fn fit(&self) -> Fit {
         match &*self.face {
             Face::Strokes(font) => font.fit,
@@ -168,6 +181,12 @@ impl fmt::Debug for Font {
     }
 }
 
+/// The capital of a letter, where it is one character.
+pub(super) fn capital(letter: char) -> Option<char> {
+    let mut upper = letter.to_uppercase();
+    upper.next().filter(|_| upper.len() == 0)
+}
+
 /// Source of a font.
 pub(super) enum Kind {
     Ours(&'static str),
@@ -180,8 +199,8 @@ pub(super) fn is_shipped(name: &str) -> bool {
     FONTS.iter().any(|(shipped, _)| *shipped == name)
 }
 
-/// The kind of font that a name refers to; opens no file.
-pub(super) fn check_name(name: &str) -> Result<Kind> {
+/// The kind of font that the name of a key refers to; opens no file.
+pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
         return Ok(Kind::Ours(text));
     }
@@ -193,7 +212,7 @@ pub(super) fn check_name(name: &str) -> Result<Kind> {
             let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
             let wanted = format!("{}, or a file *.strokes, *.ttf or *.otf", names.join(", "));
             let hint = "choose a font we have, or name a font file";
-            Err(Error::input("letters.font", format!("{name:?}"), wanted, hint))
+            Err(Error::input(key, format!("{name:?}"), wanted, hint))
         }
     }
 }
@@ -245,7 +264,8 @@ mod tests {
         let error = Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap_err().to_string();
         assert!(error.contains("byte 17"), "{error}");
         assert!(
-            Font::open("nowhere.strokes", Trace::Outline).is_err() && check_name("comic").is_err()
+            Font::open("nowhere.strokes", Trace::Outline).is_err()
+                && check_name("letters.font", "comic").is_err()
         );
     }
 }

@@ -1,6 +1,7 @@
 //! Layout: characters side by side, lines below each other.
 
-use super::font::Font;
+use super::font::{Font, capital};
+use super::fonts::Fonts;
 use super::glyph::MAX_POINTS;
 use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
@@ -32,7 +33,7 @@ const SINGLE_LINE: &str = "simplex";
 /// that it lacks, with its position; [`Error::Io`] for a font that cannot be read.
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
-    let font = Font::open(&options.font, options.trace)?;
+    let fonts = Fonts::open(options)?;
     let hint = "name the word to write";
     if word.trim().is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
@@ -47,10 +48,10 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
         ));
     }
     let word = word.nfc().collect::<String>();
-    let drawn = drawable(&word, &font);
-    font.check_work()?;
+    let drawn = drawable(&word, &fonts);
+    fonts.check_work()?;
     let word = drawn?;
-    let strokes = lay_out(&word, &font, options);
+    let strokes = lay_out(&word, &fonts, options);
     let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
     let scale = fitting(&strokes, canvas_m);
     let most = match options.fit {
@@ -63,12 +64,12 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     // Fewer lines first: more of them have to leave the letters larger.
     let (mut best, mut best_scale) = (word.clone(), scale);
     for broken in (1..=word.matches(' ').count()).map(|breaks| broken(&word, breaks)) {
-        let scale = fitting(&lay_out(&broken, &font, options), canvas_m).min(most);
+        let scale = fitting(&lay_out(&broken, &fonts, options), canvas_m).min(most);
         if scale > best_scale {
             (best, best_scale) = (broken, scale);
         }
     }
-    Ok(lay_out(&best, &font, &options.scaled(best_scale)))
+    Ok(lay_out(&best, &fonts, &options.scaled(best_scale)))
 }
 
 /// Scale at which strokes fill a canvas.
@@ -99,20 +100,33 @@ fn broken(text: &str, breaks: usize) -> String {
     lines.join("\n")
 }
 
-/// The text in characters that the font has.
-fn drawable(word: &str, font: &Font) -> Result<String> {
+/// The text in characters that the fonts have.
+fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
+    let mut drawn = String::new();
+    for (index, line) in word.split('\n').enumerate() {
+        drawn += if index > 0 { "\n" } else { "" };
+        for (font, part) in fonts.parts(line) {
+            let before = drawn.chars().count();
+            drawn += &drawable_in(&line[part], font, before)?;
+        }
+    }
+    Ok(drawn)
+}
+
+/// A part of a line in characters that its font has, with so many characters before it.
+fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
     let known = |character: char| {
-        let blank = character == '\n' || character == ' ';
-        blank || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
+        character == ' ' || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
     let lacks = |index: usize, letter: char| {
         let single = Font::open(SINGLE_LINE, font.trace()).ok();
-        let hint = if is_shaped(word) {
-            format!("write with a typeface of this script: {} has none", font.name())
+        let hint = if is_shaped(part) {
+            format!("name a typeface of this script in letters.fallback: {} has none", font.name())
         } else if single.is_some_and(|single| single.shape(letter).is_some()) {
-            format!("write with the font {SINGLE_LINE}, which has it")
+            format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
         } else {
-            "write with a typeface that has it, such as one of the Noto fonts".to_owned()
+            "name a typeface that has it in letters.fallback, such as one of the Noto fonts"
+                .to_owned()
         };
         let characters = font.characters();
         let wanted = match characters.chars().count() {
@@ -121,39 +135,26 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
             }
             _ => format!("a letter of the font {}", font.name()),
         };
-        Error::Letter { position: index + 1, letter, wanted, hint }
+        Error::Letter { position: before + index + 1, letter, wanted, hint }
     };
-    if is_shaped(word) {
-        let mut before = 0;
-        for line in word.split('\n') {
-            match font.line(line, SPACE) {
-                None => break,
-                Some(Err(unset)) => {
-                    let index = |byte: usize| before + line[..byte].chars().count();
-                    return Err(match unset {
-                        Unset::Missing(byte) => {
-                            lacks(index(byte), line[byte..].chars().next().unwrap_or(' '))
-                        }
-                        Unset::Unshaped(byte) => unshaped(index(byte), font.name()),
-                        Unset::TooLarge(byte, n) => too_large(index(byte), n),
-                    });
-                }
-                Some(Ok(_)) => before += line.chars().count() + 1,
+    if is_shaped(part)
+        && let Some(line) = font.line(part, SPACE)
+    {
+        let index = |byte: usize| part[..byte].chars().count();
+        return match line {
+            Ok(_) => Ok(part.to_owned()),
+            Err(Unset::Missing(byte)) => {
+                Err(lacks(index(byte), part[byte..].chars().next().unwrap_or(' ')))
             }
-        }
-        if before > 0 {
-            return Ok(word.to_owned());
-        }
+            Err(Unset::Unshaped(byte)) => Err(unshaped(before + index(byte), font.name())),
+            Err(Unset::TooLarge(byte, n)) => Err(too_large(before + index(byte), n)),
+        };
     }
-    word.chars()
-        .enumerate()
-        .map(|(index, typed)| {
-            let mut upper = typed.to_uppercase();
-            let upper = upper.next().filter(|_| upper.len() == 0);
-            let drawn = [Some(typed), upper].into_iter().flatten().find(|c| known(*c));
-            drawn.ok_or_else(|| lacks(index, typed))
-        })
-        .collect()
+    let drawn = part.chars().enumerate().map(|(index, typed)| {
+        let drawn = [Some(typed), capital(typed)].into_iter().flatten().find(|c| known(*c));
+        drawn.ok_or_else(|| lacks(index, typed))
+    });
+    drawn.collect()
 }
 
 /// The error of a word of which the font's rules make too much.
@@ -171,49 +172,86 @@ fn too_large(index: usize, n: usize) -> Error {
     Error::input(place, found, wanted, "put a space or a line end among them")
 }
 
-fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
+fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
     for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
         let up_m = (options.cap_height_m + options.lines_apart_m()) * below as f64;
-        glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
+        glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    let loss = |glyph: &Glyph| (glyph.character, font.lost(glyph.character));
+    let loss = |glyph: &Glyph| (glyph.character, fonts.lost(glyph.character));
     let lost = glyphs.iter().map(loss).filter(|(_, length)| *length > 0.0).collect();
-    let (font, order) = (Some(font.name().to_owned()), StrokeOrder::Free);
+    let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
     let (colors, joints_m) = (Vec::new(), Vec::new());
     let (left_out, picture) = (LeftOut::default(), Picture::Auto);
-    let warnings = Vec::new();
-    Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture, warnings }
+    let (warnings, numbers) = (Vec::new(), Vec::new());
+    Strokes {
+        word,
+        font,
+        lost,
+        glyphs,
+        order,
+        colors,
+        joints_m,
+        left_out,
+        numbers,
+        picture,
+        warnings,
+    }
 }
 
-fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
+fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
+    let is_box = fonts.main().fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
-    let (cells, _) = match font.fit() {
-        Fit::Box => cells(line, font, options),
-        Fit::Proportional => cells(line.trim_matches(' '), font, options),
-    };
+    let (cells, _) = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let end = |cell: &Placed| cell.at_m + cell.width_m;
     let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.at_m), cells.last().map_or(0.0, end));
     let left_m = match options.align {
         // A product, not a sum: rounded as in the reference flight.
-        Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.box_width_m() * cells.len() as f64,
+        Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|cell| cell.width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
         Align::Center => -0.5 * (begin_m + end_m),
         Align::Right => -end_m,
     };
-    let glyphs = cells.into_iter().filter_map(|Placed { character, shape, at_m, width_m }| {
+    let glyphs = cells.into_iter().filter_map(|Placed { character, shape, at_m, width_m, fit }| {
         let cap_height_m = options.cap_height_m;
         let cell = Cell { left_m: left_m + at_m, baseline_m, width_m, cap_height_m };
-        Some(shape?.glyph(character, cell, font.fit()))
+        Some(shape?.glyph(character, cell, fit))
     });
     glyphs.collect()
 }
 
-/// The characters of a line, and the pen's place behind them.
-fn cells(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
+/// The characters of a line from left to right, and the pen's place behind them.
+fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f64) {
+    // A font sets its own line.
+    if let [] | [_] = fonts.parts(line)[..] {
+        let font = fonts.parts(line).first().map_or(fonts.main(), |(font, _)| font);
+        return cells_in(line, font, options);
+    }
+    let (mut all, mut pen_m) = (Vec::new(), 0.0);
+    for ((font, part), leftward) in fonts.in_visual_order(line) {
+        let part = &line[part];
+        let space_m = match fonts.main().fit() {
+            Fit::Box => options.box_width_m() + options.box_gap_m(),
+            Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
+        };
+        let spaces_m = |trimmed: &str| space_m * (part.len() - trimmed.len()) as f64;
+        let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')].map(spaces_m);
+        if leftward {
+            spaces_m.reverse();
+        }
+        pen_m += spaces_m[0];
+        let (cells, end_m) = cells_in(part.trim_matches(' '), font, options);
+        all.extend(cells.into_iter().map(|cell| Placed { at_m: cell.at_m + pen_m, ..cell }));
+        pen_m += end_m + spaces_m[1];
+    }
+    (all, pen_m)
+}
+
+/// The same in one font.
+fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let shaped = is_shaped(line).then(|| font.line(line, SPACE)).flatten();
     match (font.fit(), shaped) {
         (_, Some(letters)) => {
@@ -236,13 +274,14 @@ struct Placed {
     shape: Option<Arc<Shape>>,
     at_m: f64,
     width_m: f64,
+    fit: Fit,
 }
 
 /// A proportional character at the pen's place in cap heights.
 fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     let (left, width) = shape.cell();
     let (at_m, width_m) = ((pen + left) * size_m, width * size_m);
-    Placed { character, shape: Some(shape), at_m, width_m }
+    Placed { character, shape: Some(shape), at_m, width_m, fit: Fit::Proportional }
 }
 
 /// Characters in boxes.
@@ -250,7 +289,8 @@ fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64)
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
     let cell = |(index, character)| {
         let shape = font.shape(character).filter(|_| character != ' ');
-        Placed { character, shape, at_m: (width_m + gap_m) * index as f64, width_m }
+        let at_m = (width_m + gap_m) * index as f64;
+        Placed { character, shape, at_m, width_m, fit: Fit::Box }
     };
     let cells: Vec<_> = line.chars().enumerate().map(cell).collect();
     let end_m = (width_m + gap_m) * cells.len() as f64;

@@ -14,6 +14,7 @@ mod center_line;
 mod curves;
 mod drawing;
 mod font;
+mod fonts;
 mod glyph;
 mod layout;
 mod options;

@@ -14,6 +14,9 @@ settings! {
         /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
         /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
         font: String = "ae483".into();
+        /// Fonts of the letters that the font lacks: the first that has one, such as a typeface of
+        /// another script.
+        fallback: Vec<String> = Vec::new(), unless "letters.drawing";
         /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
@@ -32,6 +35,11 @@ settings! {
         /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
         /// sketch of the longest. By default 1, and 0.5 of a photograph.
         detail: Option<f64> = None, in 0.0..=1.0, for "letters.drawing";
+        /// Strokes of a drawing that are drawn, as large as the canvas allows: colors, and numbers
+        /// as the drawing of the plan shows them, such as `red` or `2,5-7`; empty: all.
+        ink: String = String::new(), for "letters.drawing";
+        /// Strokes of a drawing that are left out, in the same way; empty: none.
+        without: String = String::new(), for "letters.drawing";
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
@@ -112,16 +120,25 @@ impl LetterOptions {
     ///
     /// [`noctograph_core::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        font::check_name(&self.font)?;
+        font::check_name("letters.font", &self.font)?;
+        for name in &self.fallback {
+            font::check_name("letters.fallback", name)?;
+        }
         Described::check(self, "letters", None)
     }
 
-    /// The keys that name a file, with its path: a font that does not come with the program, and
-    /// the drawing.
+    /// The keys that name a file, with its path: fonts that do not come with the program, and the
+    /// drawing.
     pub fn files(&self) -> impl Iterator<Item = (&'static str, &str)> {
-        let font = (!font::is_shipped(&self.font)).then_some(("letters.font", &*self.font));
+        let fallback = self.fallback.iter().map(|name| ("letters.fallback", &**name));
+        let fonts = std::iter::once(("letters.font", &*self.font)).chain(fallback);
         let drawing = (!self.drawing.is_empty()).then_some(("letters.drawing", &*self.drawing));
-        [font, drawing].into_iter().flatten()
+        fonts.filter(|(_, name)| !font::is_shipped(name)).chain(drawing)
+    }
+
+    /// Whether some strokes of a drawing are chosen or left out.
+    pub(super) fn chooses(&self) -> bool {
+        !(self.ink.is_empty() && self.without.is_empty())
     }
 
     /// The same in another size, on the same baseline and canvas.

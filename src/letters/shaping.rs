@@ -23,8 +23,12 @@ const SKIN: std::ops::RangeInclusive<char> = '\u{1F3FB}'..='\u{1F3FF}';
 
 /// Whether a composed text has characters that cannot be set side by side.
 pub(super) fn is_shaped(text: &str) -> bool {
-    let shaped = |c| is_combining_mark(c) || SKIN.contains(&c);
-    text.chars().any(|c| shaped(c) || SHAPED.iter().any(|block| block.contains(&c)))
+    text.chars().any(|c| is_mark(c) || SHAPED.iter().any(|block| block.contains(&c)))
+}
+
+/// Whether a character belongs to the one before it.
+pub(super) fn is_mark(character: char) -> bool {
+    is_combining_mark(character) || SKIN.contains(&character)
 }
 
 /// A glyph of a face, and its place in font units from the beginning of its line.
@@ -98,7 +102,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::Trace;
     use super::super::glyph::face_of;
     use super::super::typeface::Typeface;
@@ -117,7 +121,7 @@ mod tests {
 
     /// A face of H, two Hebrew letters, and two Arabic ones that reach for each other where they
     /// join.
-    fn small_face() -> Vec<u8> {
+    pub(in super::super) fn small_face() -> Vec<u8> {
         let outlines = [
             [0, 100, 700],   // 1: H
             [100, 300, 100], // 2: noon

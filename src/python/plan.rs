@@ -169,7 +169,7 @@ impl PyPlan {
     /// Drawing for notebooks: lit strokes colored by speed, dark ways dashed.
     fn _repr_svg_(&self) -> Option<String> {
         let plans = [self.0.clone()];
-        (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, ""))
+        (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, "", &[]))
     }
 
     fn __repr__(&self) -> String {

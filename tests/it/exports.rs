@@ -106,17 +106,23 @@ fn a_take_off_mark_and_a_camera_share_the_rooms_frame() {
 }
 
 #[test]
-fn a_room_too_shallow_for_every_camera_is_stopped_and_no_picture_is_promised() {
+fn a_word_too_large_for_every_camera_in_a_room_is_stopped_and_no_picture_is_promised() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    for (word, room, severity) in [
-        ("NOOR", "2x2x2", "stop"),
-        ("NOOR", "4x3x2.5", "stop"),
+    for (room, canvas_m, severity) in [
+        ("4x3x2.5", Some("[3, 1.3]"), "stop"),
         // Not the scene's lens of 35 mm, but others.
-        ("NOOR", "4x6x2.5", "warning"),
-        ("NOOR", "6x12x3", "fine"),
+        ("4x6x2.5", Some("[3, 1.3]"), "warning"),
+        // Fitted to the room, it is as large as the camera shows from within.
+        ("2x2x2", None, "fine"),
+        ("4x3x2.5", None, "fine"),
+        ("4x6x2.5", None, "fine"),
+        ("6x12x3", None, "fine"),
     ] {
-        let (code, report, _) = run(at, &["check", word, "--room", room]);
+        let canvas = canvas_m.map(|canvas_m| format!("letters.canvas_m={canvas_m}"));
+        let mut typed = vec!["check", "NOOR", "--room", room];
+        typed.extend(canvas.iter().flat_map(|canvas| ["--set", canvas]));
+        let (code, report, _) = run(at, &typed);
         let camera = finding(&report, "camera");
         assert_eq!(camera["severity"], severity, "{room}: {camera}");
         assert_eq!(code, i32::from(severity == "stop"), "{room}: {report}");

@@ -202,7 +202,8 @@ impl Studio {
     fn plan(&self, subject: &Subject, folder: &Path) -> Result<Made> {
         let shoot = self.preview(subject, folder)?.shoot()?;
         let plans: Vec<Plan> = shoot.plans.into_iter().map(|planned| planned.plan).collect();
-        let svg = plan_view(&plans, subject.title().unwrap_or("drawing"));
+        let numbers = shoot.strokes.map_or_else(Vec::new, |strokes| strokes.numbers);
+        let svg = plan_view(&plans, subject.title().unwrap_or("drawing"), &numbers);
         write(&folder.join(OUT).join("plan.svg"), svg.as_bytes())?;
         Ok(Made::Done(Value::Null))
     }

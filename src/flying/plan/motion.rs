@@ -33,6 +33,9 @@ struct Piece {
     twice_m_s2: Vector2<f64>,
 }
 
+/// Acceleration by its limit from which a stroke is flown more slowly as a whole.
+const BEYOND: f64 = 1.045;
+
 /// The motion along a stroke.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
@@ -73,9 +76,25 @@ impl Motion {
         let pen_s = pen.end_s - reach_s;
         let last_m = last.position_m - origin_m;
         pen.draw(last.letter, last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
-        let duration_s = (pen_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
+        let whole = |lasts_s: f64| (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
+        let duration_s = whole(pen_s);
         let pace = pen_s / duration_s;
-        Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s }
+        let mut motion =
+            Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s };
+        // Where the pen turns while its speed changes, both accelerations add up.
+        let beyond = motion.most_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
+        if beyond > BEYOND {
+            motion.duration_s = whole(duration_s * beyond.sqrt());
+            motion.pace = pen_s / motion.duration_s;
+        }
+        motion
+    }
+
+    /// Greatest acceleration at every so many seconds.
+    fn most_m_s2(&self, step_s: f64) -> f64 {
+        let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
+        let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
+        steps.map(|time_s| self.at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
     }
 
     pub(super) fn duration_s(&self) -> f64 {

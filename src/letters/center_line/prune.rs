@@ -1,6 +1,6 @@
 //! Spurs: branches of the medial axis into corners and ripples of the rim, which no pen would draw.
 
-use super::super::vector::dot;
+use super::super::vector::{direction, dot};
 use super::axis::{Axis, Branch};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
@@ -21,6 +21,11 @@ const SHARP: f64 = 0.45;
 /// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
+/// A longer spur is into a corner only where it ends in a point, by the radius at its root; the arm
+/// of a cross by a fine pen is blunter, though the blur of pixels tapers it.
+const POINTED: f64 = 0.25;
+const ARM: f64 = 0.6;
+
 /// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
 const BENDS: f64 = 0.1;
 
@@ -28,11 +33,16 @@ const BENDS: f64 = 0.1;
 /// radius; it is cut off up to where the radius has risen to the second.
 const TIP: [f64; 2] = [0.6, 0.92];
 
-/// Longest stub between a crotch and the tip above it (A, M, N, V, W), by the radius at its root;
-/// and the cosine of the widest angle between the legs of such a crotch, 75°. At wider ones an arch
-/// leaves a stem (n, u), and the stub is the stem's end.
-const STUB: f64 = 1.8;
+/// A stub between a crotch and the tip above it (A, M, N, V, W) is as long as its legs' angle makes
+/// it, with this factor and so many radii at its root more; or, from this cosine between stub and
+/// leg on, so many radii, and so many more for each unit of it, up to the last value.
+const STUB: [f64; 2] = [1.3, 1.4];
+const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
+/// Cosine of the widest angle between the legs of such a crotch, 75°, and the largest difference of
+/// the cosines between the stub and its legs. At wider ones an arch leaves a stem (n, u); a stub
+/// that goes on with one leg is the stem's end.
 const CROTCH: f64 = 0.26;
+const ASKEW: f64 = 0.2;
 
 /// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
 /// the line bends.
@@ -96,15 +106,27 @@ fn protrusion(axis: &Axis, spur: &Branch) -> f64 {
 fn is_spur(axis: &Axis, spur: &Branch) -> bool {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
-    corner || protrusion(axis, spur) < BLUNT
+    let protrusion = protrusion(axis, spur);
+    corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
 /// A stub is the tip of two legs that meet at its root.
 fn is_stub(axis: &Axis, spur: &Branch) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
-    let end = axis.radii[spur[spur.len() - 1]];
+    let tip = spur[spur.len() - 1];
+    let end = axis.radii[tip];
     let legs = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
     let legs: Vec<[f64; 2]> = legs.map(|leg| axis.heading(root, *leg, 2.5 * radius)).collect();
     let [a, b] = &legs[..] else { return false };
-    end < radius && axis.length(spur) < STUB * radius && dot(*a, *b) > CROTCH
+    let cosine = dot(*a, *b);
+    let away = direction(axis.middles[root], axis.middles[tip]);
+    let askew = (dot(away, *a) - dot(away, *b)).abs();
+    // Sine of half the angle. The disc in the crotch touches its corner and both outer sides.
+    let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
+    let usual = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
+    let [from, least, slope, most] = SHARP_STUB;
+    let beyond = -dot(away, *a).max(dot(away, *b)) - from;
+    let sharp = if beyond > 0.0 { (least + slope * beyond).min(most) } else { 0.0 };
+    let longest = usual.max(sharp);
+    end < radius && axis.length(spur) < longest * radius && cosine > CROTCH && askew < ASKEW
 }

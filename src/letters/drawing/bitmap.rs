@@ -15,7 +15,8 @@ use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 use super::areas::{self, Patch};
 use super::gradient::Paint;
 use super::ink::{Field, RIM, plain_paper};
-use super::levels::{contours, level};
+use super::inlays::inlays;
+use super::levels::{around, contours, level};
 use super::photograph::edges;
 use super::qr;
 use super::sheet::{self, Corners};
@@ -26,6 +27,7 @@ use crate::outline::{Contour, Filled, mean_stroke_width};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
+use noctograph_core::statistics::median;
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -45,10 +47,17 @@ const TEXTURE: f64 = 0.175;
 /// photograph; and of either bound, from which on that is offered.
 const TONES: f64 = 0.12;
 const NEARLY: f64 = 0.62;
+/// A drawing of more dots than this, shorter than a share of its larger side, may be lights at
+/// night.
+const DOTS: usize = 60;
+const DOT: f64 = 0.03;
 /// Detail of a photograph where none is given.
 const PHOTOGRAPH: f64 = 0.5;
 /// Mean width of what lies over the rim of a sheet and is no line, by the sheet's longer side.
 const OVER_RIM: f64 = 0.02;
+/// Least share of a hole that an area of stronger ink fills, and least contrast of ink between.
+const FILLED: f64 = 0.7;
+const INKED: f64 = 0.15;
 /// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
 /// out; but one of which most is opaque and as white as paper has its paper.
 const GROUNDS: [u8; 3] = [255, 0, 128];
@@ -110,8 +119,8 @@ pub(super) fn read(
     };
     #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
     let least = speck(f64::from(picture.width().max(picture.height()))) as usize;
-    let is_ruled = field.find(strong, least);
-    let patches = field.patches(sheet.is_some());
+    let (is_ruled, n_across) = field.find(strong, least);
+    let (patches, n_cut) = field.patches(sheet.is_some());
     if patches.is_empty() {
         let found = "a picture without lines that stand out from its paper";
         return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
@@ -122,19 +131,36 @@ pub(super) fn read(
     let patches =
         patches.into_iter().map(|patch| Patch::new(patch, [larger, 1.0 / scale], &budget));
     let patches: Vec<Patch<'_>> = patches.collect();
-    let mut lines = match options.trace {
+    let lines: Vec<Vec<[f64; 2]>> = match options.trace {
         Trace::CenterLine => areas::lines(patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
+    let mut colored: Vec<ColoredLine> = lines
+        .into_iter()
+        .map(|line| {
+            let color = field.hue(&line);
+            (line, Paint::Plain(color))
+        })
+        .collect();
+    let (inlays, too_many_inlays) = inlays(&field);
+    for (contours, color) in inlays {
+        let color = Paint::Plain(saturated(color, CHROMA));
+        for patch in nested(contours, speck(larger)) {
+            let patch = Patch::new(patch, [larger, 1.0 / scale], &budget);
+            let lines = match options.trace {
+                Trace::CenterLine => areas::lines(vec![patch], larger),
+                Trace::Outline => patch.rim().collect(),
+            };
+            colored.extend(lines.into_iter().map(|line| (line, color)));
+        }
+    }
     budget.check()?;
-    lines.retain(|line| line.len() > 1);
-    if lines.iter().map(Vec::len).sum::<usize>() > MAX_POINTS {
+    colored.retain(|(line, _)| line.len() > 1);
+    if colored.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
-    let colored = lines.into_iter().map(|line| {
-        let color = field.hue(&line);
-        (line, Paint::Plain(color))
-    });
+    let n_dots = colored.iter().filter(|(line, _)| polyline_length_m(line) < DOT * larger).count();
+    let is_dotted = n_dots > DOTS && 2 * n_dots > colored.len();
     let ruled = "pale lines across the picture are not drawn: they look like the paper's rulings";
     let found_sheet = sheet.filter(|_| options.corners_px.is_none()).map(|corners| {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
@@ -144,14 +170,26 @@ pub(super) fn read(
                 modules; write its address instead";
     let photo =
         "this looks much like a photograph: letters.picture = \"photograph\" draws its edges";
+    let is_offered = (is_near || is_dotted) && sheet.is_none() && options.picture == Picture::Auto;
+    let n_cut = n_cut + n_across;
     let said = [
         qr::is_seen(&field).then(|| code.to_owned()),
-        (is_near && sheet.is_none() && options.picture == Picture::Auto).then(|| photo.to_owned()),
+        is_offered.then(|| photo.to_owned()),
+        (n_cut > 0).then(|| {
+            format!(
+                "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies \
+                 around the paper; leave a margin around the drawing"
+            )
+        }),
+        too_many_inlays.then(|| {
+            "what has another color within an area is not drawn: there are too many of it"
+                .to_owned()
+        }),
         is_ruled.then(|| ruled.to_owned()),
         found_sheet,
     ];
     Ok(Traced {
-        lines: colored.collect(),
+        lines: colored,
         detail: options.detail.unwrap_or(1.0),
         picture: Picture::Drawing,
         warnings: said.into_iter().flatten().collect(),
@@ -196,6 +234,14 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
         let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
         Error::input(file, found, wanted, "choose another file, or make it smaller")
     };
+    // Phones and programs give files the ending of another kind.
+    let kinds = [(4, &b"ftyp"[..], "heic"), (0, b"%PDF", "pdf")];
+    if let Some((.., kind)) = kinds
+        .iter()
+        .find(|(at, sign, _)| bytes.get(*at..).is_some_and(|rest| rest.starts_with(sign)))
+    {
+        return Err(super::foreign(kind, file));
+    }
     let reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| refuse(&e))?;
     let mut decoder = reader.into_decoder().map_err(|e| refuse(&e))?;
@@ -249,31 +295,23 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
 impl Field {
     /// Patches of ink, each a contour with its holes; without specks and what stands around the
     /// paper, and without what lies over the rim of a sheet: a hand, or what is left of the table.
-    fn patches(&self, is_sheet: bool) -> Vec<Vec<Contour>> {
+    /// And how many these are.
+    fn patches(&self, is_sheet: bool) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
-        let contours = contours(&self.ink, [self.width, self.height], RIM);
-        let least = speck(side);
-        let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
-            .into_iter()
-            .filter(|contour| area(contour).abs() >= least)
-            .partition(|contour| area(contour) > 0.0);
-        let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
-        // The smallest patch that holds a point of a hole has the hole.
-        patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
-        let budget = Budget::of("", "");
-        let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
-        for hole in holes {
-            let [x, y] = hole[0];
-            let within = |[left, bottom, right, top]: &[f64; 4]| {
-                (*left..=*right).contains(&x) && (*bottom..=*top).contains(&y)
+        let mut contours = contours(&self.ink, [self.width, self.height], RIM);
+        let inner: Vec<(f64, [f64; 4])> =
+            contours.iter().map(|of| (area(of), bounds(of.iter().copied()))).collect();
+        // Between two inks there is one edge: that of the stronger one.
+        contours.retain(|hole| {
+            let (of, [left, bottom, right, top]) = (area(hole), bounds(hole.iter().copied()));
+            let is_filled = |(inner, [l, b, r, t]): &(f64, [f64; 4])| {
+                let is_within = left < *l && *r < right && bottom < *b && *t < top;
+                is_within && (-1.0..-FILLED).contains(&(inner / of))
             };
-            let owner = (0..patches.len()).find(|k| {
-                within(&boxes[*k]) && Filled::new(&patches[*k][..1], &budget).holds([x, y])
-            });
-            if let Some(owner) = owner {
-                patches[owner].push(hole);
-            }
-        }
+            of > 0.0 || !inner.iter().any(is_filled) || !self.is_inked(hole)
+        });
+        let mut patches = nested(contours, speck(side));
+        let n_all = patches.len();
         let around = |patch: &Vec<Contour>| self.along_rim(&patch[0]) > SURROUNDINGS * side;
         if !patches.iter().all(around) {
             patches.retain(|patch| !around(patch));
@@ -286,7 +324,18 @@ impl Field {
             };
             patches.retain(|patch| !is_foreign(patch));
         }
-        patches
+        let n_left_out = n_all - patches.len();
+        (patches, n_left_out)
+    }
+
+    /// Whether there is ink all along a contour, on both sides of it.
+    fn is_inked(&self, contour: &Contour) -> bool {
+        let least = contour.iter().map(|[x, y]| {
+            let at = pixel(-y, self.height) * self.width + pixel(*x, self.width);
+            let near = around(at, self.width, self.height, 2).map(|at| self.contrast[at]);
+            near.fold(1.0, f64::min)
+        });
+        median(least).is_some_and(|least| least > INKED)
     }
 
     /// Length of a contour along the rim of the picture.
@@ -312,14 +361,47 @@ impl Field {
                 }
             }
         }
-        let least = sum.into_iter().fold(f64::MAX, f64::min);
-        let most = sum.into_iter().fold(0.0, f64::max);
-        if most - least <= (CHROMA * contrast).max(GRAY * n) {
-            return [0; 3];
-        }
-        // In halves, so that strokes of one pen have one color.
-        sum.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
+        saturated(
+            sum.map(|value| value / f64::max(n, 1.0)),
+            (CHROMA * contrast / f64::max(n, 1.0)).max(GRAY),
+        )
     }
+}
+
+/// The hue of a color at full saturation; black where it has no more than a chroma.
+fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
+    let least = color.into_iter().fold(f64::MAX, f64::min);
+    let most = color.into_iter().fold(0.0, f64::max);
+    if most - least <= gray {
+        return [0; 3];
+    }
+    // In halves, so that strokes of one pen have one color.
+    color.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
+}
+
+/// Patches of ink, each a contour with its holes, of at least an area.
+fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
+    let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
+        .into_iter()
+        .filter(|contour| area(contour).abs() >= least)
+        .partition(|contour| area(contour) > 0.0);
+    let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
+    // The smallest patch that holds a point of a hole has the hole.
+    patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
+    let budget = Budget::of("", "");
+    let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
+    for hole in holes {
+        let [x, y] = hole[0];
+        let within = |[left, bottom, right, top]: &[f64; 4]| {
+            (*left..=*right).contains(&x) && (*bottom..=*top).contains(&y)
+        };
+        let owner = (0..patches.len())
+            .find(|k| within(&boxes[*k]) && Filled::new(&patches[*k][..1], &budget).holds([x, y]));
+        if let Some(owner) = owner {
+            patches[owner].push(hole);
+        }
+    }
+    patches
 }
 
 /// Least area of a patch, by the longer side of its picture in pixels.

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use usvg::roxmltree::{Document, Node};
 
-use super::plain::MAX_DEPTH;
+use super::elements::MAX_DEPTH;
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 

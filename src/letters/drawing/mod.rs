@@ -13,6 +13,7 @@ use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
+use chosen::{Numbered, chosen, plain_color};
 use detail::reduced;
 use gradient::{Gradient, Paint};
 use noctograph_core::error::{Error, Result};
@@ -21,16 +22,21 @@ use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 
 mod areas;
 mod bitmap;
+mod chosen;
 mod css;
 mod detail;
+mod elements;
 mod gradient;
 mod handwriting;
 mod ink;
+mod inlays;
+mod layers;
 mod levels;
 mod paper;
 mod photograph;
 mod plain;
 mod qr;
+mod regions;
 mod sheet;
 mod shown;
 mod style;
@@ -112,12 +118,22 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     match kind.as_deref() {
         Some("svg") => {
             let drawing = svg::read(&LIMIT.read(path)?, &file)?;
-            let placing = Placing::new(drawing.bounds(), options, &file)
+            let mut placing = Placing::new(drawing.bounds(), options, &file)
                 .map_err(|error| with_reasons(error, &drawing.warnings))?;
-            let lines = drawing.flatten(options.tolerance_m / placing.scale, &file)?;
+            let size = placing.size();
             let detail = options.detail.unwrap_or(1.0);
-            let drawn = reduced(lines, detail, placing.size(), &file)?;
-            let strokes = by_color(drawn, &drawing.gradients, &placing, ink, &file)?;
+            let drawn = |scale: f64| {
+                let lines = drawing.flatten(options.tolerance_m / scale, &file)?;
+                let (lines, left_out) = reduced(lines, detail, size, &file)?;
+                Ok((chosen(lines, plain_color, options, &file)?, left_out))
+            };
+            let mut found = drawn(placing.scale)?;
+            if options.chooses() {
+                // What is left is as large as the canvas allows, and as smooth.
+                placing = Placing::new(extent(&found.0), options, &file)?;
+                found = drawn(placing.scale)?;
+            }
+            let strokes = by_color(found, &drawing.gradients, &placing, ink, &file)?;
             Ok(Strokes { warnings: drawing.warnings, ..strokes })
         }
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
@@ -125,50 +141,56 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
             let Traced { lines, detail, picture, warnings } =
                 bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
-            let extent = |lines: &[ColoredLine]| {
-                bounds(lines.iter().flat_map(|(line, _)| line.iter().copied()))
-            };
-            let larger = placing(extent(&lines))?.size();
-            let drawn = reduced(lines, detail, larger, &file)?;
-            let placing = placing(extent(&drawn.0))?;
-            Ok(Strokes { picture, warnings, ..by_color(drawn, &[], &placing, ink, &file)? })
+            let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
+            let larger = placing(bounds(points))?.size();
+            let (lines, left_out) = reduced(lines, detail, larger, &file)?;
+            let lines = chosen(lines, plain_color, options, &file)?;
+            let placing = placing(extent(&lines))?;
+            let strokes = by_color((lines, left_out), &[], &placing, ink, &file)?;
+            Ok(Strokes { picture, warnings, ..strokes })
         }
         Some("json") => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
+            let traces = chosen(traces, |trace| trace.color, options, &file)?;
             write(traces, canvas, options, ink, &file)
         }
-        kind => {
-            let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
-            let (found, hint) = match kind {
-                Some("heic" | "heif" | "avif") => (
-                    "a photo of a kind that is not read",
-                    "save it as JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
-                ),
-                Some("pdf" | "ai" | "eps") => {
-                    ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
-                }
-                _ => ("a file of another kind", "save the drawing as SVG"),
-            };
-            Err(Error::input(&file, found, wanted, hint))
-        }
+        kind => Err(foreign(kind.unwrap_or(""), &file)),
     }
+}
+
+/// The error of a file of a kind that is not read, with what to do.
+fn foreign(kind: &str, file: &str) -> Error {
+    let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
+    let (found, hint) = match kind {
+        "heic" | "heif" | "avif" => (
+            "a photo of a kind that is not read",
+            "save it as JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+        ),
+        "pdf" | "ai" | "eps" => {
+            ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
+        }
+        _ => ("a file of another kind", "save the drawing as SVG"),
+    };
+    Error::input(file, found, wanted, hint)
 }
 
 /// Lines of a picture: one glyph, or one of each color.
 fn by_color(
-    (lines, left_out): (Vec<ColoredLine>, LeftOut),
+    (lines, left_out): (Numbered<ColoredLine>, LeftOut),
     gradients: &[Gradient],
     placing: &Placing,
     ink: Ink,
     file: &str,
 ) -> Result<Strokes> {
+    let numbers = lines.iter().map(|(number, (line, _))| placing.number(*number, line)).collect();
     if ink == Ink::Alike {
-        let runs = lines.iter().map(|(line, _)| placing.run(line)).collect();
-        return Ok(Strokes { left_out, ..placing.strokes(vec![runs], StrokeOrder::Free) });
+        let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
+        let strokes = placing.strokes(vec![runs], StrokeOrder::Free);
+        return Ok(Strokes { left_out, numbers, ..strokes });
     }
     let mut inks = Inks::default();
     let (mut shaded, mut joints_m) = (Vec::new(), Vec::new());
-    for (line, paint) in lines {
+    for (_, (line, paint)) in lines {
         match paint {
             Paint::Plain(color) => inks.draw(placing.run(&line), color, file)?,
             Paint::Gradient(index) => shaded.push((line, index)),
@@ -184,7 +206,13 @@ fn by_color(
         }
     }
     let Inks { colors, glyphs } = inks;
-    Ok(Strokes { colors, left_out, joints_m, ..placing.strokes(glyphs, StrokeOrder::Free) })
+    let strokes = placing.strokes(glyphs, StrokeOrder::Free);
+    Ok(Strokes { colors, left_out, joints_m, numbers, ..strokes })
+}
+
+/// The bounds of lines: left, bottom, right, top.
+fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
+    bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
 /// Runs of each color.
@@ -214,21 +242,23 @@ impl Inks {
 
 /// Handwriting placed, by the page that it is on or by its own bounds, and smoothed.
 fn write(
-    traces: Vec<Written>,
+    traces: Numbered<Written>,
     canvas: Option<[f64; 4]>,
     options: &LetterOptions,
     ink: Ink,
     file: &str,
 ) -> Result<Strokes> {
-    let n_points: usize = traces.iter().map(|trace| trace.points.len()).sum();
+    let n_points: usize = traces.iter().map(|(_, trace)| trace.points.len()).sum();
     if n_points > MAX_POINTS {
         return Err(too_many(file));
     }
-    let points = traces.iter().flat_map(|trace| trace.points.iter().copied());
+    let points = traces.iter().flat_map(|(_, trace)| trace.points.iter().copied());
     let bounds = canvas.filter(|_| n_points > 0).unwrap_or_else(|| bounds(points));
     let placing = Placing::new(bounds, options, file)?;
     let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
-    for trace in &traces {
+    let mut numbers = Vec::new();
+    for (number, trace) in &traces {
+        numbers.push(placing.number(*number, &trace.points));
         let color = trace.color.filter(|_| ink == Ink::ByColor);
         if glyphs.is_empty() || color != colors.last().copied() {
             glyphs.push(Vec::new());
@@ -241,7 +271,8 @@ fn write(
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
-    let mut strokes = Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Kept) };
+    let strokes = placing.strokes(glyphs, StrokeOrder::Kept);
+    let mut strokes = Strokes { colors, numbers, ..strokes };
     if options.pace == Pace::Written {
         set_pace(&mut strokes, &lasts_s);
     }
@@ -348,12 +379,22 @@ impl Placing {
         self.width_m.max(self.height_m) / self.scale
     }
 
+    fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
+        [self.left_m + x_m, self.bottom_m + y_m]
+    }
+
+    /// The number of a line, at its middle.
+    fn number(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
+        let along = arc_lengths(line);
+        let half = 0.5 * along[along.len() - 1];
+        let next = along.partition_point(|s| *s < half).max(1).min(line.len() - 1);
+        let [a, b] = [line[next.saturating_sub(1)], line[next]];
+        (number, self.place([0, 1].map(|i| 0.5 * (a[i] + b[i]))))
+    }
+
     fn run(&self, line: &[[f64; 2]]) -> Run {
-        let place = |[x, y]: [f64; 2]| {
-            let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
-            [self.left_m + x_m, self.bottom_m + y_m]
-        };
-        let mut points: Vec<[f64; 2]> = line.iter().map(|point| place(*point)).collect();
+        let mut points: Vec<[f64; 2]> = line.iter().map(|point| self.place(*point)).collect();
         if points.len() == 1 {
             points.push(points[0]);
         }
@@ -377,8 +418,20 @@ impl Placing {
         let (colors, joints_m, left_out) = (Vec::new(), Vec::new(), LeftOut::default());
         let (word, font, picture) = (String::new(), None, Picture::Auto);
         let lost = std::collections::BTreeMap::new();
-        let warnings = Vec::new();
-        Strokes { word, font, lost, glyphs, order, colors, joints_m, left_out, picture, warnings }
+        let (warnings, numbers) = (Vec::new(), Vec::new());
+        Strokes {
+            word,
+            font,
+            lost,
+            glyphs,
+            order,
+            colors,
+            joints_m,
+            left_out,
+            numbers,
+            picture,
+            warnings,
+        }
     }
 }
 
@@ -389,7 +442,13 @@ fn too_many(file: &str) -> Error {
 }
 
 #[cfg(test)]
+mod bitmap_tests;
+#[cfg(test)]
+mod handwritten_tests;
+#[cfg(test)]
 mod picture_tests;
+#[cfg(test)]
+mod sheet_tests;
 #[cfg(test)]
 mod svg_tests;
 #[cfg(test)]

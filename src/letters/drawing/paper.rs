@@ -1,6 +1,7 @@
 //! Paper: its color in blocks of a picture, under shadows and lamps.
 
 use super::levels::{around, level, quantile};
+use noctograph_core::statistics::median;
 
 /// Blocks of paper along the longer side.
 const BLOCKS: usize = 24;
@@ -12,6 +13,11 @@ const SHADOW: f64 = 0.45;
 /// Largest ratio of two channels, by that of paper beside it: what has another hue is a patch of
 /// ink.
 const HUE: f64 = 1.3;
+
+/// Ratio of the tones of paper that is evenly lit, and tones on which light ink is told as dark ink
+/// is.
+const EVEN: f64 = 1.35;
+const MIDDLE: [f64; 2] = [70.0, 155.0];
 
 /// Color of the paper in blocks.
 pub(super) struct Paper {
@@ -64,6 +70,28 @@ impl Paper {
         Self { block, columns, rows, levels }
     }
 
+    /// Paper of a middle tone that is evenly lit: the tone of most of each block and those around
+    /// it, so that no ink of either kind counts. `None` for any other picture.
+    pub(super) fn of_middle_tone(
+        channels: &[Vec<f64>; 3],
+        width: usize,
+        height: usize,
+    ) -> Option<Self> {
+        let (block, columns, rows, blocks) = medians(channels, width, height);
+        let near = |at: usize| {
+            [0, 1, 2].map(|c| {
+                let levels = around(at, columns, rows, 2).map(|at| blocks[at][c]);
+                median(levels).unwrap_or(0.0)
+            })
+        };
+        let levels: Vec<[f64; 3]> = (0..blocks.len()).map(near).collect();
+        let mut tones: Vec<f64> = blocks.iter().map(|rgb| rgb.iter().sum::<f64>() / 3.0).collect();
+        tones.sort_by(f64::total_cmp);
+        let [low, middle, high] = [1, 5, 9].map(|tenth| tones[tenth * (tones.len() - 1) / 10]);
+        let is_middle = high < EVEN * low && (MIDDLE[0]..MIDDLE[1]).contains(&middle);
+        is_middle.then_some(Self { block, columns, rows, levels })
+    }
+
     /// At a pixel, between the middles of blocks.
     pub(super) fn at(&self, x: usize, y: usize) -> [f64; 3] {
         let along = |at: usize, n: usize| {
@@ -82,6 +110,24 @@ impl Paper {
             row(top) + down * (row(bottom) - row(top))
         })
     }
+}
+
+/// The size of blocks, how many there are across and down, and the median color of each.
+fn medians(
+    channels: &[Vec<f64>; 3],
+    width: usize,
+    height: usize,
+) -> (usize, usize, usize, Vec<[f64; 3]>) {
+    let block = width.max(height).div_ceil(BLOCKS);
+    let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
+    let mut counts = vec![[[0_usize; 256]; 3]; columns * rows];
+    for (c, values) in channels.iter().enumerate() {
+        for (at, value) in values.iter().enumerate() {
+            counts[at / width / block * columns + at % width / block][c][level(*value)] += 1;
+        }
+    }
+    let medians = counts.iter().map(|of| [0, 1, 2].map(|c| quantile(&of[c], 0.5) as f64));
+    (block, columns, rows, medians.collect())
 }
 
 /// Which blocks show paper: the brightest, and from them on what is as bright and of the same hue.

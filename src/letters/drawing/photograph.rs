@@ -3,7 +3,8 @@
 //! Edges are where the brightness, blurred, changes most: zeros of its Laplacian (Marr and
 //! Hildreth, Proc. R. Soc. B 207, 1980), followed by marching squares, so that they are lines with
 //! no thinning. They are kept where the gradient is strong, and along as far as it is not weak
-//! (Canny, IEEE Trans. PAMI 8, 1986).
+//! (Canny, IEEE Trans. PAMI 8, 1986). Of a picture at night, the points of light are taken away
+//! first, by a morphological opening, and what is dark counts by its logarithm.
 
 use image::{DynamicImage, RgbImage};
 
@@ -28,6 +29,13 @@ const WEAK: f64 = 0.4;
 /// Least length of an edge by the longer side.
 const SHORTEST: f64 = 0.03;
 
+/// Most tone of most of a picture at night, and least ratio of its lights to that.
+const NIGHT: f64 = 60.0;
+const LIGHTS: f64 = 3.0;
+/// Pixels from its middle up to which a point of light reaches, and brightness that is noise.
+const POINT: usize = 6;
+const NOISE: f64 = 8.0;
+
 /// The edges of a photograph in its pixels, y up.
 pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
     let longer = picture.width().max(picture.height());
@@ -39,6 +47,10 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
     let (width, height) = (small.width() as usize, small.height() as usize);
     let scale = f64::from(longer) / f64::from(small.width().max(small.height()));
     let mut values: Vec<f64> = small.pixels().map(|pixel| f64::from(pixel.0[0])).collect();
+    if is_night(&values) {
+        values = opened(&values, width);
+        values.iter_mut().for_each(|value| *value = 50.0 * libm::log(NOISE + *value));
+    }
     for _ in 0..PASSES {
         values = softened(&values, width);
     }
@@ -80,4 +92,30 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
         }
     }
     edges
+}
+
+fn is_night(values: &[f64]) -> bool {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let [most, lights] = [50, 98].map(|percent| sorted[percent * (sorted.len() - 1) / 100]);
+    most < NIGHT && lights > LIGHTS * most.max(NOISE)
+}
+
+/// Values without what is brighter than all around it and small: the least, then the greatest of
+/// those around each.
+fn opened(values: &[f64], width: usize) -> Vec<f64> {
+    let height = values.len() / width;
+    let pass = |values: &[f64], step: usize, n: usize, of: fn(f64, f64) -> f64| -> Vec<f64> {
+        let around = |at: usize| {
+            let place = at / step % n;
+            let (first, last) = (place.saturating_sub(POINT), (place + POINT).min(n - 1));
+            (first..=last).map(|k| values[at - place * step + k * step]).fold(values[at], of)
+        };
+        (0..values.len()).map(around).collect()
+    };
+    let mut values = values.to_vec();
+    for of in [f64::min, f64::max] {
+        values = pass(&pass(&values, 1, width, of), width, height, of);
+    }
+    values
 }

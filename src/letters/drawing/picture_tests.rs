@@ -1,7 +1,5 @@
 //! Pictures that people bring: icons, colors, paper.
 
-use std::f64::consts::PI;
-
 use super::*;
 use tiny_skia::{
     FillRule, LineCap, Mask, Paint as Brush, Path, PathBuilder, Pixmap, Stroke, Transform,
@@ -10,25 +8,25 @@ use tiny_skia::{
 const WHITE: [u8; 3] = [255; 3];
 
 /// A picture that is painted shape by shape.
-struct Canvas(Pixmap);
+pub(super) struct Canvas(Pixmap);
 
 impl Canvas {
-    fn new([width, height]: [u32; 2], [r, g, b]: [u8; 3]) -> Self {
+    pub(super) fn new([width, height]: [u32; 2], [r, g, b]: [u8; 3]) -> Self {
         let mut pixmap = Pixmap::new(width, height).unwrap();
         pixmap.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
         Self(pixmap)
     }
 
-    fn fill(&mut self, path: &Path, color: [u8; 3]) {
+    pub(super) fn fill(&mut self, path: &Path, color: [u8; 3]) {
         self.0.fill_path(path, &brush(color), FillRule::EvenOdd, Transform::identity(), None);
     }
 
-    fn draw(&mut self, path: &Path, color: [u8; 3], width: f32) {
+    pub(super) fn draw(&mut self, path: &Path, color: [u8; 3], width: f32) {
         let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
         self.0.stroke_path(path, &brush(color), &pen, Transform::identity(), None);
     }
 
-    fn picture(&self) -> image::RgbImage {
+    pub(super) fn picture(&self) -> image::RgbImage {
         let (width, height) = (self.0.width(), self.0.height());
         let rgba = image::RgbaImage::from_raw(width, height, self.0.data().to_vec()).unwrap();
         image::DynamicImage::from(rgba).into_rgb8()
@@ -46,16 +44,24 @@ fn brush([r, g, b]: [u8; 3]) -> Brush<'static> {
 }
 
 /// The lines of a picture in its pixels, y down.
-fn traced(picture: &image::RgbImage, format: image::ImageFormat) -> Traced {
+pub(super) fn traced(picture: &image::RgbImage, format: image::ImageFormat) -> Traced {
+    traced_with(&LetterOptions::default(), picture, format).unwrap()
+}
+
+pub(super) fn traced_with(
+    options: &LetterOptions,
+    picture: &image::RgbImage,
+    format: image::ImageFormat,
+) -> Result<Traced> {
     let mut file = Vec::new();
     picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
     let size = |_: [f64; 4]| Ok(1.0 / f64::from(picture.height()));
-    let mut traced = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap();
+    let mut traced = bitmap::read(&file, options, size, "a")?;
     for point in traced.lines.iter_mut().flat_map(|(line, _)| line) {
         // A pixel's middle is at half of it, and the lines have a margin of a pixel.
         *point = [point[0] - 0.5, -point[1] - 0.5];
     }
-    traced
+    Ok(traced)
 }
 
 fn polygon(corners: impl IntoIterator<Item = [f32; 2]>) -> Path {
@@ -71,7 +77,7 @@ fn circle(x: f32, y: f32, r: f32) -> Path {
     PathBuilder::from_circle(x, y, r).unwrap()
 }
 
-fn line(points: &[[f32; 2]]) -> Path {
+pub(super) fn line(points: &[[f32; 2]]) -> Path {
     let mut path = PathBuilder::new();
     path.move_to(points[0][0], points[0][1]);
     points[1..].iter().for_each(|[x, y]| path.line_to(*x, *y));
@@ -176,7 +182,7 @@ fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
 }
 
 /// A row of numbers without end, 0 to 1.
-fn numbers(seed: u32) -> impl FnMut() -> f32 {
+pub(super) fn numbers(seed: u32) -> impl FnMut() -> f32 {
     let mut state = 2 * seed + 1;
     move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -210,7 +216,7 @@ fn covered(lines: &[&Vec<[f64; 2]>], pen: Option<f32>, [width, height]: [u32; 2]
     mask
 }
 
-fn stroked(mask: &mut Mask, path: &Path, width: f32) {
+pub(super) fn stroked(mask: &mut Mask, path: &Path, width: f32) {
     let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
     let outline = path.stroke(&pen, 1.0).unwrap();
     mask.fill_path(&outline, FillRule::Winding, true, Transform::identity());
@@ -342,160 +348,9 @@ fn rulings_of_the_paper_are_not_drawn_and_are_named() {
         7.0,
     );
     canvas.draw(&circle(780.0, 250.0, 90.0), [240, 205, 40], 7.0);
-    let mut picture = canvas.picture();
-    for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        let (x, y) = (f64::from(x), f64::from(y));
-        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
-        let light = 0.95 - 0.0002 * y - 0.0002 * x;
-        for value in &mut pixel.0 {
-            let grain = 8.0 * (hash - hash.floor() - 0.5);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
-            let shaded = (light * f64::from(*value) + grain).clamp(0.0, 255.0) as u8;
-            *value = shaded;
-        }
-    }
-    let found = traced(&picture, image::ImageFormat::Jpeg);
+    let found = traced(&as_taken(&canvas, 0.75), image::ImageFormat::Jpeg);
     assert_eq!(hues(&found), [([0; 3], 1), ([255, 255, 0], 1)]);
     assert!(found.warnings[0].contains("rulings"), "{:?}", found.warnings);
-}
-
-/// How a sheet of paper was photographed.
-struct Taken {
-    tilt_deg: f64,
-    turn_deg: f64,
-    desk: [f64; 3],
-    /// Light on the right half.
-    shadow: f64,
-    /// Another sheet below, and a hand over the edge.
-    other: bool,
-    hand: bool,
-}
-
-const DARK: [f64; 3] = [110.0, 70.0, 45.0];
-const LIGHT: [f64; 3] = [214.0, 214.0, 210.0];
-
-/// Lines of a boat on a sheet, in its width: x to the right, y down, to 1/√2.
-fn boat() -> Vec<Vec<[f64; 2]>> {
-    let arc = |k: i32| {
-        let t = f64::from(k) / 40.0;
-        [0.2 + 0.6 * t, 0.6 - 0.03 * libm::sin(3.0 * PI * t).abs()]
-    };
-    vec![
-        vec![[0.3, 0.45], [0.72, 0.45], [0.66, 0.53], [0.36, 0.53], [0.3, 0.45]],
-        vec![[0.5, 0.42], [0.5, 0.12], [0.66, 0.39], [0.5, 0.39]],
-        vec![[0.48, 0.16], [0.38, 0.38], [0.48, 0.38], [0.48, 0.16]],
-        (0..=40).map(arc).collect(),
-        (0..=30)
-            .map(|k| {
-                let (sin, cos) = libm::sincos(f64::from(k) * PI / 15.0);
-                [0.82 + 0.05 * cos, 0.15 + 0.05 * sin]
-            })
-            .collect(),
-    ]
-}
-
-/// A photograph of the sheet, and its corners there.
-fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
-    const SIZE: [u32; 2] = [960, 720];
-    let high = 1.0 / std::f64::consts::SQRT_2;
-    let mut paper = Canvas::new([1414, 1000], [252, 250, 240]);
-    for drawn in boat() {
-        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-        let points: Vec<[f32; 2]> =
-            drawn.iter().map(|point| point.map(|x| (1414.0 * x) as f32)).collect();
-        paper.draw(&line(&points), [45, 45, 50], 6.0);
-    }
-    let paper = paper.picture();
-    let (sin, cos) = libm::sincos(taken.turn_deg.to_radians());
-    let (tilt_sin, tilt_cos) = libm::sincos(taken.tilt_deg.to_radians());
-    let place = |[x, y]: [f64; 2]| {
-        let (x, y) = (x - 0.5, y - 0.5 * high);
-        let (x, y) = (cos * x - sin * y, sin * x + cos * y);
-        let far = 1.55 - tilt_sin * y;
-        [480.0 + 1000.0 * x / far, 360.0 + 1000.0 * tilt_cos * y / far]
-    };
-    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, high], [0.0, high]].map(place);
-    let map = sheet::Map::to(&corners);
-    let below = sheet::Map::to(&[[0.55, 0.4], [1.6, 0.4], [1.6, 1.2], [0.55, 1.2]].map(place));
-    let inverse = |map: &sheet::Map, [x, y]: [f64; 2]| {
-        let [a, b, c] = map.0;
-        let (p, q) = ([0, 1].map(|k| a[k] - x * c[k]), [0, 1].map(|k| b[k] - y * c[k]));
-        let (r, s) = (x * c[2] - a[2], y * c[2] - b[2]);
-        let determinant = p[0] * q[1] - p[1] * q[0];
-        [(r * q[1] - p[1] * s) / determinant, (p[0] * s - r * q[0]) / determinant]
-    };
-    let picture = image::RgbImage::from_fn(SIZE[0], SIZE[1], |px, py| {
-        let (x, y) = (f64::from(px) + 0.5, f64::from(py) + 0.5);
-        let inside = |[u, v]: [f64; 2]| (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v);
-        let [u, v] = inverse(&map, [x, y]);
-        let grain = 0.06 * libm::sin(0.05 * y + 2.0 * libm::sin(0.01 * x));
-        let mut color = taken.desk.map(|value| value * (1.0 + grain));
-        if taken.other && inside(inverse(&below, [x, y])) {
-            color = [250.0, 250.0, 246.0];
-        }
-        if inside([u, v]) {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
-            let at = [(1414.0 * u) as u32, (1000.0 * v) as u32];
-            color = paper.get_pixel(at[0], at[1]).0.map(f64::from);
-        }
-        if taken.hand && libm::hypot((x - 120.0) / 1.6, y - 520.0) < 62.0 {
-            color = [205.0, 150.0, 120.0].map(|value| value + 0.2 * (y - 520.0));
-        }
-        let edge = 1.0 / (1.0 + libm::exp((480.0 + 0.4 * (y - 360.0) - x) / 8.0));
-        let light = (1.0 - 0.15 * y / 720.0) * (1.0 - (1.0 - taken.shadow) * edge);
-        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
-        let noise = 6.0 * (hash - hash.floor() - 0.5);
-        image::Rgb(color.map(|value| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
-            let byte = (value * light + noise).clamp(0.0, 255.0) as u8;
-            byte
-        }))
-    });
-    (image::imageops::blur(&picture, 0.8), corners)
-}
-
-#[test]
-fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
-    let plain =
-        Taken { tilt_deg: 0.0, turn_deg: 0.0, desk: DARK, shadow: 1.0, other: false, hand: false };
-    let takes = [
-        Taken { ..plain },
-        Taken { tilt_deg: 25.0, ..plain },
-        Taken { tilt_deg: 40.0, turn_deg: 8.0, ..plain },
-        Taken { tilt_deg: 30.0, turn_deg: -12.0, shadow: 0.4, ..plain },
-        Taken { turn_deg: 15.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 30.0, turn_deg: 5.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.5, ..plain },
-        Taken { tilt_deg: 40.0, turn_deg: -5.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 20.0, turn_deg: 4.0, other: true, ..plain },
-        Taken { tilt_deg: 10.0, turn_deg: -8.0, hand: true, ..plain },
-        Taken { tilt_deg: 35.0, desk: LIGHT, hand: true, ..plain },
-        Taken { tilt_deg: 15.0, turn_deg: 10.0, shadow: 0.35, hand: true, ..plain },
-    ];
-    let drawn: Vec<[f64; 2]> =
-        boat().iter().flat_map(|line| crate::smooth::evenly(line, 0.005)).collect();
-    let [left, top, right, _] = bounds(drawn.iter().copied());
-    for (index, taken) in takes.iter().enumerate() {
-        let (picture, corners) = photographed(taken);
-        let found = traced(&picture, image::ImageFormat::Jpeg);
-        let at: Vec<[f64; 2]> =
-            found.lines.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 3.0)).collect();
-        let [l, t, r, _] = bounds(at.iter().copied());
-        let scale = (right - left) / (r - l);
-        let at: Vec<[f64; 2]> =
-            at.iter().map(|[x, y]| [left + scale * (x - l), top + scale * (y - t)]).collect();
-        let off = |of: &[[f64; 2]], others: &[[f64; 2]]| {
-            let nearest =
-                |p: &[f64; 2]| others.iter().map(|q| distance(*p, *q)).fold(9.0, f64::min);
-            of.iter().map(nearest).fold(0.0, f64::max)
-        };
-        let [missing, added] = [off(&drawn, &at), off(&at, &drawn)];
-        assert!(
-            missing < 0.02 && added < 0.02,
-            "{index}: {missing:.3} missing, {added:.3} added; {corners:.0?}, {:?}",
-            found.warnings
-        );
-    }
 }
 
 #[test]
@@ -530,4 +385,113 @@ fn a_qr_code_is_warned_of_and_a_chessboard_is_not() {
         }
     }
     assert_eq!(board.traced().warnings, Vec::<String>::new());
+}
+
+/// A picture as a camera takes it: less light to one side, and grain.
+fn as_taken(canvas: &Canvas, least_light: f64) -> image::RgbImage {
+    let mut picture = canvas.picture();
+    let width = f64::from(picture.width());
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let (x, y) = (f64::from(x), f64::from(y));
+        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
+        let light = 1.0 - (1.0 - least_light) * x / width;
+        for value in &mut pixel.0 {
+            let grain = 8.0 * (hash - hash.floor() - 0.5);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+            let shaded = (light * f64::from(*value) + grain).clamp(0.0, 255.0) as u8;
+            *value = shaded;
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_shape_within_an_area_of_another_color_is_drawn() {
+    let [yellow, blue, gray, black] = [[250, 210, 30], [20, 60, 200], [150; 3], [0; 3]];
+    for (disc, inner) in [(blue, yellow), (gray, black), (yellow, blue), (black, yellow)] {
+        let mut canvas = Canvas::new([600, 400], WHITE);
+        canvas.fill(&circle(200.0, 200.0, 150.0), disc);
+        let (star, _) = icon(3, [200.0, 200.0], 60.0);
+        canvas.fill(&star, inner);
+        canvas.fill(&polygon([[420.0, 80.0], [560.0, 80.0], [560.0, 320.0]]), black);
+        for format in [image::ImageFormat::Png, image::ImageFormat::Jpeg] {
+            let found = traced(&canvas.picture(), format);
+            let extents: Vec<_> =
+                found.lines.iter().map(|(line, _)| bounds(line.iter().copied())).collect();
+            assert_eq!(found.lines.len(), 3, "{disc:?}, {inner:?}: {extents:.0?}");
+            let mut wanted = Mask::new(600, 400).unwrap();
+            wanted.fill_path(&star, FillRule::EvenOdd, true, Transform::identity());
+            let overlaps = found
+                .lines
+                .iter()
+                .map(|(line, _)| overlap(&covered(&[line], None, [600, 400]), &wanted));
+            let best = overlaps.fold(0.0, f64::max);
+            assert!(best > 0.9, "{disc:?}, {inner:?}: {best:.3}");
+        }
+    }
+    // Shades within an area are no shapes.
+    let mut canvas = Canvas::new([600, 400], WHITE);
+    canvas.fill(&circle(300.0, 200.0, 150.0), [240, 80, 60]);
+    assert_eq!(traced(&as_taken(&canvas, 0.5), image::ImageFormat::Jpeg).lines.len(), 1);
+}
+
+#[test]
+fn what_is_left_out_at_the_rim_is_said_and_is_no_ruling() {
+    let mut canvas = Canvas::new([800, 500], WHITE);
+    canvas.fill(&polygon([[0.0, 60.0], [90.0, 60.0], [90.0, 440.0], [0.0, 440.0]]), [0; 3]);
+    canvas.draw(&circle(400.0, 250.0, 120.0), [0; 3], 8.0);
+    let found = traced(&canvas.picture(), image::ImageFormat::Png);
+    assert_eq!(found.lines.len(), 1);
+    assert!(found.warnings.len() == 1 && found.warnings[0].contains("rim"), "{:?}", found.warnings);
+    // A whiteboard and its tray.
+    let mut board = Canvas::new([1000, 700], [196; 3]);
+    board.fill(&polygon([[0.0, 660.0], [1000.0, 660.0], [1000.0, 700.0], [0.0, 700.0]]), [140; 3]);
+    board.draw(&circle(400.0, 350.0, 120.0), [30, 60, 170], 8.0);
+    board.draw(&line(&[[600.0, 200.0], [800.0, 500.0]]), [180, 30, 40], 8.0);
+    let found = traced(&as_taken(&board, 0.7), image::ImageFormat::Jpeg);
+    assert_eq!(hues(&found), [([0, 0, 255], 1), ([255, 0, 0], 1)]);
+    assert!(!found.warnings.iter().any(|told| told.contains("rulings")), "{:?}", found.warnings);
+}
+
+#[test]
+fn light_and_dark_ink_on_a_photograph_of_kraft_paper_are_drawn() {
+    let mut kraft = Canvas::new([900, 600], [176, 132, 88]);
+    kraft.draw(&circle(200.0, 300.0, 110.0), [245; 3], 9.0);
+    kraft.draw(&circle(460.0, 300.0, 110.0), [25; 3], 9.0);
+    kraft.draw(&line(&[[620.0, 200.0], [700.0, 420.0], [800.0, 180.0]]), [245; 3], 9.0);
+    let found = traced(&as_taken(&kraft, 0.85), image::ImageFormat::Jpeg);
+    let extents: Vec<_> =
+        found.lines.iter().map(|(line, _)| bounds(line.iter().copied())).collect();
+    assert_eq!(found.lines.len(), 3, "{extents:.0?}, {:?}", found.warnings);
+}
+
+#[test]
+fn lights_at_night_are_offered_as_a_photograph_which_is_the_roofs() {
+    let mut night = Canvas::new([900, 600], [18, 20, 38]);
+    let mut next = numbers(3);
+    for house in 0_u8..9 {
+        let [left, top] = [100.0 * f32::from(house), 180.0 + 200.0 * next()];
+        let wall = [[left, top], [left + 90.0, top], [left + 90.0, 600.0], [left, 600.0]];
+        night.fill(&polygon(wall), [6, 6, 10]);
+        for (row, column) in (0_u8..20).flat_map(|row| (0_u8..5).map(move |column| (row, column))) {
+            let [x, y] =
+                [left + 8.0 + 16.0 * f32::from(column), top + 10.0 + 20.0 * f32::from(row)];
+            if next() < 0.4 && y < 580.0 {
+                let window = [[x, y], [x + 8.0, y], [x + 8.0, y + 10.0], [x, y + 10.0]];
+                night.fill(&polygon(window), [250, 210, 110]);
+            }
+        }
+    }
+    let taken = as_taken(&night, 0.9);
+    let found = traced(&taken, image::ImageFormat::Jpeg);
+    let is_offered = found.warnings.iter().any(|told| told.contains("photograph"));
+    assert!(is_offered || found.picture == Picture::Photograph, "{:?}", found.warnings);
+    // The roofs, not the windows.
+    let options = LetterOptions { picture: Picture::Photograph, ..LetterOptions::default() };
+    let edges = traced_with(&options, &taken, image::ImageFormat::Jpeg).unwrap().lines;
+    let is_roofed = |x: &f64| {
+        edges.iter().any(|(line, _)| line.iter().any(|point| (point[0] - x).abs() < 15.0))
+    };
+    let n_roofed = (1..45).map(|k| 20.0 * f64::from(k)).filter(is_roofed).count();
+    assert!(n_roofed > 36 && edges.len() < 30, "{n_roofed} of 44, {} edges", edges.len());
 }

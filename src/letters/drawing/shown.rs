@@ -6,12 +6,12 @@
 //! left and right. Lines have no width: one that crosses another covers nothing of it, unless it
 //! has the color of the paper.
 
-use kurbo::{Affine, BezPath, Shape as _};
+use kurbo::{BezPath, Shape as _};
 
 use super::super::curves::polylines;
-use super::super::outline::Filled;
 use super::MAX_POINTS;
 use super::gradient::{Gradient, Paint};
+use super::layers::{Area, Cut, FLATNESS, Layer, Limit, Painted, layer, stroke_outline};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{arc_lengths, bounds, distance};
 
@@ -21,89 +21,11 @@ const OPAQUE: f64 = 0.9;
 /// Difference of two colors in a channel, of 255, up to which they are one.
 const ALIKE: f64 = 3.0;
 
-/// Largest distance of an area's edge from its curves, and how far beside a line its sides are
-/// looked at, by the page's larger side.
-const FLATNESS: f64 = 2e-4;
-const BESIDE: f64 = 4e-4;
-
-/// Steps of a line's piece, and of a point of an area.
+/// Steps of a line's piece.
 const STEPS: usize = 20;
-const POINT_STEPS: usize = 200;
 
-/// An element that is painted.
-pub(super) struct Painted {
-    /// Its path, y up.
-    pub(super) path: BezPath,
-    pub(super) even_odd: bool,
-    pub(super) fill: Option<(Paint, f64)>,
-    pub(super) stroke: Option<(Paint, f64)>,
-    /// What the stroke covers where it has the color of the paper.
-    pub(super) stroke_area: Option<kurbo::Stroke>,
-    pub(super) placed: Affine,
-    pub(super) cuts: Vec<usize>,
-}
-
-/// What limits where an element shows.
-pub(super) enum Cut {
-    /// The areas of a clip path, each with the cuts of its own.
-    Clip(Vec<Painted>),
-    /// A mask: its elements, whether it is by their opacity alone, and its rectangle.
-    Mask(Vec<Painted>, bool, BezPath),
-    /// The edge of the page.
-    Page(BezPath),
-}
-
-/// An area with an even-odd or a nonzero rule.
-struct Area<'a> {
-    contours: Vec<Vec<[f64; 2]>>,
-    filled: Filled<'a>,
-    even_odd: bool,
-    bounds: [f64; 4],
-}
-
-impl<'a> Area<'a> {
-    fn new(path: &BezPath, even_odd: bool, size: f64, budget: &'a Budget) -> Self {
-        let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
-        let mut contours = polylines(path, FLATNESS * size, most).unwrap_or_default();
-        contours.retain(|contour| contour.len() > 2);
-        budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
-        let bounds = bounds(contours.iter().flatten().copied());
-        Self { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
-    }
-
-    fn holds(&self, place: [f64; 2]) -> bool {
-        let [left, bottom, right, top] = self.bounds;
-        let [x, y] = place;
-        if !(left <= x && x <= right && bottom <= y && y <= top) {
-            return false;
-        }
-        let winding = self.filled.winding(place);
-        if self.even_odd { winding % 2 != 0 } else { winding != 0 }
-    }
-
-    fn meets(&self, other: [f64; 4]) -> bool {
-        let [left, bottom, right, top] = self.bounds;
-        left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
-    }
-}
-
-/// An area in a color.
-struct Layer<'a> {
-    /// The element that it is of.
-    element: usize,
-    area: Area<'a>,
-    paint: Paint,
-    alpha: f64,
-    cuts: Vec<usize>,
-    is_stroke: bool,
-}
-
-/// A cut as areas.
-enum Limit<'a> {
-    Clip(Vec<(Area<'a>, Vec<usize>)>),
-    Mask(Vec<Layer<'a>>, bool, Area<'a>),
-    Page(Area<'a>),
-}
+/// How far beside a line its sides are looked at, by the page's larger side.
+const BESIDE: f64 = 4e-4;
 
 /// All that lies on a page.
 pub(super) struct Page<'a> {
@@ -507,20 +429,6 @@ enum Look {
     Seen(Paint),
     /// As what is beneath it.
     Alike,
-}
-
-fn layer<'a>(element: usize, area: Area<'a>, paint: Paint, alpha: f64, of: &Painted) -> Layer<'a> {
-    Layer { element, area, paint, alpha, cuts: of.cuts.clone(), is_stroke: false }
-}
-
-/// The area of a stroke.
-fn stroke_outline(item: &Painted, size: f64) -> BezPath {
-    let Some(style) = &item.stroke_area else { return BezPath::new() };
-    let user_from_place = item.placed.inverse();
-    let path = user_from_place * &item.path;
-    let scale = item.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
-    let tolerance = FLATNESS * size / scale;
-    item.placed * kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance)
 }
 
 fn own_color(paint: Paint) -> [f64; 3] {

@@ -1,4 +1,3 @@
-use super::super::Picture;
 use super::*;
 
 /// Writes a file and draws it.
@@ -9,7 +8,7 @@ fn drawn(name: &str, content: &str, options: &LetterOptions) -> Result<Strokes> 
     draw(&path, options, Ink::Alike)
 }
 
-fn on_canvas(width_m: f64, height_m: f64) -> LetterOptions {
+pub(super) fn on_canvas(width_m: f64, height_m: f64) -> LetterOptions {
     LetterOptions { canvas_m: Some([width_m, height_m]), align: Align::Left, ..Default::default() }
 }
 
@@ -20,7 +19,7 @@ fn svg(body: &str) -> String {
 }
 
 /// Lit strokes: where they begin and end, and how long they are.
-fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
+pub(super) fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
     let moves = &strokes.glyphs[0].moves;
     let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
     let length = |m: &Move| libm::hypot(m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
@@ -167,11 +166,16 @@ fn what_is_no_drawing_is_refused() {
         ("a.svg", "not xml", "a.svg"),
         ("a.dwg", "x", "another kind"),
         ("svg", "x", "another kind"),
+        ("a.HEIC", "x", "as JPEG"),
+        ("a.avif", "x", "as JPEG"),
+        ("a.jpg", "\0\0\0\x18ftypheic", "as JPEG"),
+        ("a.pdf", "x", "as SVG"),
+        ("a.png", "%PDF-1.7", "as SVG"),
     ];
     for (name, text, found) in cases {
         let error = drawn(name, text, &LetterOptions::default()).unwrap_err();
-        assert!(error.to_string().contains(found), "{text}: {error}");
-        assert!(!error.hint().is_empty());
+        let told = format!("{error}; {}", error.hint());
+        assert!(told.contains(found) && !error.hint().is_empty(), "{name}, {text}: {told}");
     }
     let long = format!("<path d='M0 0 {}' stroke='red'/>", "l1 0 l0 1 ".repeat(MAX_POINTS / 2 + 1));
     let error = drawn("a.svg", &svg(&long), &LetterOptions::default()).unwrap_err().to_string();
@@ -226,226 +230,6 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     std::fs::write(&path, svg(&(0..65).map(line).collect::<String>())).unwrap();
     let refused = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap_err();
     assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
-}
-
-/// A drawing by its lines in shares of a picture, how wide its pen is in pixels, and what a camera
-/// makes of it.
-struct Drawn {
-    lines: &'static [&'static [[f32; 2]]],
-    pen_px: f32,
-    taken: fn(&mut image::RgbImage),
-}
-
-const SIZE: [u32; 2] = [480, 320];
-const CROSS: &[&[[f32; 2]]] = &[&[[0.2, 0.2], [0.8, 0.8]], &[[0.2, 0.8], [0.8, 0.2]]];
-const HOUSE: &[&[[f32; 2]]] = &[
-    &[[0.2, 0.9], [0.2, 0.5], [0.5, 0.15], [0.8, 0.5], [0.8, 0.9], [0.2, 0.9]],
-    &[[0.4, 0.9], [0.4, 0.65], [0.6, 0.65], [0.6, 0.9]],
-];
-const NOOR: &[&[[f32; 2]]] = &[
-    &[[0.1, 0.7], [0.1, 0.3], [0.25, 0.7], [0.25, 0.3]],
-    &[[0.35, 0.4], [0.4, 0.3], [0.48, 0.4], [0.48, 0.6], [0.4, 0.7], [0.35, 0.6], [0.35, 0.4]],
-    &[[0.58, 0.4], [0.63, 0.3], [0.7, 0.4], [0.7, 0.6], [0.63, 0.7], [0.58, 0.6], [0.58, 0.4]],
-    &[[0.8, 0.7], [0.8, 0.3], [0.92, 0.38], [0.8, 0.5], [0.92, 0.7]],
-];
-
-/// The drawing in black on white.
-fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
-    let [width, height] = SIZE;
-    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
-    pixmap.fill(tiny_skia::Color::WHITE);
-    let stroke = tiny_skia::Stroke {
-        width: pen_px,
-        line_cap: tiny_skia::LineCap::Round,
-        line_join: tiny_skia::LineJoin::Round,
-        ..tiny_skia::Stroke::default()
-    };
-    let mut paint = tiny_skia::Paint::default();
-    paint.set_color_rgba8(20, 20, 25, 255);
-    for line in lines {
-        let mut path = tiny_skia::PathBuilder::new();
-        for (index, [x, y]) in line.iter().enumerate() {
-            let (x, y) = (x * width as f32, y * height as f32);
-            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-        }
-        let path = path.finish().unwrap();
-        pixmap.stroke_path(&path, &paint, &stroke, tiny_skia::Transform::identity(), None);
-    }
-    let rgb = pixmap.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
-    image::RgbImage::from_raw(width, height, rgb).unwrap()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "levels")]
-fn change(picture: &mut image::RgbImage, of: impl Fn(f64, f64, f64) -> f64) {
-    for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        pixel.0 = pixel.0.map(|value| of(f64::from(x), f64::from(y), f64::from(value)) as u8);
-    }
-}
-
-fn shadow(picture: &mut image::RgbImage) {
-    change(picture, |x, y, value| {
-        let edge = 1.0 / (1.0 + libm::exp((x - 0.6 * y - 180.0) / 15.0));
-        0.9 * value * (1.0 - 0.0004 * x) * (0.65 + 0.35 * edge)
-    });
-}
-
-/// A quarter of the light.
-fn dark_shadow(picture: &mut image::RgbImage) {
-    change(picture, |x, y, value| {
-        let edge = 1.0 / (1.0 + libm::exp((x - 0.6 * y - 180.0) / 15.0));
-        value * (0.25 + 0.75 * edge)
-    });
-}
-
-fn noise(picture: &mut image::RgbImage) {
-    change(picture, |x, y, value| {
-        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
-        0.94 * value + 14.0 * (hash - hash.floor())
-    });
-}
-
-fn squares(picture: &mut image::RgbImage) {
-    change(
-        picture,
-        |x, y, value| if x % 24.0 < 1.0 || y % 24.0 < 1.0 { 0.85 * value } else { value },
-    );
-}
-
-fn chalk(picture: &mut image::RgbImage) {
-    change(picture, |_, _, value| 40.0 + 0.7 * (255.0 - value));
-    noise(picture);
-}
-
-fn faint(picture: &mut image::RgbImage) {
-    change(picture, |_, _, value| 150.0 + 0.4 * value);
-    noise(picture);
-}
-
-/// Share of places that lie within a distance of others.
-fn near(of: &[[f64; 2]], others: &[[f64; 2]], within: f64) -> f64 {
-    let is_near = |p: &&[f64; 2]| others.iter().any(|other| distance(**p, *other) <= within);
-    of.iter().filter(is_near).count() as f64 / of.len() as f64
-}
-
-#[test]
-fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
-    let plain: fn(&mut image::RgbImage) = |_| {};
-    let sheets = [
-        Drawn { lines: CROSS, pen_px: 3.0, taken: plain },
-        Drawn { lines: CROSS, pen_px: 8.0, taken: shadow },
-        Drawn { lines: CROSS, pen_px: 3.0, taken: faint },
-        Drawn { lines: HOUSE, pen_px: 3.0, taken: shadow },
-        Drawn { lines: HOUSE, pen_px: 5.0, taken: noise },
-        Drawn { lines: HOUSE, pen_px: 6.0, taken: squares },
-        Drawn { lines: HOUSE, pen_px: 5.0, taken: chalk },
-        Drawn { lines: NOOR, pen_px: 3.0, taken: plain },
-        Drawn { lines: NOOR, pen_px: 6.0, taken: shadow },
-        Drawn { lines: NOOR, pen_px: 4.0, taken: chalk },
-        Drawn { lines: NOOR, pen_px: 5.0, taken: squares },
-        Drawn { lines: HOUSE, pen_px: 5.0, taken: dark_shadow },
-        Drawn { lines: NOOR, pen_px: 3.0, taken: dark_shadow },
-    ];
-    for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {
-        let clean = sheet(lines, pen_px);
-        let mut picture = clean.clone();
-        taken(&mut picture);
-        let mut file = Vec::new();
-        let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
-        picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-        let size = |_: [f64; 4]| Ok(1.0 / f64::from(SIZE[1]));
-        let found = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap().lines;
-        let mut flown = Vec::new();
-        for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
-            let n = distance(leg[0], leg[1]).ceil().max(1.0);
-            flown.extend((0..1000).map(f64::from).take_while(|k| *k < n).map(|k| {
-                // The lines have a margin of a pixel, and y up.
-                let share = k / n;
-                let at = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
-                [at[0] - 1.0, -at[1] - 1.0]
-            }));
-        }
-        let dark = clean.enumerate_pixels().filter(|(.., pixel)| pixel.0[0] < 128);
-        let dark: Vec<_> = dark.map(|(x, y, _)| [f64::from(x), f64::from(y)]).collect();
-        let within = 1.5 * f64::from(pen_px);
-        let [drawn, meant] = [near(&dark, &flown, within), near(&flown, &dark, within)];
-        assert!(drawn >= 0.97 && meant >= 0.97, "{index}: {drawn:.3} drawn, {meant:.3} meant");
-        assert!(found.len() <= 8, "{index}: {} strokes", found.len());
-        assert!(
-            found.iter().all(|(_, color)| *color == Paint::Plain([0; 3])),
-            "{index}: black ink"
-        );
-    }
-}
-
-#[test]
-fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
-    let mut picture = image::RgbImage::from_pixel(300, 200, image::Rgb([250, 250, 245]));
-    for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        if (50..150).contains(&x) && (50..150).contains(&y) {
-            pixel.0 = [200, 30, 30];
-        } else if (200..206).contains(&x) && (30..170).contains(&y) {
-            pixel.0 = [20, 30, 180];
-        }
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    picture.save(&path).unwrap();
-    let strokes = draw(&path, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
-    let length_m = |glyph: &Glyph| {
-        let lit = glyph.moves.iter().filter(|step| step.lit);
-        lit.map(|step| distance(step.from_m, step.to_m)).sum::<f64>()
-    };
-    let found: Vec<_> =
-        strokes.colors.iter().zip(&strokes.glyphs).map(|(c, g)| (*c, length_m(g))).collect();
-    let [(blue, bar_m), (red, rim_m)] = found[..] else { panic!("two colors: {found:?}") };
-    assert_eq!((red, blue), ([255, 0, 0], [0, 0, 255]), "hues at full level");
-    // The bar is the tallest: its 140 pixels are the canvas, less a pen at its ends.
-    assert!((rim_m / bar_m - 400.0 / 134.0).abs() < 0.1, "{rim_m} m around, {bar_m} m along");
-
-    let blank =
-        image::RgbImage::from_fn(300, 200, |x, _| image::Rgb([if x < 99 { 200 } else { 190 }; 3]));
-    blank.save(&path).unwrap();
-    let refused = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
-    assert!(refused.contains("stand out"), "{refused}");
-}
-
-/// Smooth tones behind a bright disc, a dark tower and a star, with the grain of a camera.
-fn photograph() -> image::RgbImage {
-    let mut picture = image::RgbImage::new(480, 320);
-    change(&mut picture, |x, y, _| {
-        let hills = 60.0 + 40.0 * libm::sin(0.03 * x) * libm::cos(0.05 * y) + 0.2 * x;
-        let disc = libm::hypot(x - 150.0, y - 150.0) < 80.0;
-        let tower = (330.0..390.0).contains(&x) && y > 60.0;
-        let star = libm::hypot(x - 250.0, y - 40.0) < 5.0;
-        let light = [(disc, 90.0), (tower, -60.0), (star, 120.0)];
-        let light = light.into_iter().filter(|(is, _)| *is).map(|(_, light)| light).sum::<f64>();
-        (hills + light).clamp(0.0, 255.0)
-    });
-    noise(&mut picture);
-    picture
-}
-
-#[test]
-fn a_photograph_is_drawn_by_its_long_edges() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    photograph().save(&path).unwrap();
-    let options = |detail, picture| LetterOptions { detail, picture, ..on_canvas(4.8, 3.2) };
-    let drawn = |options: &LetterOptions| draw(&path, options, Ink::Alike).unwrap();
-    let auto = drawn(&options(None, Picture::Auto));
-    assert_eq!(auto, drawn(&options(Some(0.5), Picture::Photograph)), "recognized");
-    // The disc, and three sides of the tower, which is 260 pixels high.
-    let [_, bottom, _, top] = auto.bounds_m();
-    let edges_m = (top - bottom) / 260.0 * (std::f64::consts::TAU * 80.0 + 60.0 + 2.0 * 260.0);
-    let length = auto.length_m() / edges_m;
-    assert!((0.93..1.07).contains(&length) && auto.n_strokes() == 2, "{length}");
-    assert!(auto.left_out.strokes == 1 && auto.left_out.share < 0.05, "{:?}", auto.left_out);
-    let all = drawn(&options(Some(1.0), Picture::Photograph));
-    assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0), "the star");
-    assert_eq!(auto.picture, Picture::Photograph);
-    let ink = drawn(&options(None, Picture::Drawing));
-    assert_eq!(ink.picture, Picture::Drawing);
-    assert_ne!(ink, auto, "the kind can be given");
 }
 
 /// The lit moves of each color with where they begin, in the drawing's units from its left edge.
@@ -532,73 +316,6 @@ fn an_svg_with_less_detail_has_fewer_strokes() {
     assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
 }
 
-/// A picture of areas in one ink, each by its corners in shares of the picture.
-fn areas(shapes: &[&[[f32; 2]]]) -> image::RgbaImage {
-    let [width, height] = SIZE;
-    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
-    let mut paint = tiny_skia::Paint::default();
-    paint.set_color_rgba8(0, 0, 0, 255);
-    paint.anti_alias = true;
-    for shape in shapes {
-        let mut path = tiny_skia::PathBuilder::new();
-        for (index, [x, y]) in shape.iter().enumerate() {
-            let (x, y) = (x * width as f32, y * height as f32);
-            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-        }
-        path.close();
-        let (path, rule) = (path.finish().unwrap(), tiny_skia::FillRule::Winding);
-        pixmap.fill_path(&path, &paint, rule, tiny_skia::Transform::identity(), None);
-    }
-    image::RgbaImage::from_raw(width, height, pixmap.take()).unwrap()
-}
-
-fn star(x: f32, y: f32, r: f32) -> Vec<[f32; 2]> {
-    let corner = |k: u8| {
-        let r = if k.is_multiple_of(2) { r } else { 0.4 * r };
-        let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
-        [x + r * sin, y - 1.5 * r * cos]
-    };
-    (0..10).map(corner).collect()
-}
-
-#[test]
-fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
-    let triangle: &[[f32; 2]] = &[[0.7, 0.1], [0.8, 0.3], [0.6, 0.3]];
-    let square: &[[f32; 2]] = &[[0.05, 0.1], [0.5, 0.1], [0.5, 0.9], [0.05, 0.9]];
-    let bar: &[[f32; 2]] = &[[0.55, 0.8], [0.95, 0.8], [0.95, 0.83], [0.55, 0.83]];
-    let star = star(0.75, 0.55, 0.1);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    areas(&[triangle, square, bar, &star]).save(&path).unwrap();
-    let strokes = draw(&path, &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
-    let lines = lit(&strokes);
-    let closed: Vec<f64> = lines
-        .iter()
-        .filter(|(from, to, _)| distance(*from, *to) < 0.05)
-        .map(|line| line.2)
-        .collect();
-    assert_eq!((lines.len(), closed.len()), (4, 3), "three outlines and a line: {lines:?}");
-    assert!(closed.iter().all(|length| *length > 0.9), "{closed:?}");
-}
-
-#[test]
-fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
-    let bar: &[[f32; 2]] = &[[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
-    let black = areas(&[bar]);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    let drawn = |ink: [u8; 3]| {
-        let mut picture = black.clone();
-        picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
-        picture.save(&path).unwrap();
-        let strokes = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();
-        (strokes.n_strokes(), (10.0 * strokes.length_m()).round())
-    };
-    for ink in [[255; 3], [255, 240, 0], [0; 3], [200, 30, 30], [180, 255, 180]] {
-        assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
-    }
-}
-
 #[test]
 fn handwriting_on_a_canvas_keeps_its_place() {
     let page = |strokes: &str| {
@@ -613,16 +330,4 @@ fn handwriting_on_a_canvas_keeps_its_place() {
     assert!(tap.length_m() < 0.01 && tap.n_strokes() == 1, "a dot: {} m", tap.length_m());
     assert!(page("[[[201, 50]]]").unwrap_err().to_string().contains("on the canvas"));
     assert!(page("[]").unwrap_err().to_string().contains("nothing drawn"));
-}
-
-#[test]
-fn a_picture_of_one_color_is_no_drawing() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    for gray in [0, 3, 128, 255] {
-        let picture = image::RgbImage::from_pixel(320, 200, image::Rgb([gray; 3]));
-        picture.save(&path).unwrap();
-        let error = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
-        assert!(error.contains("a.png: found a picture"), "{gray}: {error}");
-    }
 }

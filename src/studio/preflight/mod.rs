@@ -35,7 +35,7 @@ pub use memory::LED_MEMORY;
 use memory::{check_led_memory, check_memory};
 pub use picture::PICTURE;
 use picture::{Picture, check_picture, evener, painted};
-pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, frame_within, place};
+pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
 use placement::{camera_place, outside_of};
 use plans::{check_plan, check_separation};
 pub use profile::Profile;

@@ -314,6 +314,29 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
+/// The part of a scene's canvas that its camera shows whole from within a room, where it stands
+/// square in front of the word; `None` where there is no canvas or another camera.
+///
+/// # Errors
+///
+/// As [`CameraOptions::camera`].
+pub fn canvas_within(scene: &Scene, room_m: [f64; 3]) -> Result<Option<[f64; 2]>> {
+    let (Framing::Word(_), Some(canvas_m)) = (&scene.camera.framing, scene.letters.canvas_m) else {
+        return Ok(None);
+    };
+    let low_m = scene.letters.baseline_m;
+    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+    let shown = |size_m: [f64; 2], side_m: f64| -> Result<f64> {
+        let word_m = [-0.5 * size_m[0], low_m, 0.5 * size_m[0], low_m + size_m[1]];
+        let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+        // A hair less, so that rounding leaves the camera its place.
+        Ok(side_m * (most_m / least_m * (1.0 - 1e-6)).min(1.0))
+    };
+    let [width_m, height_m] = canvas_m;
+    let (thin_m, flat_m) = ([0.01 * height_m, height_m], [width_m, 0.01 * width_m]);
+    Ok(Some([shown(flat_m, width_m)?, shown(thin_m, height_m)?]))
+}
+
 impl ShotPlan {
     /// The answer as rows of a table: what, and where.
     #[must_use]

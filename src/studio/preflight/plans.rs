@@ -228,6 +228,67 @@ mod tests {
         assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
     }
 
+    /// Handwriting of a kind: a spiral, a zigzag, a scribble, a coast, a rosette, a sketch of many
+    /// short strokes.
+    fn drawing(kind: usize, size_m: f64) -> Strokes {
+        let mut state = kind as f64;
+        let mut next = || {
+            state = 43_758.545_3 * libm::sin(12.9898 * state + 1.7).fract();
+            state - state.floor()
+        };
+        let mut stroke = |n: u32, at: &mut dyn FnMut(f64, f64) -> [f64; 2]| -> Vec<[f64; 2]> {
+            (0..=n).map(|k| at(f64::from(k) / f64::from(n), next())).collect()
+        };
+        let turned = |r: f64, turns: f64| {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * turns);
+            [1.0 + r * cos, 1.0 + r * sin]
+        };
+        let strokes: Vec<Vec<[f64; 2]>> = match kind % 6 {
+            0 => vec![stroke(300, &mut |t, _| turned(t, 6.0 * t))],
+            1 => vec![stroke(40, &mut |t, r| [2.0 * t, if r < 0.5 { r } else { 1.5 * r }])],
+            2 => vec![stroke(60, &mut |t, r| [0.5 + r, t])],
+            3 => vec![stroke(200, &mut |t, r| turned(1.0 + 0.12 * r, t))],
+            4 => vec![stroke(400, &mut |t, _| turned(libm::cos(31.4 * t), t))],
+            _ => (0..25)
+                .map(|_| {
+                    let [x, y] = stroke(1, &mut |_, r| [2.0 * r, r])[0];
+                    stroke(6, &mut |t, r| [x + 0.2 * t, y + 0.1 * r])
+                })
+                .collect(),
+        };
+        let file = tempfile::Builder::new().suffix(".json").tempfile().unwrap();
+        std::fs::write(file.path(), serde_json::json!({ "strokes": strokes }).to_string()).unwrap();
+        let options =
+            LetterOptions { canvas_m: Some([size_m, size_m]), ..LetterOptions::default() };
+        noctograph_letters::draw(file.path(), &options, noctograph_letters::Ink::Alike).unwrap()
+    }
+
+    #[test]
+    fn a_plan_of_the_program_keeps_the_limits_by_which_it_is_judged() {
+        let mut scenes: Vec<(String, Strokes)> = (0..24)
+            .map(|kind| (format!("drawing {kind}"), drawing(kind, [0.5, 0.8, 1.2, 1.5][kind / 6])))
+            .collect();
+        for (font, word, cap_height_m) in [
+            ("simplex", "Noctograph & 8", 0.25),
+            ("simplex", "{§@Ωж}", 0.5),
+            ("ae483", "QUICK", 0.2),
+            ("ae483-fixed", "WAVE 2026", 0.6),
+            (concat!(env!("CARGO_MANIFEST_DIR"), "/../../fonts/Roboto-Thin.ttf"), "Rag@8", 0.4),
+        ] {
+            let font = font.to_owned();
+            let options = LetterOptions { font, cap_height_m, ..LetterOptions::default() };
+            scenes.push((word.to_owned(), write(word, &options).unwrap()));
+        }
+        for (name, strokes) in scenes {
+            let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+            for profile in [Profile::indoor(), Profile::outdoor()] {
+                for row in [speed(&plan, &profile), acceleration(&plan, &profile)] {
+                    assert_eq!(row.severity, Severity::Fine, "{name}: {row:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_room_bounds_the_volume() {
         let plan = even("NOOR", EvenStyle::default());

@@ -20,13 +20,14 @@ const DASH_M: f64 = 0.03;
 const MOST_TIMES: usize = 80;
 
 /// The plans of one word from the front: lit strokes colored by speed, dark ways dashed, the time
-/// at which each stroke begins, and where drones start and land. SVG.
+/// at which each stroke begins, and where drones start and land; and the numbers of the strokes of
+/// a drawing. SVG.
 ///
 /// # Panics
 ///
 /// If there is no setpoint.
 #[must_use]
-pub fn plan_view(plans: &[Plan], word: &str) -> String {
+pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();
     let lit_speeds = lines.iter().filter(|line| line.lit).map(|line| line.speed_m_s);
@@ -55,7 +56,10 @@ pub fn plan_view(plans: &[Plan], word: &str) -> String {
     }
     let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
     let marks = plans.iter().enumerate().flat_map(|(i, plan)| marks(plan, i, plans.len()));
-    let view = View::of(curves, legend, marks.collect());
+    let shown = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
+    let number =
+        |(number, [x, y]): &(usize, [f64; 2])| Mark { at: (*x, *y), text: format!("no. {number}") };
+    let view = View::of(curves, legend, marks.chain(shown.iter().map(number)).collect());
     let ranges = view.ranges();
     view.svg(&format!("{word}, planned: {longest_s:.1} s"), "z (m)", ranges)
 }
@@ -165,7 +169,7 @@ mod tests {
     fn the_drawing_says_when_each_stroke_begins_and_how_fast_it_is() {
         let strokes = write("NE", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
-        let svg = plan_view(std::slice::from_ref(&plan), "NE");
+        let svg = plan_view(std::slice::from_ref(&plan), "NE", &[]);
         assert!(svg.contains("start") && svg.contains("to 0.20 m/s"), "legend and marks");
         let lit = plan.lit();
         let first = (0..lit.len()).find(|row| lit[*row] > 0.0).unwrap();

@@ -145,7 +145,8 @@ fn film(shot: &Shot) -> Result<Vec<(Vec<u8>, String)>> {
 fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
-        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word)]);
+        let numbers = shot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
+        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word, numbers)]);
     }
     let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
     if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {

@@ -125,7 +125,10 @@ const NO_DRAG: &str =
 
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
-        && [".ttf", ".otf"].iter().any(|end| scene.letters.font.to_lowercase().ends_with(end))
+        && std::iter::once(&scene.letters.font).chain(&scene.letters.fallback).any(|name| {
+            let name = name.to_lowercase();
+            [".ttf", ".otf", ".ttc", ".otc"].iter().any(|end| name.ends_with(end))
+        })
 }
 
 fn is_handwriting(scene: &Scene) -> bool {
@@ -133,7 +136,7 @@ fn is_handwriting(scene: &Scene) -> bool {
 }
 
 fn is_bitmap(scene: &Scene) -> bool {
-    is_drawing(scene, &[".png", ".jpg", ".jpeg"])
+    is_drawing(scene, &[".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp"])
 }
 
 fn is_drawing(scene: &Scene, ends: &[&str]) -> bool {

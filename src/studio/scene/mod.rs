@@ -222,10 +222,9 @@ impl Scene {
     ///
     /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
     pub fn settle_files(&mut self) -> Result<()> {
-        let is_file = self.letters.font.contains('.').then_some(&mut self.letters.font);
-        for path in
-            is_file.into_iter().chain([&mut self.letters.drawing, &mut self.photo.background])
-        {
+        let fonts = std::iter::once(&mut self.letters.font).chain(&mut self.letters.fallback);
+        let fonts = fonts.filter(|name| name.contains('.'));
+        for path in fonts.chain([&mut self.letters.drawing, &mut self.photo.background]) {
             if let Ok(absolute) = std::path::absolute(&*path)
                 && absolute.exists()
             {

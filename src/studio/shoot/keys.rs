@@ -11,6 +11,7 @@ use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kin
 /// Keys that change no product of this chain, and what they change.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
+    ("letters.fallback", "words with letters that the font lacks"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
     (
         "vehicle.firmware",

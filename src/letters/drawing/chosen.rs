@@ -1,0 +1,191 @@
+//! Strokes of a drawing that are chosen or left out, by number or color.
+
+use super::gradient::Paint;
+use super::{ColoredLine, LetterOptions};
+use noctograph_core::error::{Error, Result};
+
+/// Strokes, and their numbers in the whole drawing, from 1 on.
+pub(super) type Numbered<T> = Vec<(usize, T)>;
+
+/// Names of colors by the hue at which they end, in degrees; the first goes on beyond the last.
+const HUES: [(f64, &str); 9] = [
+    (15.0, "red"),
+    (45.0, "orange"),
+    (70.0, "yellow"),
+    (165.0, "green"),
+    (195.0, "cyan"),
+    (260.0, "blue"),
+    (320.0, "purple"),
+    (345.0, "pink"),
+    (360.0, "red"),
+];
+/// Least difference of its channels, of 255, from which a color has a hue; and the levels between
+/// black, gray and white.
+const CHROMA: u8 = 24;
+const GRAY: [u8; 2] = [64, 192];
+
+/// What is named: strokes by number, or by the name of a color.
+enum Named {
+    Numbers(usize, usize),
+    Color(&'static str),
+}
+
+/// The strokes that the options choose, with their numbers.
+pub(super) fn chosen<T>(
+    strokes: Vec<T>,
+    color: impl Fn(&T) -> Option<[u8; 3]>,
+    options: &LetterOptions,
+    file: &str,
+) -> Result<Numbered<T>> {
+    let colors: Vec<Option<&str>> = strokes.iter().map(|it| color(it).map(name)).collect();
+    let [wanted, unwanted] = [("ink", &options.ink), ("without", &options.without)]
+        .map(|(key, list)| parse(key, list, &colors));
+    let (wanted, unwanted) = (wanted?, unwanted?);
+    let is_named = |named: &[Named], index: usize| {
+        named.iter().any(|it| match it {
+            Named::Numbers(first, last) => (*first..=*last).contains(&(index + 1)),
+            Named::Color(name) => colors[index] == Some(name),
+        })
+    };
+    let is_chosen = |index: usize| {
+        (wanted.is_empty() || is_named(&wanted, index)) && !is_named(&unwanted, index)
+    };
+    let any = strokes.is_empty() || (0..strokes.len()).any(is_chosen);
+    let kept = strokes.into_iter().enumerate().filter(|(index, _)| is_chosen(*index));
+    let kept = kept.map(|(index, stroke)| (index + 1, stroke)).collect();
+    any.then_some(kept).ok_or_else(|| {
+        let (found, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
+        Error::input(format!("{file}: letters.without"), found, "at least one stroke", hint)
+    })
+}
+
+/// The color of a line that has one.
+pub(super) fn plain_color((_, paint): &ColoredLine) -> Option<[u8; 3]> {
+    match paint {
+        Paint::Plain(color) => Some(*color),
+        Paint::Gradient(_) => None,
+    }
+}
+
+/// A list such as `2,5-7,red`; every part of it has to be in the drawing.
+fn parse(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<Named>> {
+    let n = colors.len();
+    let part = |text: &str| {
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        if let (Ok(first), Ok(last)) = (first.trim().parse(), last.trim().parse::<usize>()) {
+            return (1 <= first && first <= last && last <= n)
+                .then_some(Named::Numbers(first, last));
+        }
+        let named: svgtypes::Color = text.parse().ok()?;
+        let name = name([named.red, named.green, named.blue]);
+        colors.contains(&Some(name)).then_some(Named::Color(name))
+    };
+    let parts = list.split(',').map(str::trim).filter(|text| !text.is_empty());
+    let named = parts.map(|text| {
+        part(text).ok_or_else(|| {
+            let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
+            known.sort_unstable();
+            known.dedup();
+            let wanted = format!("numbers from 1 to {n}, or of the colors {}", known.join(", "));
+            let hint = "the drawing of the plan (*.svg) shows the strokes' numbers";
+            Error::input(format!("letters.{key}"), format!("{text:?}"), wanted, hint)
+        })
+    });
+    named.collect()
+}
+
+/// The name of a color: of its hue, or black, gray or white.
+pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
+    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+    if most - least < CHROMA {
+        let levels = ["black", "gray", "white"];
+        return levels[GRAY.iter().filter(|level| most >= **level).count()];
+    }
+    let [r, g, b] = [r, g, b].map(f64::from);
+    let chroma = f64::from(most - least);
+    let hue = if r >= g && r >= b {
+        60.0 * ((g - b) / chroma)
+    } else if g >= b {
+        60.0 * ((b - r) / chroma + 2.0)
+    } else {
+        60.0 * ((r - g) / chroma + 4.0)
+    };
+    let hue = if hue < 0.0 { hue + 360.0 } else { hue };
+    HUES.iter().find(|(end, _)| hue <= *end).map_or("red", |(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_have_the_names_that_people_give_them() {
+        let named = |text: &str| {
+            let color: svgtypes::Color = text.parse().unwrap();
+            name([color.red, color.green, color.blue])
+        };
+        for own in
+            ["black", "gray", "white", "red", "orange", "yellow", "green", "cyan", "blue", "purple"]
+        {
+            assert_eq!(named(own), own);
+        }
+        for (other, own) in [
+            ("crimson", "red"),
+            ("hotpink", "pink"),
+            ("lime", "green"),
+            ("navy", "blue"),
+            ("gold", "yellow"),
+            ("#00ff80", "green"),
+            ("#0080ff", "blue"),
+        ] {
+            assert_eq!(named(other), own, "{other}");
+        }
+    }
+
+    #[test]
+    fn strokes_are_chosen_by_number_and_color_and_keep_their_numbers() {
+        let colors = [[0; 3], [255, 0, 0], [0; 3], [255, 255, 0]];
+        let of = |ink: &str, without: &str| {
+            let options =
+                LetterOptions { ink: ink.into(), without: without.into(), ..Default::default() };
+            let found = chosen(colors.to_vec(), |color| Some(*color), &options, "a.png");
+            found.map(|found| found.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
+        };
+        assert_eq!(of("", "").unwrap(), [1, 2, 3, 4]);
+        assert_eq!(of("red, 3", "").unwrap(), [2, 3]);
+        assert_eq!(of("2-4", "black").unwrap(), [2, 4]);
+        assert_eq!(of("", "#cc0000,1").unwrap(), [3, 4]);
+        for (ink, without) in [("5", ""), ("0", ""), ("3-2", ""), ("blue", ""), ("", "x")] {
+            let told = of(ink, without).unwrap_err().to_string();
+            assert!(told.contains("1 to 4") && told.contains("black, red, yellow"), "{told}");
+        }
+        assert!(of("red", "2").unwrap_err().to_string().contains("no stroke"));
+    }
+
+    #[test]
+    fn what_is_chosen_fills_the_canvas_and_is_drawn_as_before() {
+        let svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>\
+                   <path d='M0 0h90v90' stroke='black'/><path d='M20 40h20v10' stroke='#c00'/>\
+                   <path d='M1 1h9' stroke='lime'/></svg>";
+        let json = "{\"strokes\": [[[0, 0], [90, 90]], [[20, 40], [40, 50]], [[9, 9], [1, 9]]],\
+                    \"colors\": [[0, 0, 0], [200, 0, 0], [0, 255, 0]]}";
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [("a.svg", svg), ("a.json", json)] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            for (ink, without) in [("red", ""), ("2", ""), ("", "black,3")] {
+                let canvas_m = Some([2.0, 1.0]);
+                let (ink, without) = (ink.to_owned(), without.to_owned());
+                let options = LetterOptions { ink, without, canvas_m, ..LetterOptions::default() };
+                let strokes = super::super::draw(&path, &options, super::super::Ink::ByColor);
+                let strokes = strokes.unwrap();
+                assert_eq!((strokes.n_strokes(), strokes.colors.len()), (1, 1), "{name}");
+                assert_eq!(strokes.numbers.iter().map(|it| it.0).collect::<Vec<_>>(), [2]);
+                let [left, bottom, right, top] = strokes.bounds_m();
+                assert!((right - left - 2.0).abs() < 1e-9 && (top - bottom - 1.0).abs() < 1e-9);
+                let [x, y] = strokes.numbers[0].1;
+                assert!((left..=right).contains(&x) && (bottom..=top).contains(&y), "{x}, {y}");
+            }
+        }
+    }
+}

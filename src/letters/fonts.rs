@@ -1,0 +1,138 @@
+//! Fonts: one, and those that stand in for it where it lacks a letter.
+//!
+//! A line is cut into runs of one font. Where fonts change, runs stand in visual order (Unicode
+//! Standard Annex 9, unicode-bidi), so that a name in Hebrew within a line of Latin letters runs
+//! from right to left in its place.
+
+use std::ops::Range;
+
+use unicode_bidi::BidiInfo;
+
+use super::font::Font;
+use super::options::LetterOptions;
+use super::shaping::is_mark;
+use noctograph_core::error::Result;
+
+/// A font and its substitutes.
+pub(super) struct Fonts(Vec<Font>);
+
+/// A part of a line in one font, by its bytes.
+pub(super) type Part<'a> = (&'a Font, Range<usize>);
+
+impl Fonts {
+    pub(super) fn open(options: &LetterOptions) -> Result<Self> {
+        let names = std::iter::once(&options.font).chain(&options.fallback);
+        Ok(Self(names.map(|name| Font::open(name, options.trace)).collect::<Result<_>>()?))
+    }
+
+    /// The font of the text.
+    pub(super) fn main(&self) -> &Font {
+        &self.0[0]
+    }
+
+    pub(super) fn check_work(&self) -> Result<()> {
+        self.0.iter().try_for_each(Font::check_work)
+    }
+
+    /// The longest stroke of its typeface that a drawn character lost.
+    pub(super) fn lost(&self, character: char) -> f64 {
+        self.0.iter().find(|font| font.has(character)).map_or(0.0, |font| font.lost(character))
+    }
+
+    /// The parts of a line in one font each, as it is read. What no font has is in the first.
+    pub(super) fn parts(&self, line: &str) -> Vec<Part<'_>> {
+        let mut parts: Vec<(usize, Range<usize>)> = Vec::new();
+        for (at, character) in line.char_indices() {
+            let end = at + character.len_utf8();
+            let stays = |font: usize| {
+                // Spaces, marks and signs go with the letters before them.
+                let goes_along = character == ' ' || is_mark(character);
+                goes_along || !character.is_alphabetic() && self.0[font].has(character)
+            };
+            let has = |font: &Font| character != ' ' && font.draws(character);
+            let first = self.0.iter().position(has).unwrap_or(0);
+            match parts.last_mut() {
+                Some((font, part)) if stays(*font) || *font == first => part.end = end,
+                // A space before the first letter.
+                Some((font, part)) if line[part.clone()].trim().is_empty() => {
+                    (*font, part.end) = (first, end);
+                }
+                _ => parts.push((first, at..end)),
+            }
+        }
+        parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
+    }
+
+    /// The same from left to right, and whether each is read from right to left.
+    pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
+        let parts = self.parts(line);
+        let info = BidiInfo::new(line, None);
+        let mut ordered = Vec::new();
+        for paragraph in &info.paragraphs {
+            let (levels, runs) = info.visual_runs(paragraph, paragraph.range.clone());
+            for run in runs {
+                let within = parts.iter().filter_map(|(font, part)| {
+                    let shared = part.start.max(run.start)..part.end.min(run.end);
+                    (shared.start < shared.end).then_some((*font, shared))
+                });
+                let leftward = levels[run.start].is_rtl();
+                let mut within: Vec<(Part<'_>, bool)> = within.map(|it| (it, leftward)).collect();
+                if leftward {
+                    within.reverse();
+                }
+                ordered.extend(within);
+            }
+        }
+        ordered
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::write;
+    use super::super::shaping::tests::small_face;
+    use super::*;
+    use crate::Strokes;
+
+    #[test]
+    fn letters_that_a_font_lacks_are_those_of_the_next_one_in_their_direction() {
+        let folder = tempfile::tempdir().unwrap();
+        let hebrew = folder.path().join("small.ttf");
+        std::fs::write(&hebrew, small_face()).unwrap();
+        let fallback = vec!["simplex".to_owned(), hebrew.display().to_string()];
+        let options = LetterOptions { fallback, ..LetterOptions::default() };
+        let set = |word: &str| write(word, &options).unwrap();
+        let drawn = |strokes: &Strokes| {
+            strokes.glyphs.iter().map(|glyph| glyph.character).collect::<String>()
+        };
+        let cases = [
+            ("noor", "NOOR"),
+            ("NO Я", "NOЯ"),
+            // From right to left, in the place of the name; a space parts them from Latin letters.
+            ("NO \u{5d0}\u{5e8} I", "NO\u{5e8}\u{5d0}I"),
+            ("\u{5d0}\u{5e8} NO", "NO\u{5e8}\u{5d0}"),
+            ("\u{5d0}\u{5e8}", "\u{5e8}\u{5d0}"),
+        ];
+        for (word, wanted) in cases {
+            let strokes = set(word);
+            assert_eq!(drawn(&strokes), wanted, "{word}");
+            let cells = strokes.glyphs.windows(2).map(|pair| [pair[0].cell, pair[1].cell]);
+            for [cell, next] in cells {
+                assert!(cell.left_m + cell.width_m < next.left_m + 1e-9, "{word}: {cell:?}");
+            }
+        }
+        let alone = write("NO", &LetterOptions::default()).unwrap();
+        assert_eq!(set("NO"), alone, "a font that has all letters is alone");
+        let glyph = |strokes: &Strokes| {
+            let glyph = &strokes.glyphs[0];
+            glyph.moves.iter().map(|step| step.from_m[0] - glyph.cell.left_m).collect::<Vec<_>>()
+        };
+        let moved = |[a, b]: [Vec<f64>; 2]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(moved([glyph(&set("NЯ")), glyph(&alone)]), "N is the team's");
+        let told = write("NO\u{6f22}", &options).unwrap_err();
+        assert!(told.to_string().contains("position 3"), "{told}");
+        assert!(told.hint().contains("letters.fallback"), "{}", told.hint());
+        let unknown = LetterOptions { fallback: vec!["comic".into()], ..options };
+        assert!(write("NO", &unknown).unwrap_err().to_string().contains("letters.fallback"));
+    }
+}
