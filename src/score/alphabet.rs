@@ -28,15 +28,15 @@ pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
 /// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.
 const SHAPES: [&str; 24] = [
     "AÀÁÂÃÄÅĀĂĄǍАΑ",
-    "BВΒ",
+    "BВΒƁ",
     "CÇĆĈĊČСϹ",
-    "DĎĐÐ",
+    "DĎĐÐƊ",
     "EÈÉÊËĒĔĖĘĚЕЁΕ",
     "GĜĞĠĢ",
     "HĤĦНΗ",
     "IÌÍÎÏĨĪĬĮİІЇΙ",
     "JĴЈ",
-    "KĶКΚ",
+    "KĶКΚƘ",
     "LĹĻĽĿŁ",
     "MМΜ",
     "NÑŃŅŇΝ",
@@ -49,24 +49,26 @@ const SHAPES: [&str; 24] = [
     "VѴ",
     "WŴ",
     "XХΧ",
-    "YÝŶŸУΥ",
+    "YÝŶŸУΥƳ",
     "ZŹŻŽΖ",
 ];
 
-/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, and the composed letters of
-/// Latin Extended Additional, Vietnamese ones among them (Unicode).
+/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, with the small letters of its
+/// last capitals, and the composed letters of Latin Extended Additional, Vietnamese ones among them
+/// (Unicode).
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
-    ['\u{c0}'..='\u{24f}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
+    ['\u{c0}'..='\u{259}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
 fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
 
 /// Latin letters of their own, and the letters whose shape is near theirs, the nearest first.
-const OTHER_LETTERS: [(&str, &str); 8] = [
+const OTHER_LETTERS: [(&str, &str); 9] = [
     ("ßẞ", "B"),
     ("ÆæǼǽ", "AE"),
     ("Œœ", "OE"),
+    ("Ĳĳ", "IJ"),
     ("Þþ", "P"),
     ("Ŋŋ", "N"),
     ("Əə", "E"),
@@ -140,6 +142,13 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
         letter => bit(letter.to_ascii_uppercase()) | bit(letter.to_ascii_lowercase()),
     };
     Some(classes | mark)
+}
+
+/// Whether a character is a letter or digit that the net does not know, which nobody can judge. A
+/// modifier letter, as in Hawaiian and Uzbek, is punctuation.
+pub(super) fn is_foreign(character: char) -> bool {
+    let is_modifier = ('\u{2b0}'..='\u{2ff}').contains(&character);
+    character.is_alphanumeric() && !is_modifier && classes_of(character).is_none()
 }
 
 /// The classes whose shape is that of a character alone, whatever its size.
@@ -226,6 +235,14 @@ mod tests {
         assert_eq!((latin('ế'), latin('Ợ'), latin('ư')), (Some('e'), Some('O'), Some('u')));
         assert_eq!((latin('ן'), latin('ə'), latin('Œ')), (None, Some('e'), Some('O')));
         assert_eq!((ligature('œ'), ligature('ß')), (Some(['o', 'e']), None));
+    }
+
+    #[test]
+    fn modifier_letters_are_no_letters_that_are_read() {
+        for (character, is) in [('ʻ', false), ('ʼ', false), ('ɓ', false), ('Ж', true), ('ə', false)]
+        {
+            assert_eq!(is_foreign(character), is, "{character}");
+        }
     }
 
     #[test]

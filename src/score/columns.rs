@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::alphabet::Classes;
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
@@ -17,6 +19,24 @@ impl Columns {
     /// Shares along a strip.
     pub(super) fn of(strip: &Strip) -> Self {
         Self::from_logits(&net::logits(strip))
+    }
+
+    /// The mean of the shares along a strip and along its neighbors: of letters that they disagree
+    /// on, one is there all the same.
+    pub(super) fn agreed(strip: &Strip) -> Self {
+        let (own, beside) = rayon::join(
+            || Self::of(strip),
+            || strip.neighbors().par_iter().map(Self::of).collect::<Vec<_>>(),
+        );
+        let part = 1.0 / (beside.len() + 1) as f64;
+        let mut mean = own;
+        for (at, column) in mean.0.iter_mut().enumerate() {
+            for (class, share) in column.iter_mut().enumerate() {
+                let sum = beside.iter().map(|columns| columns.0[at][class]).sum::<f64>();
+                *share = part * (*share + sum);
+            }
+        }
+        mean
     }
 
     /// Shares from logits.

@@ -23,7 +23,7 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::{Described, settings};
 use noctograph_core::strokes::Strokes;
 
-use alphabet::classes_of;
+use alphabet::{classes_of, is_foreign};
 
 pub use calibration::{CALIBRATION, Calibration};
 pub use causes::{Advice, Cause, CauseKind, Known, LogGap, MissingRun};
@@ -63,6 +63,7 @@ mod reading;
 mod search;
 mod segment;
 mod sketch;
+mod soft;
 mod spelling;
 mod strip;
 mod trace;
@@ -144,9 +145,7 @@ impl ScoreOptions {
 pub fn is_judged(strokes: &Strokes) -> bool {
     let unknown = |character: char| classes_of(character).is_none();
     let characters = || strokes.glyphs.iter().map(|glyph| glyph.character);
-    strokes.font.is_some()
-        && !characters().all(unknown)
-        && !characters().any(|character| character.is_alphanumeric() && unknown(character))
+    strokes.font.is_some() && !characters().all(unknown) && !characters().any(is_foreign)
 }
 
 /// Refuses what is no word of letters that the reader knows and that leave light.
@@ -165,7 +164,7 @@ fn check(strokes: &Strokes) -> Result<()> {
         Err(Error::input(place, format!("{character:?}"), wanted, hint))
     };
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
-        if glyph.character.is_alphanumeric() && classes_of(glyph.character).is_none() {
+        if is_foreign(glyph.character) {
             return refuse(index, "a letter or digit that the reader knows: Latin letters, 0-9");
         }
         if !glyph.moves.iter().any(|step| step.lit) {

@@ -32,6 +32,9 @@ const MIN_CROSSINGS: f64 = 0.4;
 /// How far above and below the line a letter's ink may reach, in its height.
 const SLACK_H: f64 = 0.25;
 
+/// Height of a letter in the color of the ink, in its line's, from which that is all of it.
+const OWN_BOX: f64 = 0.7;
+
 /// Most lines of a photo.
 const MAX_LINES: usize = 4;
 
@@ -207,7 +210,7 @@ impl Line {
             sums
         };
         let [bright, pure] = self.light.each_ref().map(|light| channel(light));
-        (Strip { width, bright, pure, read: 0..width }, left * self.step, pitch * self.step)
+        (Strip::of_light(width, bright, pure), left * self.step, pitch * self.step)
     }
 
     /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where
@@ -233,12 +236,19 @@ impl Line {
     }
 
     /// The box of the ink between two columns, along the middles of its strokes: left, top, right
-    /// and bottom; `None` where there is none.
+    /// and bottom; `None` where there is none. A letter in the color of the ink ends where that
+    /// color does: trails of other lamps lead to it and from it.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        let width = self.ink.width;
+        let own = self.box_of(&self.light[1], from, to);
+        let is_high = |sides: &[f64; 4]| sides[3] - sides[1] >= OWN_BOX * self.letter_px;
+        own.filter(is_high).or_else(|| self.box_of(&self.ink, from, to))
+    }
+
+    fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
+        let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
         for y in self.rows[0]..self.rows[1] {
-            let row = &self.ink.values[y * width..][from..to];
+            let row = &ink.values[y * width..][from..to];
             let lit = |value: &f32| *value > INK_LEVEL;
             if let (Some(first), Some(last)) = (row.iter().position(lit), row.iter().rposition(lit))
             {

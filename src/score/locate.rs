@@ -50,8 +50,8 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
         [0.5 * (left + right), 0.5 * (top + bottom)]
     };
     let middles: Vec<[f64; 2]> = letters.iter().map(middle).collect();
-    let slope = if letters.len() < 3 { None } else { line_through(&middles) };
-    let slope = slope.map_or(0.0, |(_, slope)| slope).clamp(-MAX_SLOPE, MAX_SLOPE);
+    let slope = if letters.len() < 3 { 0.0 } else { median_slope(&middles) };
+    let slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
     let height_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
 
     let stretch = (across / down).max(down / across);
@@ -79,6 +79,14 @@ fn lit_box(glyph: &Glyph) -> Option<[f64; 4]> {
     })
 }
 
+/// The median of the slopes between all points (Theil and Sen): a letter with a tail has its middle
+/// elsewhere.
+fn median_slope(points: &[[f64; 2]]) -> f64 {
+    let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
+    let apart = pairs.filter(|(a, b)| a[0] != b[0]);
+    median(apart.map(|(a, b)| (a[1] - b[1]) / (a[0] - b[0]))).unwrap_or(0.0)
+}
+
 /// The straight line through points with the least squares: height at zero and slope.
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
@@ -86,4 +94,17 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
     let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / spread;
     (spread > 0.0 && slope.is_finite()).then_some((y - slope * x, slope))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_letter_with_a_tail_does_not_turn_the_line() {
+        let tail = [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [3.0, 1.0], [4.0, 9.0]];
+        let slanting = [[0.0, 0.0], [1.0, 0.5], [3.0, 1.5]];
+        assert_eq!([median_slope(&tail), median_slope(&slanting)], [0.0, 0.5]);
+        assert_eq!(median_slope(&[[1.0, 0.0], [1.0, 2.0]]), 0.0, "letters one above the other");
+    }
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::align::Finder;
-use super::alphabet::classes_of;
+use super::alphabet::{classes_of, spells};
 use super::calibration::CALIBRATION;
 use super::choice::Choice;
 use super::color;
@@ -61,6 +61,9 @@ const CLEAR_SHARE: f64 = 0.6;
 /// which the two views contradict each other: the outline of a white patch is an O in the one
 /// alone.
 const CONTRADICTION: f64 = 20.0;
+
+/// Letters of a word that is not read blindly by chance.
+const MANY_LETTERS: usize = 3;
 
 /// A verdict, and the light that it is about.
 pub(super) struct Sight {
@@ -189,8 +192,11 @@ impl Reader {
         let views = [in_place, blind].into_iter().flatten();
         let judgments = views.map(|columns| self.expected.judge(&columns));
         let odds = |judgment: &Judgment| judgment.readability / (1.0 - judgment.readability);
+        let n_letters = reading.letters.len();
+        let is_spelled = n_letters >= MANY_LETTERS && spells(&reading.text, &self.strokes.word);
+        let most = if is_spelled { f64::INFINITY } else { CONTRADICTION };
         let better = |place: Judgment, line: Judgment| {
-            if (1.0..CONTRADICTION).contains(&(odds(&line) / odds(&place))) { line } else { place }
+            if (1.0..most).contains(&(odds(&line) / odds(&place))) { line } else { place }
         };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.at_ends(&seen.around));

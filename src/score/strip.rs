@@ -6,6 +6,7 @@ use super::color;
 use super::light::{Light, Rgb, luminance};
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, narrow, whole};
+use super::soft::take_off_soft_light;
 use super::view::View;
 
 /// Pixels to a cap height.
@@ -26,6 +27,10 @@ pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
+
+/// Neighbors of a strip: height by its own, rows farther down, and exposure.
+const NEIGHBORS: [(f64, f64, f32); 4] =
+    [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
 /// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels
 /// of it: hot pixels are single ones.
@@ -60,7 +65,13 @@ impl Strip {
             grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
         let channel =
             |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
-        Self { width: grid.width, bright: channel(0), pure: channel(1), read: 0..grid.width }
+        Self::of_light(grid.width, channel(0), channel(1))
+    }
+
+    /// A strip of light that was seen, without what of it is soft.
+    pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
+        take_off_soft_light(width, [&mut bright, &mut pure]);
+        Self { width, bright, pure, read: 0..width }
     }
 
     /// A strip of drawn light.
@@ -123,6 +134,19 @@ impl Strip {
         rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
     }
 
+    /// What the strip would be a little larger or smaller, higher or lower, and exposed less: the
+    /// same light, of which one reading is expected.
+    pub(super) fn neighbors(&self) -> [Self; 4] {
+        NEIGHBORS.map(|(height, down_px, exposure)| {
+            let [bright, pure] = [&self.bright, &self.pure].map(|light| {
+                let mut moved = stretched(light, self.width, height, down_px);
+                moved.iter_mut().for_each(|light| *light *= exposure);
+                moved
+            });
+            Self { bright, pure, ..self.clone() }
+        })
+    }
+
     /// The net's input, of some columns: both channels of each pixel, as square roots.
     pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
@@ -133,6 +157,24 @@ impl Strip {
             pixels.flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
         })
     }
+}
+
+/// Light stretched about the middle of the capitals and moved down, between the middles of rows;
+/// outside is dark.
+fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
+    let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
+    let mut moved = vec![0.0; light.len()];
+    for (y, row) in moved.chunks_exact_mut(width).enumerate() {
+        let from = (y as f64 - middle - down_px) / height + middle;
+        let below = narrow(from - from.floor());
+        for (near, share) in [(from.floor(), 1.0 - below), (from.floor() + 1.0, below)] {
+            if (0.0..HEIGHT as f64).contains(&near) {
+                let near = &light[whole(near) * width..][..width];
+                row.iter_mut().zip(near).for_each(|(to, from)| *to += share * from);
+            }
+        }
+    }
+    moved
 }
 
 /// The columns from the first to the last with light, and the margin that the net knows; all where
@@ -147,4 +189,26 @@ fn lit_columns(bright: &[f32], width: usize) -> Range<usize> {
     };
     let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(width);
     first.saturating_sub(MARGIN_PX) / 2 * 2..end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbors_show_the_same_light_elsewhere() {
+        let row = |lit: usize| -> Vec<f32> {
+            (0..2 * HEIGHT).map(|at| if at / 2 == lit { 1.0 } else { 0.0 }).collect()
+        };
+        let middle = HEAD_ROW + CAP_PX / 2;
+        assert_eq!(stretched(&row(middle), 2, 1.0, 0.0), row(middle), "as it is");
+        assert_eq!(stretched(&row(middle), 2, 1.0, 1.0), row(middle + 1), "a row lower");
+        let sum = |light: &[f32]| light.iter().sum::<f32>();
+        let larger = stretched(&row(middle), 2, 1.1, 0.0);
+        assert!((sum(&larger) - 2.2).abs() < 0.1, "a tenth higher: {larger:?}");
+        let light = [0.8; 2 * HEIGHT].to_vec();
+        let strip = Strip::drawn(2, light);
+        let least = strip.neighbors().map(|strip| strip.bright[2 * middle]);
+        assert!(least.iter().all(|light| (0.3..=0.8).contains(light)), "{least:?}");
+    }
 }

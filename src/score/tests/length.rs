@@ -34,6 +34,19 @@ fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
     assert!(sure >= 57, "{sure} of 60 at 0.5 or less");
 }
 
+/// Beside HELLO it was a J.
+#[test]
+fn a_lit_wall_is_no_letter() {
+    for (word, wall) in [("HELLO", 0.2), ("HELLO", 0.4), ("Sofia", 0.2)] {
+        let strokes = simplex(word);
+        let shot = Shot { wall, ..Shot::of(&strokes) };
+        let verdict = shot.verdict(&strokes);
+        assert!(verdict.legible && verdict.read == word, "{wall}: {verdict:?}");
+        let blind = read(&shot.photo()).text;
+        assert!(blind.eq_ignore_ascii_case(word), "{wall}: {blind}");
+    }
+}
+
 #[test]
 fn a_whole_word_too_many_is_seen() {
     let both = Shot::of(&simplex("HELLO WORLD"));

@@ -24,6 +24,8 @@ pub(super) struct Shot {
     pub(super) sky: f32,
     /// Linear light of a glow that falls off by a third of the photo's height from its lower edge.
     pub(super) floor_glow: f32,
+    /// Linear light of a lit wall, in the middle of its soft spot, right of the word.
+    pub(super) wall: f32,
     /// Light of red, green and blue.
     pub(super) tint: [f32; 3],
     /// Standard deviation of the noise in sRGB codes.
@@ -78,6 +80,10 @@ pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera
     }
 }
 
+fn sq(value: f32) -> f32 {
+    value * value
+}
+
 impl Shot {
     /// A word as intended.
     pub(super) fn of(strokes: &Strokes) -> Self {
@@ -87,6 +93,7 @@ impl Shot {
             light: 1.0,
             sky: 0.004,
             floor_glow: 0.0,
+            wall: 0.0,
             tint: [1.0; 3],
             noise: 1.0,
         }
@@ -184,7 +191,10 @@ impl Shot {
         let (width, height) = (linear.width, linear.height);
         for (index, value) in linear.values.iter_mut().enumerate() {
             let above = (height - index / width) as f32 / height as f32;
-            *value = self.light * *value + self.sky + self.floor_glow * libm::expf(-3.0 * above);
+            let aside = (index % width) as f32 / width as f32 - 0.93;
+            let spot = libm::expf(-0.5 * (sq(aside / 0.03) + sq((above - 0.5) / 0.2)));
+            let glow = self.floor_glow * libm::expf(-3.0 * above) + self.wall * spot;
+            *value = self.light * *value + self.sky + glow;
         }
         self.develop(&linear)
     }
