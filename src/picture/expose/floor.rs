@@ -79,13 +79,16 @@ impl Glow {
             .collect();
         let in_row = |(j, corners): (u32, &[Vec<Rgb>])| {
             let mut squares = Vec::new();
+            let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
+            let is_near = |[_, y, _]: &&[f64; 3]| (y - middle_px).abs() < f64::from(SIDE_PX);
+            let feet_px: Vec<[f64; 3]> = floor.feet_px.iter().filter(is_near).copied().collect();
             let pairs = corners[0].windows(2).zip(corners[1].windows(2));
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
                 let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s };
                 let middle_lx_s = corner_lx_s(corner_px.map(|px| px + SIDE_PX / 2));
-                floor.divide(square, middle_lx_s, &floor.feet_px, &mut squares);
+                floor.divide(square, middle_lx_s, &feet_px, &mut squares);
             }
             squares
         };

@@ -92,13 +92,25 @@ impl Normal {
     /// The normal number for 32 uniform bits.
     #[inline(always)]
     pub(super) fn number(&self, bits: u32) -> f32 {
-        let [from, slope] = self.cells[(bits >> LOWER_BITS) as usize];
-        let lower = (bits & ((1 << LOWER_BITS) - 1)).cast_signed();
-        from + slope * lower as f32
+        within(self.cells[(bits >> LOWER_BITS) as usize], bits)
+    }
+
+    /// Those of each of some bits.
+    #[inline(always)]
+    pub(super) fn numbers<const N: usize>(&self, bits: [u32; N]) -> [f32; N] {
+        let cells = bits.map(|bits| self.cells[(bits >> LOWER_BITS) as usize]);
+        std::array::from_fn(|n| within(cells[n], bits[n]))
     }
 }
 
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
+
+/// The number within a cell.
+#[inline(always)]
+fn within([from, slope]: [f32; 2], bits: u32) -> f32 {
+    let lower = (bits & ((1 << LOWER_BITS) - 1)).cast_signed();
+    from + slope * lower as f32
+}
 
 /// Quantile of the normal distribution for 0 < p < 1, to 1.2e-9 of itself (rational approximation
 /// of Acklam).
@@ -186,23 +198,34 @@ impl Poisson {
         Self { levels }
     }
 
-    /// The number for a mean and uniform bits, without branches, which random bits would
-    /// mispredict.
+    /// The numbers for means and uniform bits, without branches, which random bits would
+    /// mispredict: what is computed, then what is looked up, then what is computed from it, so that
+    /// all but the table runs in wide registers.
     #[inline(always)]
-    pub(super) fn number(&self, mean: f32, bits: u32) -> f32 {
+    pub(super) fn numbers<const N: usize>(&self, means: [f32; N], bits: [u32; N]) -> [f32; N] {
+        let level: [u32; N] = std::array::from_fn(|n| Self::level(means[n], bits[n]));
+        let column = bits.map(|bits| bits >> WITHIN_BITS);
+        let cells: [u32; N] = std::array::from_fn(|n| {
+            self.levels[level[n] as usize % LEVELS][column[n] as usize % NUMBERS]
+        });
+        std::array::from_fn(|n| {
+            let within = bits[n] & ((1 << WITHIN_BITS) - 1);
+            let own = (within.cast_signed() - (cells[n] >> COLUMN_BITS).cast_signed()) >> 31;
+            let other = cells[n] & LAST_NUMBER;
+            (other ^ (other ^ column[n]) & own.cast_unsigned()).cast_signed() as f32
+        })
+    }
+
+    /// The level that a mean and the lowest of its bits select.
+    #[inline(always)]
+    fn level(mean: f32, bits: u32) -> u32 {
         let square = mean * PER_SQUARE;
         // Added to 1.5 · 2^23, a number has its integer part in the last bits.
         let k = (square.sqrt() - 0.5 + 12_582_912.0).to_bits() & LAST_LEVEL;
         // From k² on, the next level is 2 k + 1 away.
         let low = (bits & ((1 << LEVEL_BITS) - 1)).cast_signed() as f32 + 0.5;
         let beyond = (square - (k * k).cast_signed() as f32) * (1_i32 << LEVEL_BITS) as f32;
-        let next = u32::from(low * (2 * k + 1).cast_signed() as f32 <= beyond);
-        let column = bits >> WITHIN_BITS;
-        let cell = self.levels[(k + next) as usize % LEVELS][column as usize];
-        let within = bits & ((1 << WITHIN_BITS) - 1);
-        let own = (within.cast_signed() - (cell >> COLUMN_BITS).cast_signed()) >> 31;
-        let other = cell & LAST_NUMBER;
-        (other ^ (other ^ column) & own.cast_unsigned()).cast_signed() as f32
+        k + u32::from(low * (2 * k + 1).cast_signed() as f32 <= beyond)
     }
 }
 

@@ -52,6 +52,9 @@ struct Noisy {
     hot: f64,
 }
 
+/// Pixels whose electrons are drawn at once.
+const LANES: usize = 16;
+
 /// Buffers for a row.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
@@ -184,14 +187,20 @@ impl Noisy {
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
             if few > 0 {
                 Stream::new(self.seed, y, channel, Source::Read).fill(reading);
-                for (mean, (&bits, &reading)) in row.iter_mut().zip(bits.iter().zip(&*reading)) {
-                    *mean = if *mean < POISSON_BELOW {
-                        let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-                        self.poisson.number(*mean, bits)
-                            + spread.sqrt() * self.normal.number(reading)
-                    } else {
-                        self.bright(*mean, bits)
-                    };
+                let (means, rest) = row.as_chunks_mut();
+                let (each_bits, rest_bits) = bits.as_chunks();
+                let (each_reading, rest_reading) = reading.as_chunks();
+                for (means, (bits, reading)) in
+                    means.iter_mut().zip(each_bits.iter().zip(each_reading))
+                {
+                    self.dark::<LANES>(means, *bits, *reading);
+                }
+                for (mean, (bits, reading)) in
+                    rest.iter_mut().zip(rest_bits.iter().zip(rest_reading))
+                {
+                    let mut one = [*mean];
+                    self.dark(&mut one, [*bits], [*reading]);
+                    [*mean] = one;
                 }
             } else {
                 for (mean, &bits) in row.iter_mut().zip(&*bits) {
@@ -201,6 +210,23 @@ impl Noisy {
             let undo = 1.0 / at_white;
             for electrons in row.iter_mut() {
                 *electrons = ((electrons.min(clip) - dark) * undo).min(1.0);
+            }
+        }
+    }
+
+    /// Electrons of pixels of which some are dark.
+    #[inline(always)]
+    fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], reading: [u32; N]) {
+        let photons = self.poisson.numbers(*means, bits);
+        let others = self.normal.numbers(reading);
+        let before = *means;
+        for (n, mean) in means.iter_mut().enumerate() {
+            let spread = self.read_variance + self.prnu_squared * *mean * *mean;
+            *mean = photons[n] + spread.sqrt() * others[n];
+        }
+        if before.iter().any(|mean| *mean >= POISSON_BELOW) {
+            for n in (0..N).filter(|n| before[*n] >= POISSON_BELOW) {
+                means[n] = self.bright(before[n], bits[n]);
             }
         }
     }

@@ -282,7 +282,7 @@ fn few_electrons_are_poisson() {
     let stream = Stream::new(1, 0, 0, Source::Shot);
     for x in 0..n {
         #[expect(clippy::cast_possible_truncation, reason = "few")]
-        let number = POISSON.number(mean, stream.bits(x)) as usize;
+        let [number] = POISSON.numbers([mean], [stream.bits(x)]).map(|number| number as usize);
         histogram[number.min(39)] += 1;
     }
     let mut share = libm::exp(-f64::from(mean));

@@ -106,8 +106,8 @@ mod tests {
         let study = study();
         let trials: Vec<Trial> = study.trials().collect();
         let ready = study.prepare().unwrap();
-        let flown = |store| evaluate(&study, &ready, &trials, store, &Stop::default(), &|_| {});
-        let alone = flown(None).unwrap();
+        let evaluated = |store| evaluate(&study, &ready, &trials, store, &Stop::default(), &|_| {});
+        let alone = evaluated(None).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let fly =
             |index, count| Shard { index, count }.fly(&study, folder.path(), &|_| {}).unwrap();
@@ -124,7 +124,7 @@ mod tests {
         found.iter().for_each(|path| store.take(path).unwrap());
         let known = |record: &&Record| store.get(&record.scene, record.seed).is_some();
         assert_eq!(alone.iter().filter(known).count(), store.n_known(), "of this study alone");
-        assert_eq!(flown(Some(&store)).unwrap(), alone);
+        assert_eq!(evaluated(Some(&store)).unwrap(), alone);
 
         let line = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, line.replacen("\"probability\":0.", "\"probability\":0.1", 1))
