@@ -69,7 +69,7 @@ fn varied(picture: &RgbImage, variant: &Variant) -> Outcome<RgbImage> {
         picture = imageops::resize(&picture, width, height, FilterType::Triangle);
     }
     let code = |code: u8| {
-        let level = (f64::from(code) / 255.0 * variant.brightness).powf(variant.gamma);
+        let level = libm::pow(f64::from(code) / 255.0 * variant.brightness, variant.gamma);
         (255.0 * level).round().clamp(0.0, 255.0) as u8
     };
     picture.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(code));
@@ -87,7 +87,7 @@ fn turned(picture: &RgbImage, turn_deg: f64) -> RgbImage {
     if turn_deg == 0.0 {
         return picture.clone();
     }
-    let (sin, cos) = turn_deg.to_radians().sin_cos();
+    let (sin, cos) = libm::sincos(turn_deg.to_radians());
     let [width, height] = [picture.width(), picture.height()];
     let middle = [width, height].map(|side| 0.5 * f64::from(side) - 0.5);
     let last = [width, height].map(|side| f64::from(side - 1));
