@@ -1,7 +1,8 @@
 //! Feedforward: setpoints sent ahead of the design, so that a drone that lags flies the design.
 //!
 //! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
-//! positions to send. Method: the zero-phase [`Inverse`] of the loop over the whole flight, per axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight
+//! positions to send. Method: the zero-phase [`Inverse`] of the loop over the whole flight, per
+//! axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight
 //! is sent through the inverse once more ([`learn`]).
 
 use nalgebra::Vector3;
