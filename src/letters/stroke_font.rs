@@ -113,7 +113,8 @@ impl StrokeFont {
 
     /// A letter with one more combining mark; `None` where the font lacks the mark.
     pub(super) fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
-        Some(Arc::new(compose(base, &self.shape(mark)?, [0.0; 2])))
+        let mark = self.shape(mark)?;
+        Some(Arc::new(compose(base, &mark, [0.0; 2])))
     }
 
     /// `None` for a line of another form.
