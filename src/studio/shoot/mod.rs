@@ -61,8 +61,8 @@ pub use shot::{Shot, flight_sha256, known};
 /// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
 /// compared, and an hour of flight takes seconds.
 const MAX_TOGETHER_S: f64 = 21_600.0;
-/// Most samples of recordings together, 250 bytes each: five and a half hours at 100 Hz.
-const MAX_SAMPLES: usize = 2_000_000;
+/// Most samples of recordings together, 250 bytes each: two and three quarter hours at 100 Hz.
+const MAX_SAMPLES: usize = 1_000_000;
 
 /// A scene made ready to be flown and photographed.
 #[derive(Clone, Debug)]
@@ -232,7 +232,10 @@ impl Shoot {
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
         let samples = |recording: &Recording| match recording {
             Recording::Flight(flight) => flight.samples.len(),
-            Recording::Light(trace) => trace.lamps.iter().map(|lamp| lamp.samples.len()).sum(),
+            // A fourth of a flight's sample in memory.
+            Recording::Light(trace) => {
+                trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
+            }
         };
         let n: usize = recordings.iter().map(samples).sum();
         if n <= MAX_SAMPLES {
