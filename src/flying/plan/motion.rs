@@ -34,7 +34,7 @@ struct Piece {
 }
 
 /// Acceleration by its limit from which a stroke is flown more slowly as a whole.
-const BEYOND: f64 = 1.045;
+pub(super) const BEYOND: f64 = 1.045;
 
 /// The motion along a stroke.
 #[derive(Clone, Debug)]

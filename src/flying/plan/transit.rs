@@ -10,10 +10,13 @@ use rsruckig::prelude::{
 };
 
 use super::EvenStyle;
-use super::motion::State;
+use super::motion::{BEYOND, State};
 
 /// Angles by which the two axes share the limits.
 const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
+
+/// Shares of the limit of acceleration that are tried where both axes together exceed it.
+const GENTLER: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
 
 /// A way in the dark.
 #[derive(Debug)]
@@ -26,7 +29,29 @@ pub(super) struct Transit {
 impl Transit {
     /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
     /// found, which has not happened for states within the limits.
+    ///
+    /// An axis is allowed the acceleration of either end, so that both together may exceed the
+    /// limit: then the way is made by gentler limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
+        let ways = GENTLER.iter().map_while(|share| {
+            let acceleration_m_s2 = share * style.acceleration_m_s2;
+            let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
+            Self::fastest(from, to, &gentler, tick_s)
+        });
+        let mut gentlest: Option<(f64, Self)> = None;
+        for way in ways {
+            let most_m_s2 = way.most(|state| state.acceleration_m_s2);
+            if most_m_s2 <= BEYOND * style.acceleration_m_s2 {
+                return Some(way);
+            }
+            if gentlest.as_ref().is_none_or(|(least_m_s2, _)| most_m_s2 < *least_m_s2) {
+                gentlest = Some((most_m_s2, way));
+            }
+        }
+        gentlest.map(|(_, way)| way)
+    }
+
+    fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let way = to.position_m - from.position_m;
         let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
         let world_from_way = Rotation2::new(angle_rad);
@@ -39,7 +64,7 @@ impl Transit {
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
         let ways = shared.map(|trajectory| {
             let way = Self { from_m: from.position_m, world_from_way, trajectory };
-            (way.top_speed_m_s() > limit_m_s, way)
+            (way.most(|state| state.velocity_m_s) > limit_m_s, way)
         });
         // The axes together may be too fast; such a way is taken only where there is no other.
         ways.min_by(|(fast, way), (other_fast, other)| {
@@ -48,8 +73,9 @@ impl Transit {
         .map(|(_, way)| way)
     }
 
-    fn top_speed_m_s(&self) -> f64 {
-        let part = |k: u32| self.at(self.duration_s() * f64::from(k) / 32.0).velocity_m_s.norm();
+    /// Greatest norm of a vector on the way.
+    fn most(&self, of: impl Fn(&State) -> Vector2<f64>) -> f64 {
+        let part = |k: u32| of(&self.at(self.duration_s() * f64::from(k) / 32.0)).norm();
         (0..=32).map(part).fold(0.0, f64::max)
     }
 

@@ -61,8 +61,8 @@ pub use shot::{Shot, flight_sha256, known};
 /// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
 /// compared, and an hour of flight takes seconds.
 const MAX_TOGETHER_S: f64 = 21_600.0;
-/// Most samples of recordings together, 250 bytes each: two and three quarter hours at 100 Hz.
-const MAX_SAMPLES: usize = 1_000_000;
+/// Most samples of recordings together, 250 bytes each: over two hours at 100 Hz.
+const MAX_SAMPLES: usize = 800_000;
 
 /// A scene made ready to be flown and photographed.
 #[derive(Clone, Debug)]
