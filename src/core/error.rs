@@ -47,7 +47,7 @@ pub enum Error {
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
         /// Its place.
-        place: Place,
+        place: Box<Place>,
         /// The value found.
         found: String,
         /// The values that are accepted.
@@ -107,7 +107,7 @@ impl Error {
     #[must_use]
     pub fn at(mut self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         if let Self::Input { place, .. } = &mut self {
-            *place = Place { file: file.to_string(), line: line.into(), key: place.to_string() };
+            **place = Place { file: file.to_string(), line: line.into(), key: place.to_string() };
         }
         self
     }
@@ -138,7 +138,7 @@ impl Error {
         hint: impl Into<String>,
     ) -> Self {
         Self::Input {
-            place: Place { key: place.to_string(), ..Place::default() },
+            place: Box::new(Place { key: place.to_string(), ..Place::default() }),
             found: shortened(found.to_string()),
             wanted: wanted.into(),
             hint: hint.into(),

@@ -142,8 +142,8 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
             for page in letters.chunks(columns * 5) {
                 let mut written_px: Vec<Lines> = Vec::new();
                 let rows = page.len().div_ceil(columns);
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "px")]
                 let size = [columns, rows].map(|n| n as f64);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "px")]
                 let size = [0, 1].map(|i| (size[i] * cell_px[i]) as u32);
                 let mut canvas = Canvas::new(size, [255; 3]);
                 for (index, letter) in page.iter().enumerate() {
