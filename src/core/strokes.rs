@@ -23,7 +23,7 @@ settings! {
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strokes {
     /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
     /// lower case; empty for a drawing.

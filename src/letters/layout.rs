@@ -6,7 +6,7 @@ use super::glyph::MAX_POINTS;
 use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
 use super::shaping::{Unset, is_shaped};
-use super::{Cell, Glyph, LeftOut, Picture, StrokeOrder, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use noctograph_core::error::{Error, Result};
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
@@ -183,22 +183,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let loss = |glyph: &Glyph| (glyph.character, fonts.lost(glyph.character));
     let lost = glyphs.iter().map(loss).filter(|(_, length)| *length > 0.0).collect();
     let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
-    let (colors, joints_m) = (Vec::new(), Vec::new());
-    let (left_out, picture) = (LeftOut::default(), Picture::Auto);
-    let (warnings, numbers) = (Vec::new(), Vec::new());
-    Strokes {
-        word,
-        font,
-        lost,
-        glyphs,
-        order,
-        colors,
-        joints_m,
-        left_out,
-        numbers,
-        picture,
-        warnings,
-    }
+    Strokes { word, font, lost, glyphs, order, ..Strokes::default() }
 }
 
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

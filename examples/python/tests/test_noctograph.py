@@ -481,31 +481,32 @@ def test_the_interpreter_is_free_meanwhile():
     assert len(ticks) > 10 and max(np.diff(ticks)) < 0.1
 
 
-def test_ctrl_c_ends_a_controller_and_its_interpreter():
-    code = "import noctograph as nc, itertools; f = lambda s, r, c=itertools.count(): next(c) == 20 and print(1, flush=True) or [40000] * 4; nc.fly(nc.Scene(word='NOOR' * 8), controller=lambda s, r: f(s, r) and __import__('time').sleep(0.005) or [0] * 4)"
-    child = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    child.stdout.readline()
-    child.send_signal(signal.SIGINT)
-    _, error = child.communicate(timeout=20)
-    assert b"KeyboardInterrupt" in error and child.returncode in (1, 130, -signal.SIGINT), (child.returncode, error)
-
-
-def test_ctrl_c_ends_a_stage():
-    code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
+def interrupted(code, after_s):
+    """A child that prints a line, and SIGINT some time after; `lasted_s` is from there to its end."""
     # Where the tests run in the background, SIGINT is ignored, and its child would inherit that.
     child = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     child.stdout.readline()
-    time.sleep(0.2)
+    time.sleep(after_s)
     child.send_signal(signal.SIGINT)
     begun = time.perf_counter()
     _, error = child.communicate(timeout=20)
-    assert b"KeyboardInterrupt" in error and time.perf_counter() - begun < 1, "0.2 s, and the interpreter's end"
+    child.lasted_s = time.perf_counter() - begun
+    return child, error
+
+
+def test_ctrl_c_ends_a_controller_and_its_interpreter():
+    code = "import noctograph as nc, itertools; f = lambda s, r, c=itertools.count(): next(c) == 20 and print(1, flush=True) or [40000] * 4; nc.fly(nc.Scene(word='NOOR' * 8), controller=lambda s, r: f(s, r) and __import__('time').sleep(0.005) or [0] * 4)"
+    child, error = interrupted(code, after_s=0)
+    assert b"KeyboardInterrupt" in error and child.returncode in (1, 130, -signal.SIGINT), (child.returncode, error)
+
+
+def test_ctrl_c_ends_a_stage():
+    code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
+    child, error = interrupted(code, after_s=0.2)
+    assert b"KeyboardInterrupt" in error and child.lasted_s < 1, "0.2 s, and the interpreter's end"
 
 
 def test_memory_does_not_grow():

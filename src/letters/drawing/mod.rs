@@ -6,7 +6,6 @@
 
 use std::path::Path;
 
-use super::Picture;
 use super::center_line::dot;
 use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
@@ -415,23 +414,7 @@ impl Placing {
             Glyph { character: DRAWING, cell, moves }
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
-        let (colors, joints_m, left_out) = (Vec::new(), Vec::new(), LeftOut::default());
-        let (word, font, picture) = (String::new(), None, Picture::Auto);
-        let lost = std::collections::BTreeMap::new();
-        let (warnings, numbers) = (Vec::new(), Vec::new());
-        Strokes {
-            word,
-            font,
-            lost,
-            glyphs,
-            order,
-            colors,
-            joints_m,
-            left_out,
-            numbers,
-            picture,
-            warnings,
-        }
+        Strokes { glyphs, order, ..Strokes::default() }
     }
 }
 

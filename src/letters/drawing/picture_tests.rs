@@ -1,6 +1,7 @@
 //! Pictures that people bring: icons, colors, paper.
 
 use super::*;
+use noctograph_core::strokes::Picture;
 use tiny_skia::{
     FillRule, LineCap, Mask, Paint as Brush, Path, PathBuilder, Pixmap, Stroke, Transform,
 };
