@@ -290,6 +290,13 @@ class Flights(unittest.TestCase):
         self.assertGreaterEqual(lines.count("  position("), len(self.data["setpoints"]))
         self.assertEqual(lines.count("  land("), 1)
 
+    def test_a_dry_run_may_be_cut_off(self):
+        program = [sys.executable, "-u", os.path.join(WORK, "NO.py"), "--dry-run"]
+        with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+            run.stdout.readline()
+            run.stdout.close()
+            self.assertEqual(run.stderr.read(), b"")
+
     def test_the_launcher_finds_its_scripts(self):
         names = sorted(os.listdir(os.path.join(WORK, "fleet")))
         self.assertEqual(names, ["NOOR-1.py", "NOOR-2.py", "fly_NOOR.py"])

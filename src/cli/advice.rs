@@ -6,7 +6,7 @@ use clap::Command;
 use super::typefaces;
 use crate::error::Error;
 use crate::scene::{Change, Scene};
-use noctograph_core::settings::{Described, Setting, Shape};
+use noctograph_core::settings::{Described, paths};
 
 /// Keys that have a flag, and what it takes.
 const OF_KEYS: [(&str, &str, &str); 8] = [
@@ -104,29 +104,14 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     {
         advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
-    if exists(path, Scene::SHAPE.settings()) && has("set") {
+    if paths(Scene::SHAPE.settings()).contains(path) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
         ));
-    } else if matches!(error, Error::Input { found, .. } if found.starts_with("the unknown key")) {
-        advice.push("`noctograph scene` prints all keys".to_owned());
     } else if let Some(flag) = flag(path, verb) {
         advice.push(format!("`--{flag}` sets it"));
     }
     advice
-}
-
-/// Whether a scene has a key.
-fn exists(path: &str, settings: &[Setting]) -> bool {
-    let (key, rest) = path.split_once('.').unwrap_or((path, ""));
-    let Some(setting) = settings.iter().find(|setting| setting.key == key) else { return false };
-    match setting.shape {
-        Shape::Group(settings) => exists(rest, settings),
-        Shape::Tagged(variants) => {
-            rest.is_empty() || variants.iter().any(|variant| exists(rest, variant.settings))
-        }
-        Shape::Plain | Shape::Names(_) => rest.is_empty(),
-    }
 }
 
 /// The flag of an option such as `import.max_gap_s`: its name without the unit.
@@ -159,7 +144,7 @@ mod tests {
             .filter(|it| it.key.contains('.') && !it.key.contains([':', ' ', '(']))
             .collect();
         for change in &changes {
-            assert!(exists(change.key, Scene::SHAPE.settings()), "{change}");
+            assert!(paths(Scene::SHAPE.settings()).contains(change.key), "{change}");
             // Styles and decks have keys of their own.
             let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
             let value = change.value.as_deref().map(|value| (change.key, value));

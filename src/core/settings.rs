@@ -42,6 +42,8 @@
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
 
+use std::collections::BTreeSet;
+
 use crate::error::{Error, Result};
 
 /// One setting of a group.
@@ -130,6 +132,23 @@ pub fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
 pub fn joined(path: &str, key: &str) -> String {
     let dot = if path.is_empty() { "" } else { "." };
     format!("{path}{dot}{key}")
+}
+
+/// The dotted keys of all settings, but of the groups themselves; kinds of a choice may share some.
+pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
+    let mut all = BTreeSet::new();
+    for Setting { key, shape, .. } in settings {
+        let below = match shape {
+            Shape::Group(settings) => paths(settings),
+            Shape::Tagged(kinds) => kinds.iter().flat_map(|kind| paths(kind.settings)).collect(),
+            Shape::Plain | Shape::Names(_) => BTreeSet::new(),
+        };
+        all.extend(below.iter().map(|path| joined(key, path)));
+        if !matches!(shape, Shape::Group(_)) {
+            all.insert((*key).to_owned());
+        }
+    }
+    all
 }
 
 /// The settings of a choice's kind; none where its table names no kind that there is.

@@ -878,6 +878,8 @@ def settings(args, parser):
     mode = args.mode.replace("-", "_")
     if mode == "trajectory" and not DATA["trajectory"]["hex"]:
         parser.error(DATA["trajectory"]["refused"])
+    if args.dry_run and hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
     return mode, args.controller
 
 

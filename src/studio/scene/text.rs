@@ -15,7 +15,7 @@ use noctograph_core::settings::{
 /// Columns of the printed file.
 const WIDTH: usize = 80;
 /// Advice on a broken scene file.
-pub(super) const HINT: &str = "the printed scene lists every key with its meaning and range";
+pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
 /// The whole scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
@@ -225,8 +225,7 @@ fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
 
 /// The error for a key that does not exist: where it is now, or which one is like it.
 fn unknown_key(place: &str, key: &str) -> Error {
-    let mut paths = BTreeSet::new();
-    collect_paths("", Scene::SHAPE.settings(), &mut paths);
+    let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
     // The one key of this name within a table.
     let only = |table: &str| {
         let named = |path: &&String| path.rsplit('.').next() == Some(key);
@@ -240,21 +239,6 @@ fn unknown_key(place: &str, key: &str) -> Error {
         (None, None) => only("").map_or(HINT.into(), |path| format!("the key is {path}")),
     };
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
-}
-
-/// Collects the paths of all keys; variants of a choice may share some.
-fn collect_paths(path: &str, settings: &[Setting], paths: &mut BTreeSet<String>) {
-    for setting in settings {
-        let path = joined(path, setting.key);
-        match setting.shape {
-            Shape::Group(settings) => collect_paths(&path, settings, paths),
-            Shape::Tagged(variants) => {
-                variants.iter().for_each(|variant| collect_paths(&path, variant.settings, paths));
-                paths.extend([path]);
-            }
-            Shape::Plain | Shape::Names(_) => paths.extend([path]),
-        }
-    }
 }
 
 /// Lays a table of some settings over another, table into table. A choice takes a bare name for its
@@ -294,9 +278,8 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match over.get("kind") {
         Some(kind) if Some(kind) != base.get("kind") => *base = over,
         _ => {
-            let kind = base.get("kind").and_then(Value::as_str);
-            let variant = variants.iter().find(|variant| Some(variant.name) == kind);
-            overlay(base, over, variant.map_or(&[], |variant| variant.settings));
+            let settings = of_kind(variants, base);
+            overlay(base, over, settings);
         }
     }
 }
