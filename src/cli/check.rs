@@ -46,10 +46,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_outcome(outcome))
 }
 
-fn conclusion(found: &[Checked], stops: bool, profile: &Profile) -> String {
+fn conclusion(checks: &[Checked], stops: bool, profile: &Profile) -> String {
     let verdict = if stops { "not safe to fly" } else { "safe to fly" };
     let room = profile.room_m.map_or_else(String::new, |[w, d, h]| format!(", room {w}x{d}x{h}"));
-    let counted = |severity, one: &str, several: &str| match found
+    let counted = |severity, one: &str, several: &str| match checks
         .iter()
         .filter(|checked| checked.row.severity == severity)
         .count()

@@ -30,12 +30,12 @@ pub(super) fn run(
         warn_of(Path::new(&log.log), &log.warnings);
     }
     let written = OutputFolder::create(output)?;
-    let (found, mean) = (evening.conditions(), evening.mean_drone(scene));
-    let toml = evening.conditions_toml(&found);
+    let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
+    let toml = evening.conditions_toml(&rows);
     Conditions::parse(&toml, "conditions.toml")?;
     let file = typed(&output.join("conditions.toml"));
     let mut advice: Vec<String> = mean.iter().map(advice_of).collect();
-    if !found.is_empty() {
+    if !rows.is_empty() {
         advice.push(format!(
             "then fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
@@ -44,16 +44,16 @@ pub(super) fn run(
     let html = evening_page(&title, &evening, &toml, &advice).html();
     written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
     // Without a sound flight there is nothing that a study could use.
-    let names: &[&str] = match found.is_empty() {
+    let names: &[&str] = match rows.is_empty() {
         true => &["evening.html"],
         false => &["evening.html", "conditions.toml"],
     };
-    if !found.is_empty() {
+    if !rows.is_empty() {
         written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
     }
     let files = written.keep(names)?;
     let conditions =
-        found.iter().map(|found| format!("{}\t{:.3e}\t  {}", found.key, found.value, found.from));
+        rows.iter().map(|row| format!("{}\t{:.3e}\t  {}", row.key, row.value, row.from));
     let mut text = line(
         "folder",
         &format!("{place}: {} logs, {} sound", evening.logs.len(), evening.sound().count()),
@@ -62,14 +62,14 @@ pub(super) fn run(
     text += &("\n".to_owned() + &table(head, evening.logs.iter().map(row)));
     text += &flaws(&evening);
     text.push('\n');
-    if found.is_empty() {
+    if rows.is_empty() {
         text += &line("conditions", "none: no log is sound");
     } else {
         text += &table("condition<18|value>10|  from<0", conditions);
     }
     text.push('\n');
     text.extend(advice.iter().map(|advice| line("advice", advice)));
-    let json = json!({ "logs": evening.logs, "conditions": found, "mean_drone": mean });
+    let json = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
     Ok(Report::new(text, json).with_files(&files))
 }
 

@@ -163,12 +163,12 @@ fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
-fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String> {
+fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Checked]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for row in found.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
+    for row in checks.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
         let Row { found, .. } = row;
         match row.check {
             PICTURE => warn([format!("{found}: {}", row.change(mentioned))]),
@@ -179,7 +179,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, found: &[Checked]) -> Option<String>
             _ => {}
         }
     }
-    findings::stops(found)
+    findings::stops(checks)
 }
 
 /// Warns of a controller that does not follow the motion of a trajectory.

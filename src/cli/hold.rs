@@ -95,7 +95,7 @@ fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     Ok(HoldScenario::ALL.iter().filter(|one| all || named.contains(one)).copied().collect())
 }
 
-fn text_of(found: &[HoldFigures]) -> String {
+fn text_of(figures: &[HoldFigures]) -> String {
     let row = |f: &HoldFigures| {
         let nis = f.nis.map(|nis| nis.map_or("   -".to_owned(), |nis| format!("{nis:.2}")));
         format!(
@@ -117,8 +117,8 @@ fn text_of(found: &[HoldFigures]) -> String {
                     error of the hover throttle, NIS of satellites, ranger and barometer, steps of\n\
                     the floor that were found of those seen, on average over the flights\n\n"
         .to_owned()
-        + &table(head, units.chain(found.iter().map(row)));
-    for (f, missed) in found.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
+        + &table(head, units.chain(figures.iter().map(row)));
+    for (f, missed) in figures.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
         text += &wrapped("missed    ", &format!("{}, {}: {missed}", f.scenario, f.model));
     }
     text
@@ -126,9 +126,9 @@ fn text_of(found: &[HoldFigures]) -> String {
 
 /// Squared error over variance of each state, with its 95 % interval below it and a word where it
 /// is out of bounds.
-fn consistency(found: &[HoldFigures]) -> String {
+fn consistency(figures: &[HoldFigures]) -> String {
     let [least, most] = CONSISTENT;
-    let rows = found.iter().flat_map(|f| {
+    let rows = figures.iter().flat_map(|f| {
         let errors = f.states.iter().map(|state| format!("\t{:.2}", state.error.value));
         let intervals = f.states.iter().map(|state| {
             if f.runs < 2 {
@@ -146,7 +146,7 @@ fn consistency(found: &[HoldFigures]) -> String {
          consistent from {least} to {most}; below it the 95 % interval\n{}",
         table(&format!("scenario<12|model<8{names}"), rows)
     );
-    for f in found {
+    for f in figures {
         let out = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
         let words: Vec<String> =
             out.map(|state| format!("{} {}", state.state, state.verdict.name())).collect();

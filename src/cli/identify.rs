@@ -72,27 +72,27 @@ fn assumed(vehicle: &VehicleOptions) -> String {
     wrapped(&format!("{:14}", "assumed"), &text)
 }
 
-fn text_of(found: &Identified) -> String {
-    let [m1, m2, m3, m4] = found.mean_motors;
-    let [tau_x, tau_y] = found.motor_torque_n_m;
-    let [com_x, com_y] = found.center_of_mass_m.map(|m| m * 1e3);
+fn text_of(identified: &Identified) -> String {
+    let [m1, m2, m3, m4] = identified.mean_motors;
+    let [tau_x, tau_y] = identified.motor_torque_n_m;
+    let [com_x, com_y] = identified.center_of_mass_m.map(|m| m * 1e3);
     let mut text = format!(
         "samples       {} in the air, mean commands {m1:.0} {m2:.0} {m3:.0} {m4:.0}\n\
          k_F           {:.4e} N per unit of a motor's command\n\
          torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, mean of the motors\n\
          mass center   x {com_x:+.2} mm, y {com_y:+.2} mm from the middle of the motors\n",
-        found.n_samples, found.k_f_n
+        identified.n_samples, identified.k_f_n
     );
-    if let Some(lag) = found.lag {
+    if let Some(lag) = identified.lag {
         let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
         let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
         text += &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms (95 %){note}\n");
     }
-    if let Some(air) = found.air {
+    if let Some(air) = identified.air {
         let [x, y] = air.torque_sigma_n_m;
         text += &format!("uneven air    turns with sigma x {x:.1e}  y {y:.1e} N m\n");
     }
-    if let Some(reaction) = found.reaction {
+    if let Some(reaction) = identified.reaction {
         let ReactionTorque { k_m_n_m, half_width_n_m, correlation } = reaction;
         let per_unit = "N m per unit of a motor's command (95 %)";
         text += &format!("k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}\n");
@@ -103,13 +103,13 @@ fn text_of(found: &Identified) -> String {
             text += &wrapped(&format!("{:14}", ""), &why);
         }
     }
-    if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
+    if let (Some(sigma), Some(q)) = (identified.measurement_sigma_m, identified.observer_q()) {
         let rows = ["x", "y", "z"].iter().zip(sigma).zip(q);
         let rows = rows.map(|((name, sigma), q)| format!("{name}\t{sigma:.4}\t{q:.0}"));
         text += "\n";
         text += &table("measured<14|sigma, m<16|observer.luenberger.q<0", rows);
     }
-    if let (Some(sigma), Some(r)) = (found.model_sigma, found.observer_r()) {
+    if let (Some(sigma), Some(r)) = (identified.model_sigma, identified.observer_r()) {
         let mut weights = r.iter();
         let rows = MODEL_STATES.iter().zip(sigma).map(|(name, sigma)| {
             let weight = if *name == "psi" { None } else { weights.next() };
@@ -124,29 +124,29 @@ fn text_of(found: &Identified) -> String {
 
 fn to_json(
     vehicle: &VehicleOptions,
-    found: Option<&Identified>,
+    identified: Option<&Identified>,
     inertia_kg_m2: Option<f64>,
 ) -> serde_json::Value {
-    let reaction = found.and_then(|found| found.reaction);
+    let reaction = identified.and_then(|it| it.reaction);
     json!({
         "assumed": { "mass_kg": vehicle.mass_kg, "arm_m": vehicle.arm_m },
-        "samples": found.map(|found| found.n_samples),
-        "mean_motors": found.map(|found| found.mean_motors),
-        "k_f_n": found.map(|found| found.k_f_n),
-        "motor_torque_n_m": found.map(|found| found.motor_torque_n_m),
-        "center_of_mass_m": found.map(|found| found.center_of_mass_m),
-        "rotor_lag_s": found.and_then(|found| found.lag).map(|lag| lag.lag_s),
-        "rotor_lag_half_width_s": found.and_then(|found| found.lag).map(|lag| lag.half_width_s),
-        "air_torque_n_m": found.and_then(|found| found.air).map(|air| air.torque_sigma_n_m),
+        "samples": identified.map(|it| it.n_samples),
+        "mean_motors": identified.map(|it| it.mean_motors),
+        "k_f_n": identified.map(|it| it.k_f_n),
+        "motor_torque_n_m": identified.map(|it| it.motor_torque_n_m),
+        "center_of_mass_m": identified.map(|it| it.center_of_mass_m),
+        "rotor_lag_s": identified.and_then(|it| it.lag).map(|lag| lag.lag_s),
+        "rotor_lag_half_width_s": identified.and_then(|it| it.lag).map(|lag| lag.half_width_s),
+        "air_torque_n_m": identified.and_then(|it| it.air).map(|air| air.torque_sigma_n_m),
         "k_m_n_m": reaction.map(|reaction| reaction.k_m_n_m),
         "k_m_half_width_n_m": reaction.map(|reaction| reaction.half_width_n_m),
         "k_m_identifiable": reaction.map(|reaction| reaction.is_identifiable()),
         "yaw_correlation": reaction.map(|reaction| reaction.correlation),
-        "measurement_sigma_m": found.and_then(|found| found.measurement_sigma_m),
-        "model_sigma": found.and_then(|found| found.model_sigma),
-        "observer_q": found.and_then(Identified::observer_q),
-        "observer_r": found.and_then(Identified::observer_r),
-        "left_out": found.map(|found| &found.left_out),
+        "measurement_sigma_m": identified.and_then(|it| it.measurement_sigma_m),
+        "model_sigma": identified.and_then(|it| it.model_sigma),
+        "observer_q": identified.and_then(Identified::observer_q),
+        "observer_r": identified.and_then(Identified::observer_r),
+        "left_out": identified.map(|it| &it.left_out),
         "inertia_kg_m2": inertia_kg_m2,
     })
 }

@@ -185,11 +185,11 @@ fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
 }
 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
-    let mut found = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
+    let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
     // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
-    found.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
-    warn_of(path, &found.flight.warnings);
-    Ok(Dated::new(path, found))
+    dated.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
+    warn_of(path, &dated.flight.warnings);
+    Ok(Dated::new(path, dated))
 }
 
 /// Writes the flights and their plots.
@@ -267,7 +267,7 @@ fn track(log: &Dated<'_>) -> Result<Track> {
 
 /// The ranges of a log: a value that changes is a measurement, one that stays is held.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
-    let mut found = Vec::new();
+    let mut samples = Vec::new();
     let mut known = false;
     for (name, column) in &log.extra {
         let number = |head: &str| name.strip_prefix(head).and_then(|n| n.parse::<usize>().ok());
@@ -284,12 +284,12 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
                 continue;
             }
             before = distance_m;
-            found.push(RangeSample { time_s: sample.time_s, link, distance_m });
+            samples.push(RangeSample { time_s: sample.time_s, link, distance_m });
         }
-        check_count(found.len())?;
+        check_count(samples.len())?;
     }
     if known {
-        return Ok(found);
+        return Ok(samples);
     }
     let wanted = format!("{TO_ANCHOR}0 and so on, {TO_DRONE}1 and so on");
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))

@@ -81,11 +81,11 @@ struct Found {
     floor_stops: Option<f64>,
 }
 
-fn text_of(found: &Found) -> String {
-    let Found { camera, target_stops, ambient_stops, floor_stops, .. } = found;
-    let readings = &grouped(&found.readings);
+fn text_of(metered: &Found) -> String {
+    let Found { camera, target_stops, ambient_stops, floor_stops, .. } = metered;
+    let readings = &grouped(&metered.readings);
     let Camera { focal_length_m, f_number, iso, .. } = camera;
-    let mut text = wrapped("", &in_one_sentence(found));
+    let mut text = wrapped("", &in_one_sentence(metered));
     text += &format!(
         "\n{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
          stops over saturation, along the trail\n",
@@ -114,7 +114,7 @@ fn text_of(found: &Found) -> String {
         let ExposureAdvice { f_number, iso, level } = reading.advice(camera, *target_stops);
         let iso = iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
         let level = level.map_or("-".to_owned(), |level| format!("{level:.3}"));
-        let aperture = match found.fixed_aperture {
+        let aperture = match metered.fixed_aperture {
             true => "-".to_owned(),
             false => format!("f/{f_number:.1}"),
         };
@@ -146,14 +146,14 @@ fn cut(name: &str) -> String {
 }
 
 /// What to set for the brightest trail.
-fn in_one_sentence(found: &Found) -> String {
+fn in_one_sentence(figures: &Found) -> String {
     let brightest = |a: &&LampReading, b: &&LampReading| a.median_stops.total_cmp(&b.median_stops);
-    let Some(lamp) = found.readings.iter().max_by(brightest) else {
+    let Some(lamp) = figures.readings.iter().max_by(brightest) else {
         return "No lamp is lit in the picture.".into();
     };
-    let (name, camera) = (&lamp.name, &found.camera);
+    let (name, camera) = (&lamp.name, &figures.camera);
     let now = in_stops(lamp.median_stops);
-    if let Some(metered) = found.recommended {
+    if let Some(metered) = figures.recommended {
         let Metered { f_number, iso, trail_stops, room_stops, gave_way, .. } = metered;
         let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
         let gave_way =
@@ -172,10 +172,10 @@ fn in_one_sentence(found: &Found) -> String {
              light is then {room}, the trail {trail}{gave_way}.{help}"
         );
     }
-    let wanted = in_stops(found.target_stops);
-    let advice = lamp.advice(camera, found.target_stops);
+    let wanted = in_stops(figures.target_stops);
+    let advice = lamp.advice(camera, figures.target_stops);
     let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
-    let aperture = (!found.fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
+    let aperture = (!figures.fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
     let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
     match ways.is_empty() {
         true => format!("The brightest trail ({name}) is {now}: it takes a neutral filter."),
@@ -211,7 +211,7 @@ fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
 /// Hot spots that a table lists.
 const MOST_SPOTS: usize = 20;
 
-fn json(found: &Found) -> Value {
+fn json(metered: &Found) -> Value {
     let Found {
         camera,
         recommended,
@@ -220,7 +220,7 @@ fn json(found: &Found) -> Value {
         floor_stops,
         readings,
         fixed_aperture,
-    } = found;
+    } = metered;
     let lamp = |reading: &LampReading| {
         let mut lamp = json!(reading);
         lamp["evenness_stops"] = reading.evenness_stops().into();

@@ -93,7 +93,7 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
     }
 }
 
-fn text(options: &RobustnessOptions, found: &[Endurance]) -> String {
+fn text(options: &RobustnessOptions, endurances: &[Endurance]) -> String {
     let shown = options.times.len().min(5);
     let times: String = options.times[..shown].iter().map(|times| format!("|x{times}>6")).collect();
     let most = options.times.last().copied().unwrap_or_default();
@@ -112,6 +112,6 @@ fn text(options: &RobustnessOptions, found: &[Endurance]) -> String {
         .to_owned()
         + &table(
             &format!("<4|factor<16|usual (x1)<12|breaks>6|  interval<12{times}"),
-            found.iter().map(row),
+            endurances.iter().map(row),
         )
 }

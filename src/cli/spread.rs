@@ -92,8 +92,8 @@ fn caption(flight: &SpreadFlight) -> String {
     }
 }
 
-fn text(found: &Spread, title: &str) -> String {
-    let shots = found.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
+fn text(flown: &Spread, title: &str) -> String {
+    let shots = flown.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let verdicts: Vec<_> = shots.clone().filter_map(|shot| shot.verdict.as_ref()).collect();
     let mut words = title.to_owned();
     let mut readability: Vec<f64> = verdicts.iter().map(|v| v.readability).collect();
@@ -105,12 +105,12 @@ fn text(found: &Spread, title: &str) -> String {
             median(&mut readability)
         );
     }
-    let lost = found.flights.len() - shots.count();
+    let lost = flown.flights.len() - shots.count();
     if lost > 0 {
         words += &format!("; {lost} lost the drone");
     }
     let mut text = wrapped("spread    ", &words);
-    for (all, within) in found.all.iter().zip(&found.within) {
+    for (all, within) in flown.all.iter().zip(&flown.within) {
         text += &line("", &format!("{} {}", holds(all), millimeters(all)));
         text += &line("", &format!("one drone in one room: {}", millimeters(within)));
     }
@@ -132,7 +132,7 @@ fn millimeters(band: &Band) -> String {
     format!("x ±{x:.0}, y ±{y:.0}, z ±{z:.0} mm over the letters")
 }
 
-fn json(found: &Spread, conditions: &str) -> Value {
+fn json(spread: &Spread, conditions: &str) -> Value {
     let flight = |flight: &SpreadFlight| match &flight.shot {
         Err(lost) => json!({ "seed": flight.seed, "lost": lost }),
         Ok(shot) => json!({
@@ -149,8 +149,8 @@ fn json(found: &Spread, conditions: &str) -> Value {
     };
     json!({
         "conditions": conditions,
-        "flights": found.flights.iter().map(flight).collect::<Vec<_>>(),
-        "bands": found.all.iter().map(band).collect::<Vec<_>>(),
-        "bands_within": found.within.iter().map(band).collect::<Vec<_>>(),
+        "flights": spread.flights.iter().map(flight).collect::<Vec<_>>(),
+        "bands": spread.all.iter().map(band).collect::<Vec<_>>(),
+        "bands_within": spread.within.iter().map(band).collect::<Vec<_>>(),
     })
 }

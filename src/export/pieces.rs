@@ -251,40 +251,40 @@ pub(super) fn pieces<P>(
     piece: impl Fn(usize, usize, &[P], Rounding) -> P,
     polynomials: impl Fn(&P) -> Polynomials,
 ) -> Vec<P> {
-    let motion = |at: usize, to: usize, found: &[P], rounding: Rounding| {
-        polynomials(&piece(at, to, found, rounding))
+    let motion = |at: usize, to: usize, before: &[P], rounding: Rounding| {
+        polynomials(&piece(at, to, before, rounding))
     };
     let limits = stretch.limits();
     let fit = Fit { stretch, limits, tolerance_m, max_piece_s, motion: &motion };
     // The pieces, and for each its first setpoint and the ends that were not tried.
-    let (mut found, mut tried): (Vec<P>, Vec<(usize, Range<usize>)>) = (Vec::new(), Vec::new());
+    let (mut done, mut tried): (Vec<P>, Vec<(usize, Range<usize>)>) = (Vec::new(), Vec::new());
     let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
-    let mut untried = fit.ends(0, &found);
+    let mut untried = fit.ends(0, &done);
     while at < stretch.last() {
-        let mut next = fit.longest(at, &mut untried, &found);
+        let mut next = fit.longest(at, &mut untried, &done);
         if next.is_none() {
             (stuck_at, retries) = if at > stuck_at { (at, 1) } else { (stuck_at, retries + 1) };
             let other = |index: usize| {
                 let (from, untried) = &mut tried[index];
-                Some((index, fit.longest(*from, untried, &found[..index])?))
+                Some((index, fit.longest(*from, untried, &done[..index])?))
             };
-            let other = (0..found.len()).rev().filter(|_| retries <= RETRIES).find_map(other);
+            let other = (0..done.len()).rev().filter(|_| retries <= RETRIES).find_map(other);
             if let Some((index, to)) = other {
-                found.truncate(index);
+                done.truncate(index);
                 (at, untried) = tried.swap_remove(index);
                 tried.truncate(index);
                 next = Some(to);
             }
         }
-        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(at, &found));
+        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(at, &done));
         let (to, rounding) = next.expect("the next setpoint");
-        let made = piece(at, to, &found, rounding);
-        found.push(made);
+        let made = piece(at, to, &done, rounding);
+        done.push(made);
         tried.push((at, untried));
         at = to;
-        untried = fit.ends(at, &found);
+        untried = fit.ends(at, &done);
     }
-    found
+    done
 }
 
 /// Motion of the piece between two setpoints after the pieces so far.
@@ -300,8 +300,8 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    fn is_near(&self, at: usize, to: usize, found: &[P], rounding: Rounding) -> bool {
-        let made = (self.motion)(at, to, found, rounding);
+    fn is_near(&self, at: usize, to: usize, before: &[P], rounding: Rounding) -> bool {
+        let made = (self.motion)(at, to, before, rounding);
         let start_s = self.stretch.time_s(at);
         let off_m = |t: f64| {
             (made.at((t - start_s).min(made.duration_s))[0] - self.stretch.position_m(t)).norm()
@@ -310,13 +310,13 @@ impl<P> Fit<'_, P> {
             && self.stretch.check_times_s(at, to).all(|t| off_m(t) <= self.tolerance_m)
     }
 
-    fn farthest(&self, at: usize, found: &[P]) -> usize {
-        longest(at, self.stretch.last(), |to| self.is_near(at, to, found, Rounding::Nearest))
+    fn farthest(&self, at: usize, before: &[P]) -> usize {
+        longest(at, self.stretch.last(), |to| self.is_near(at, to, before, Rounding::Nearest))
     }
 
     /// Largest speed or acceleration relative to the design's.
-    fn effort(&self, at: usize, to: usize, found: &[P], rounding: Rounding) -> f64 {
-        let made = (self.motion)(at, to, found, rounding);
+    fn effort(&self, at: usize, to: usize, before: &[P], rounding: Rounding) -> f64 {
+        let made = (self.motion)(at, to, before, rounding);
         let [max_m_s, max_m_s2] = self.limits;
         let start_s = self.stretch.time_s(at);
         let times_s = self.stretch.check_times_s(at, to).map(|t| t - start_s);
@@ -328,34 +328,34 @@ impl<P> Fit<'_, P> {
     }
 
     /// Ends of pieces from a setpoint to be tried.
-    fn ends(&self, at: usize, found: &[P]) -> Range<usize> {
+    fn ends(&self, at: usize, before: &[P]) -> Range<usize> {
         if at == self.stretch.last() {
             return 0..0;
         }
-        let farthest = self.farthest(at, found);
+        let farthest = self.farthest(at, before);
         let shortest = if self.limits[1] > 0.0 { at + 1 } else { farthest };
         shortest..farthest + 1
     }
 
     /// The end of the longest piece that keeps to the limits; takes it and those beyond it away.
-    fn longest(&self, at: usize, ends: &mut Range<usize>, found: &[P]) -> Option<usize> {
+    fn longest(&self, at: usize, ends: &mut Range<usize>, before: &[P]) -> Option<usize> {
         let rounding = Rounding::Nearest;
         ends.rfind(|to| {
             self.limits[1] == 0.0
-                || self.effort(at, *to, found, rounding) <= OVER_LIMITS
-                    && self.is_near(at, *to, found, rounding)
+                || self.effort(at, *to, before, rounding) <= OVER_LIMITS
+                    && self.is_near(at, *to, before, rounding)
         })
     }
 
     /// End and rounding of the piece with the least effort; to the next setpoint in any case.
-    fn gentlest(&self, at: usize, found: &[P]) -> Option<(usize, Rounding)> {
-        let ends = (at + 1..=self.farthest(at, found))
+    fn gentlest(&self, at: usize, before: &[P]) -> Option<(usize, Rounding)> {
+        let ends = (at + 1..=self.farthest(at, before))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
         let allowed = |(to, rounding): &(usize, Rounding)| {
             (*to, *rounding) == (at + 1, Rounding::Nearest)
-                || self.is_near(at, *to, found, *rounding)
+                || self.is_near(at, *to, before, *rounding)
         };
-        let efforts = ends.filter(allowed).map(|end| (end, self.effort(at, end.0, found, end.1)));
+        let efforts = ends.filter(allowed).map(|end| (end, self.effort(at, end.0, before, end.1)));
         efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end)
     }
 }

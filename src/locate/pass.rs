@@ -136,7 +136,7 @@ impl<'a> Model<'a> {
         filter: &mut Filter,
         step: &[RangeSample],
         here: Option<&[f64]>,
-        found: &mut Innovations,
+        innovations: &mut Innovations,
     ) -> Step {
         let Filter { normal, gate, .. } = filter;
         let variance = self.options.range_sigma_m * self.options.range_sigma_m;
@@ -156,9 +156,10 @@ impl<'a> Model<'a> {
             let mut corrected = || gate.correct(normal, sample.link, &measurement);
             match if is_stray { None } else { corrected() } {
                 Some(innovation) => {
-                    (found.sum, found.taken) = (found.sum + innovation.nis(), found.taken + 1);
+                    (innovations.sum, innovations.taken) =
+                        (innovations.sum + innovation.nis(), innovations.taken + 1);
                 }
-                None => *found.refused.entry(sample.link).or_default() += 1,
+                None => *innovations.refused.entry(sample.link).or_default() += 1,
             }
         }
         (filter.last_s, filter.ranges) = (Some(time_s), filter.ranges + step.len());

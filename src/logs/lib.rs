@@ -233,7 +233,7 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     foreign::refuse(bytes, file)?;
     let header = sheet::header(bytes).unwrap_or_default();
-    let mut found = if is_own(&header) {
+    let mut on_clock = if is_own(&header) {
         let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
@@ -245,9 +245,9 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     // A flight file with ranges is an imported log; a table of ranges with times in s is none.
     let has = |wanted: &str| header.iter().any(|name| name == wanted);
     if has(OWN[0]) && has("letter") && header.iter().any(|name| name.starts_with("ranging.")) {
-        found.zero_stamp_s = None;
+        on_clock.zero_stamp_s = None;
     }
-    Ok(found)
+    Ok(on_clock)
 }
 
 /// Whether a header is that of a flight file: it begins with a pose, or it has the column of

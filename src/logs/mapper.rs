@@ -24,11 +24,11 @@ pub(super) fn flight(
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<(Flight, f64)> {
-    let found = quantities(&recording, options.position);
+    let quantities = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
-    let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
+    let unlogged: BTreeSet<_> = all.filter(|q| !quantities.channels.contains_key(q)).collect();
     let ranging = recording.names().any(|name| name.starts_with("ranging."));
-    if found.channels.is_empty() && !ranging {
+    if quantities.channels.is_empty() && !ranging {
         return Err(nothing_known(&recording));
     }
     if unlogged.contains(&Quantity::Position) && options.position != PositionSource::Best {
@@ -39,19 +39,19 @@ pub(super) fn flight(
             "choose another source of position, or the best",
         ));
     }
-    let mut warnings = found.left_out.clone();
-    let axis = axis(&recording, &found, options, budget, &mut warnings)?;
-    let n_channels = found.channels.values().map(Vec::len).sum::<usize>();
-    let n_extra = recording.names().filter(|name| !found.used.contains(*name)).count();
+    let mut warnings = quantities.left_out.clone();
+    let axis = axis(&recording, &quantities, options, budget, &mut warnings)?;
+    let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
+    let n_extra = recording.names().filter(|name| !quantities.used.contains(*name)).count();
     let n_samples = axis.stamps_s.len();
     budget
         .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
     let samples: Vec<FlightSample> =
-        axis.stamps_s.iter().map(|&stamp_s| sample(&found, options, stamp_s, &axis)).collect();
-    warnings.extend(warn_of_held_values(&found, options, &axis));
+        axis.stamps_s.iter().map(|&stamp_s| sample(&quantities, options, stamp_s, &axis)).collect();
+    warnings.extend(warn_of_held_values(&quantities, options, &axis));
     warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &found.used, &axis);
+    let mut extra = extra(&recording, &quantities.used, &axis);
     check_numbers(&recording.file, &samples)?;
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
@@ -99,13 +99,13 @@ impl Axis {
 /// the gaps. Without a pose, the stamps of the longest block.
 fn axis(
     recording: &Recording,
-    found: &Quantities,
+    quantities: &Quantities,
     options: &ImportOptions,
     budget: &Budget,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
     let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
-        let channels = found.channels.get(&quantity).into_iter().flatten();
+        let channels = quantities.channels.get(&quantity).into_iter().flatten();
         channels.map(move |channel| (quantity, channel))
     });
     let pose: Vec<(Quantity, &Channel)> = pose.collect();
@@ -239,9 +239,14 @@ fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
 }
 
 /// The sample at a stamp.
-fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis) -> FlightSample {
+fn sample(
+    quantities: &Quantities,
+    options: &ImportOptions,
+    stamp_s: f64,
+    axis: &Axis,
+) -> FlightSample {
     let mut sample = FlightSample::default().numbers();
-    for (&quantity, channels) in &found.channels {
+    for (&quantity, channels) in &quantities.channels {
         for (cell, channel) in sample[quantity.places()].iter_mut().zip(channels) {
             *cell = match quantity {
                 Quantity::Design | Quantity::Motors => channel.held(stamp_s),
@@ -253,7 +258,7 @@ fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis
     let mut sample = FlightSample::from_numbers(sample);
     sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
     sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
-    if found.velocity_frame == VelocityFrame::World {
+    if quantities.velocity_frame == VelocityFrame::World {
         let body_from_world = sample.attitude.world_from_body().transpose();
         sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
     }

@@ -140,15 +140,15 @@ impl PySessions {
             landed.push(u8::from(waits.is_none()));
             lost.push(u8::from(flying.lost.is_some()));
         }
-        let found = PyDict::new(py);
-        found.set_item("state", array(py, &state, 12)?)?;
-        found.set_item("reference", array(py, &reference, 9)?)?;
-        found.set_item("position_m", array(py, &position, 3)?)?;
-        found.set_item("design_m", array(py, &design, 3)?)?;
-        found.set_item("time_s", array(py, &time, 1)?)?;
-        found.set_item("landed", array_of(py, &landed, "?", &[landed.len()])?)?;
-        found.set_item("lost", array_of(py, &lost, "?", &[lost.len()])?)?;
-        Ok(found)
+        let columns = PyDict::new(py);
+        columns.set_item("state", array(py, &state, 12)?)?;
+        columns.set_item("reference", array(py, &reference, 9)?)?;
+        columns.set_item("position_m", array(py, &position, 3)?)?;
+        columns.set_item("design_m", array(py, &design, 3)?)?;
+        columns.set_item("time_s", array(py, &time, 1)?)?;
+        columns.set_item("landed", array_of(py, &landed, "?", &[landed.len()])?)?;
+        columns.set_item("lost", array_of(py, &lost, "?", &[lost.len()])?)?;
+        Ok(columns)
     }
 
     /// Ends all flights: the outcomes of their photos, as columns of one row and as JSON. Those who
@@ -173,9 +173,9 @@ impl PySessions {
             }
         };
         let stage = move || ended.into_par_iter().map(judge).collect::<Result<Vec<_>>>();
-        let found = run(py, &stop, stage)?;
-        let json = found.iter().map(|it| serde_json::json!(it).to_string()).collect();
-        Ok((columns(py, &found, [1, found.len()])?, json))
+        let judged = run(py, &stop, stage)?;
+        let json = judged.iter().map(|it| serde_json::json!(it).to_string()).collect();
+        Ok((columns(py, &judged, [1, judged.len()])?, json))
     }
 
     /// Ends a flight: the outcome of its photo.

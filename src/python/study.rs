@@ -65,23 +65,23 @@ pub(super) fn outcomes<'py>(
         Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
     };
     let tick = shown(progress.as_ref(), &done, n_scenes * n_seeds);
-    let found = run_showing(py, &stop, tick, Ends::ByItself, stage)?;
-    columns(py, &found, [n_scenes, n_seeds])
+    let judged = run_showing(py, &stop, tick, Ends::ByItself, stage)?;
+    columns(py, &judged, [n_scenes, n_seeds])
 }
 
 /// Outcomes as arrays of (scenes, seeds): those of `Outcomes` of `noctograph/studies.py`.
 pub(super) fn columns<'py>(
     py: Python<'py>,
-    found: &[Outcome],
+    outcomes: &[Outcome],
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
     let numbers = |of: &dyn Fn(&Outcome) -> f64| {
-        let values: Vec<f64> = found.iter().map(of).collect();
+        let values: Vec<f64> = outcomes.iter().map(of).collect();
         array_of(py, bytemuck::cast_slice(&values), "f8", &shape)
     };
     let flags = |of: fn(&Outcome) -> bool| {
-        let values: Vec<u8> = found.iter().map(|outcome| u8::from(of(outcome))).collect();
+        let values: Vec<u8> = outcomes.iter().map(|outcome| u8::from(of(outcome))).collect();
         array_of(py, &values, "?", &shape)
     };
     columns.set_item("probability", numbers(&|outcome| outcome.probability)?)?;
@@ -93,7 +93,7 @@ pub(super) fn columns<'py>(
         columns.set_item(name, numbers(&figure)?)?;
     }
     let read = |row: &[Outcome]| row.iter().map(|outcome| outcome.read.clone()).collect();
-    let rows: Vec<Vec<String>> = found.chunks(shape[1].max(1)).map(read).collect();
+    let rows: Vec<Vec<String>> = outcomes.chunks(shape[1].max(1)).map(read).collect();
     columns.set_item("read", rows)?;
     Ok(columns)
 }
@@ -214,10 +214,10 @@ pub(super) fn tuning<'py>(
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
         Ok((tuning_table(&options, &tuned), tuned))
     };
-    let found = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
+    let result = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
     // What the callback raised is the cause of the end.
     let thrown = thrown.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let (text, tuned) = thrown.map_or(found, Err)?;
+    let (text, tuned) = thrown.map_or(result, Err)?;
     let json = json!({
         "flights": tuned.n_flights,
         "helped": tuned.helped(),

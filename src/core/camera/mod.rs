@@ -125,8 +125,8 @@ impl Camera {
         ];
         let mut at = wanted;
         for _ in 0..200 {
-            let found = self.distorted(at)?;
-            let off = [wanted[0] - found[0], wanted[1] - found[1]];
+            let distorted = self.distorted(at)?;
+            let off = [wanted[0] - distorted[0], wanted[1] - distorted[1]];
             at = [at[0] + off[0], at[1] + off[1]];
             if off[0].abs().max(off[1].abs()) < 1e-12 {
                 let ray = Vector3::new(at[0], at[1], 1.0).normalize();

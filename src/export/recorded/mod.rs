@@ -32,9 +32,9 @@ pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
 /// of a time of 35 s it is 4 µs, in which a drone flies 1 µm.
 pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     for (time_s, want) in rows {
-        let found = motion(pieces, *time_s);
+        let answer = motion(pieces, *time_s);
         for (k, tolerance) in [2e-6, 2e-5, 1e-3].into_iter().enumerate() {
-            let off = (found[k] - want[k]).norm();
+            let off = (answer[k] - want[k]).norm();
             assert!(off <= tolerance, "derivative {k} at {time_s} s: {off}");
         }
     }

@@ -43,13 +43,13 @@ impl<K: Ord> Gate<K> {
             let left = normal.innovation(&measurement).value;
             measurement.variance = measurement.variance.max(left * left);
         }
-        let mut found = None;
+        let mut taken = None;
         normal.correct(&measurement, |innovation| {
-            found = (!innovation.is_beyond(self.sq)).then_some(*innovation);
-            found.is_some()
+            taken = (!innovation.is_beyond(self.sq)).then_some(*innovation);
+            taken.is_some()
         });
-        *refused = if found.is_some() { 0 } else { *refused + 1 };
-        found
+        *refused = if taken.is_some() { 0 } else { *refused + 1 };
+        taken
     }
 }
 

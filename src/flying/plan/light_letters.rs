@@ -53,14 +53,14 @@ pub(super) fn drawn(
 
 /// The stretches of rows at which light is on.
 fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
-    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut stretches: Vec<Range<usize>> = Vec::new();
     for row in (0..levels.len()).filter(|row| levels[*row] > 0.0) {
-        match found.last_mut().filter(|last| last.end == row) {
+        match stretches.last_mut().filter(|last| last.end == row) {
             Some(last) => last.end += 1,
-            None => found.push(row..row + 1),
+            None => stretches.push(row..row + 1),
         }
     }
-    found
+    stretches
 }
 
 #[cfg(test)]

@@ -310,9 +310,9 @@ impl Avionics {
 
     /// Stops a flight that the controller has lost.
     fn check(&self, time_s: f64, body: &RigidBody) -> Result<()> {
-        let Some(found) = lost(body, &self.estimate) else { return Ok(()) };
+        let Some(fault) = lost(body, &self.estimate) else { return Ok(()) };
         Err(Error::Infeasible {
-            what: format!("the drone {found} after {time_s:.3} s"),
+            what: format!("the drone {fault} after {time_s:.3} s"),
             hint: format!(
                 "check {} against the vehicle, and that the plan makes no large jump",
                 tuned_by(self.kinds)

@@ -103,16 +103,16 @@ pub fn of_flights(
     findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
     let picture = Picture::of(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
-        let mut found = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
+        let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
         match flight {
             Ok(flight) => {
-                found.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
+                checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
             }
-            Err(Error::Infeasible { what, .. }) => found.push(lost(what)),
+            Err(Error::Infeasible { what, .. }) => checks.push(lost(what)),
             Err(error) => return Err(error),
         }
-        found.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
-        findings.extend(numbered(shoot, Some(drone), found));
+        checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), checks));
     }
     let stands = room_of(shoot, profile)?;
     let nowhere = stands.iter().any(|row| row.severity != Severity::Fine);
@@ -157,9 +157,9 @@ pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<V
     let mut findings = check_design(shoot, profile);
     findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
     for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
-        let mut found = check_flight(shoot, drone, flight, None, profile)?;
-        found.push(check_coverage(&planned.plan, &shoot.scene)?);
-        findings.extend(numbered(shoot, Some(drone), found));
+        let mut checks = check_flight(shoot, drone, flight, None, profile)?;
+        checks.push(check_coverage(&planned.plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), checks));
     }
     Ok(findings)
 }

@@ -101,10 +101,10 @@ pub(super) fn evener(
         let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
         let lamps = lamps.iter().map(|lamp| turned(lamp, flight, turn_rad)).collect();
         let readings = meter(&LightTrace { lamps }, camera).unwrap_or_default();
-        let found = brightest(readings.iter())?;
-        let is_bright = found.median_stops >= now.median_stops - slack_stops;
-        let whole = is_bright && found.lit_s >= 0.99 * now.lit_s;
-        whole.then(|| [yaw_rad, found.evenness_stops()])
+        let brightest_lamp = brightest(readings.iter())?;
+        let is_bright = brightest_lamp.median_stops >= now.median_stops - slack_stops;
+        let whole = is_bright && brightest_lamp.lit_s >= 0.99 * now.lit_s;
+        whole.then(|| [yaw_rad, brightest_lamp.evenness_stops()])
     };
     let evener = |a: &[f64; 2], b: &[f64; 2]| a[1].total_cmp(&b[1]);
     let coarse: Vec<Lamp> = lamps.iter().map(|lamp| thinned(lamp)).collect();

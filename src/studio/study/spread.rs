@@ -251,7 +251,7 @@ pub fn spread(
 /// A result, or how a drone was lost.
 fn kept<T>(result: Result<T>) -> Result<std::result::Result<T, String>> {
     match result {
-        Ok(found) => Ok(Ok(found)),
+        Ok(flown) => Ok(Ok(flown)),
         Err(Error::Infeasible { what, .. }) => Ok(Err(what)),
         Err(error) => Err(error),
     }

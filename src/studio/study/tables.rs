@@ -37,7 +37,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
 
 /// A row for each factor and level.
 #[must_use]
-pub fn robustness_csv(found: &[Endurance]) -> String {
+pub fn robustness_csv(endurances: &[Endurance]) -> String {
     let mut columns = vec![column("factor", "factor"), column("times", "level/times")];
     for name in ["legible", "all_read", "legibility"] {
         columns.extend(estimate(name, &format!("level/{name}")));
@@ -48,7 +48,7 @@ pub fn robustness_csv(found: &[Endurance]) -> String {
         column("breaks_to", "breaks_between/1"),
         column("place", "place"),
     ]);
-    let rows = found.iter().flat_map(|endurance| {
+    let rows = endurances.iter().flat_map(|endurance| {
         let name = endurance.factor.map_or("all together", Factor::name);
         let row = move |level| {
             json!({

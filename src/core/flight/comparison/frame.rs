@@ -59,12 +59,12 @@ pub(super) fn place(
     if design(a) && design(b) {
         return Ok((offset_s, None));
     }
-    let found = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
+    let alignment = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
         let [a, mut b] = [options.part.samples(a)?, options.part.samples(flight)?];
         b.iter_mut().for_each(|sample| sample.time_s += offset_s);
         Ok(fit(&pairs(&a, &b, options.max_gap_s)))
     };
-    let Some((apart_m, mut best)) = found(b, offset_s)? else { return Ok((offset_s, None)) };
+    let Some((apart_m, mut best)) = alignment(b, offset_s)? else { return Ok((offset_s, None)) };
     if apart_m < TWO_FRAMES_M {
         return Ok((offset_s, None));
     }
@@ -80,7 +80,7 @@ pub(super) fn place(
         turned.samples.iter_mut().for_each(|sample| turn.place(sample));
         let offset_s = clock(&turned)?;
         if let Some((_, further)) =
-            found(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
+            alignment(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
         {
             best = FrameAlignment { turn_rad: turn_rad + further.turn_rad, ..further };
             best_s = offset_s;
@@ -90,7 +90,9 @@ pub(super) fn place(
     let mut turned = b.clone();
     turned.samples.iter_mut().for_each(|sample| best.place(sample));
     let offset_s_again = clock(&turned)?;
-    if let Some((_, further)) = found(b, offset_s_again)?.filter(|(_, f)| f.left_m < best.left_m) {
+    if let Some((_, further)) =
+        alignment(b, offset_s_again)?.filter(|(_, f)| f.left_m < best.left_m)
+    {
         (best, best_s) = (further, offset_s_again);
     }
     best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);

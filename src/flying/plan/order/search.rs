@@ -33,9 +33,9 @@ impl Tour<'_> {
             let mut best = (f64::INFINITY, 0, 0);
             let mut look = |legs: &[Leg]| {
                 for leg in legs {
-                    let found = (self.between_s(last, Some(*leg)), place[leg.0], leg.1);
-                    if found < best {
-                        best = found;
+                    let candidate = (self.between_s(last, Some(*leg)), place[leg.0], leg.1);
+                    if candidate < best {
+                        best = candidate;
                     }
                 }
                 best.0 * speed_m_s

@@ -75,7 +75,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
     let turns = turns(plans.len(), first, options)?;
     let mut fleet = Fleet::new(plans.len(), options);
-    let mut found = vec![Bound::default(); plans.len()];
+    let mut bounds = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
     let has = |sensor: &&HeightSensor| sensors.heights.contains(sensor);
     let heights: Vec<HeightSensor> = HeightSensor::ALL.iter().filter(has).copied().collect();
@@ -102,7 +102,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
                 continue;
             }
             let row = plan.row_at(time_s);
-            let bound = &mut found[drone];
+            let bound = &mut bounds[drone];
             bound.time_s.push(time_s);
             bound
                 .sigma_m
@@ -110,7 +110,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }
-    Ok(found)
+    Ok(bounds)
 }
 
 /// Drones on their designs, and the covariance of all.
