@@ -82,25 +82,31 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         false => Some(from_logs(args, &ready, &options)?),
     };
     let store = open_store(&args.output)?;
-    let n_plans = of_logs.as_ref().map_or(ready.plans().len(), Vec::len);
+    let n_plans = if of_logs.is_some() { 1 } else { ready.plans().len() };
     let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
     let names: Vec<String> = names.collect();
     // The plans have their names before the scene that names them.
     let files: Vec<&str> = names.iter().map(String::as_str).chain(["scene.toml"]).collect();
     let results = open_results(&args.output, &files)?;
-    let (mut rounds, mut helped, mut best) = (Vec::new(), None, 0);
-    let plans = if let Some(plans) = of_logs {
-        plans
+    let (mut rounds, mut helped, mut moved_m) = (Vec::new(), None, None);
+    let (plans, outcome) = if let Some([sent, corrected]) = of_logs {
+        let moves @ [mean_m, max_m] = moves_m(&sent, &corrected);
+        moved_m = Some(moves);
+        let [mean_mm, max_mm] = [1e3 * mean_m, 1e3 * max_m];
+        let word = ready.word();
+        let outcome =
+            format!("{word}: its setpoints move by {mean_mm:.0} mm (mean), {max_mm:.0} mm (max)");
+        (vec![corrected], outcome)
     } else {
         let watch = &mut |round: &Round| {
             let (number, p) = (rounds.len(), round.legibility);
             message("", &format!("round {number}: read with probability {p:.3}"));
             rounds.push(round.clone());
         };
-        let learned = learn(&ready, &options, Some(&store), watch)?;
-        helped = Some(learned.helped());
-        best = learned.best();
-        learned.plans
+        let all = learn(&ready, &options, Some(&store), watch)?;
+        helped = Some(all.helped());
+        let outcome = learned(ready.word(), &rounds, all.best(), all.helped());
+        (all.plans, outcome)
     };
     let toml = format!(
         "# Learned by noctograph {} for {}; send {}.\n{}",
@@ -114,11 +120,9 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     }
     results.write("scene.toml", |out| out.write_all(toml.as_bytes()))?;
     let paths = results.keep(&files)?;
-    let outcome = match helped {
-        Some(helped) => learned(ready.word(), &rounds, best, helped),
-        None => ready.word().to_owned(),
-    };
-    let json = json!({ "word": ready.word(), "rounds": rounds, "helped": helped });
+    let json = json!({
+        "word": ready.word(), "rounds": rounds, "helped": helped, "moved_m": moved_m,
+    });
     Ok(Report::new(rounds_table(&rounds) + &line("learned", &outcome), json).with_files(&paths))
 }
 
@@ -163,8 +167,17 @@ fn rounds_table(rounds: &[Round]) -> String {
     )
 }
 
-/// One round from flights that were flown elsewhere, by one drone.
-fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Vec<Plan>> {
+/// Mean and largest distance between the setpoints of two plans while they write, m.
+fn moves_m(sent: &Plan, corrected: &Plan) -> [f64; 2] {
+    let rows = (0..sent.setpoints.len()).filter(|row| sent.setpoints[*row].letter.is_some());
+    let moves: Vec<f64> =
+        rows.map(|row| (corrected.sent_m(row) - sent.sent_m(row)).norm()).collect();
+    let max_m = moves.iter().copied().fold(0.0, f64::max);
+    [moves.iter().sum::<f64>() / moves.len().max(1) as f64, max_m]
+}
+
+/// The plan that was sent, and that corrected from flights that were flown elsewhere, by one drone.
+fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<[Plan; 2]> {
     let sent = match (&args.sent, ready.plans().as_slice()) {
         (Some(path), _) => {
             let sent = Plan::read_csv(path)?;
@@ -187,5 +200,6 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
         let text = "one flight does not show which errors repeat; fly the plan again if you can";
         message("warning: ", text);
     }
-    Ok(vec![correct(&sent, ready.scene(), &flights, options)?])
+    let corrected = correct(&sent, ready.scene(), &flights, options)?;
+    Ok([sent, corrected])
 }
