@@ -205,6 +205,7 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     page.mouse.down()
     page.mouse.move(*place(700, 500), steps=4)
     page.mouse.up()
+    assert kept(page)["opened"]["corners"][0][0] < 400, "these four are no sheet"
     next_photo(page.click, "#picture .second")
     assert "corners" not in kept(page)["opened"] and page.locator("#picture .second").is_hidden()
     assert page.locator("#picture svg").bounding_box() == box, "the picture moved"
