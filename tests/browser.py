@@ -97,6 +97,32 @@ def stroke(page, *points, steps=12):
     page.mouse.up()
 
 
+def drop(page, files):
+    page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(files)})
+
+
+SHEET = [[150, 90], [640, 110], [690, 520], [90, 500]]
+
+
+def drop_sheet(page):
+    """Brings the photograph of a sheet on a dark desk, with a black stroke and a red one."""
+    drop(page, f"""async () => {{
+        const canvas = Object.assign(document.createElement('canvas'), {{width: 800, height: 600}});
+        const pen = canvas.getContext('2d');
+        for (let y = 0; y < 600; y += 8) {{ pen.fillStyle = y % 24 ? '#50372a' : '#75533f'; pen.fillRect(0, y, 800, 8); }}
+        pen.fillStyle = '#faf8f2'; pen.beginPath(); {SHEET}.forEach(([x, y]) => pen.lineTo(x, y)); pen.fill();
+        pen.lineWidth = 7;
+        for (const [color, ...line] of [['#222', 240, 200, 460, 260], ['#d12', 250, 400, 520, 350]]) {{
+            pen.strokeStyle = color; pen.beginPath(); pen.moveTo(line[0], line[1]); pen.lineTo(line[2], line[3]); pen.stroke();
+        }}
+        const data = new DataTransfer();
+        data.items.add(new File([await new Promise(done => canvas.toBlob(done, 'image/jpeg', 0.95))], 'sheet.jpg'));
+        return data;
+    }}""")
+    until(page, "document.querySelector('#opened-name').textContent === 'sheet.jpg'")
+    return shown(page)
+
+
 def kept(page):
     """What the page keeps over a reload."""
     return page.evaluate("JSON.parse(sessionStorage.getItem('noctograph'))")

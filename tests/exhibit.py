@@ -632,6 +632,11 @@ def states(browser, server):
         until(page, "document.querySelectorAll('#pad .lit').length === 1")
         yield f"pad {wide}", page
         page.click("#type")
+        drop_sheet(page)
+        page.click("#choose")
+        until(page, "document.querySelectorAll('#picture path[data-n]').length === 2")
+        yield f"picture {wide}", page
+        page.click("#opened-close")
         write(page, "ANNA")
         page.click("#send")
         page.wait_for_selector("#sent h2", timeout=60_000)

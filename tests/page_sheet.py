@@ -53,6 +53,14 @@ def draws(page):
     return page
 
 
+def chooses(page):
+    drop_sheet(page)
+    page.click("#choose")
+    page.click("[data-ink=red]")
+    shown(page)
+    return page
+
+
 def exposes(page, share):
     page.evaluate("share => { const range = document.querySelector('#replay input'); range.value = 1000 * share; range.dispatchEvent(new Event('input')); }", share)
     page.wait_for_timeout(500)
@@ -99,6 +107,7 @@ with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
         until(page, "document.querySelector('#frame').hidden && document.querySelector('#verdict strong')")
         take(page, "unwritable", PHONE)
         take(draws(visitor(browser, url, PHONE)), "pad", PHONE)
+        take(chooses(visitor(browser, url, PHONE)), "picture", PHONE)
         take(visitor(browser, url, PHONE, "Amara", "ar"), "arabic", PHONE)
         take(visitor(browser, url, PHONE, "Amara", color_scheme="light"), "light", PHONE)
         take(visitor(browser, url, PHONE, "Amara", forced_colors="active"), "forced", PHONE)
@@ -109,6 +118,7 @@ with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
         take(visitor(browser, url, DESK, "Amara"), "word", DESK)
         take(draws(visitor(browser, url, DESK, color_scheme="light")), "pad", DESK)
         take(sends(visitor(browser, url, DESK, "Anna")), "sent", DESK)
+        take(chooses(visitor(browser, url, DESK)), "picture", DESK)
         page = visitor(browser, url, DESK, "Jazz")
         page.click("#more")
         page.wait_for_selector("#drawer[open]")

@@ -25,10 +25,6 @@ def flight_s(page):
     return int(re.search(r"(\d+) second", page.inner_text("#left") or page.inner_text("#verdict")).group(1))
 
 
-def drop(page, files):
-    page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(files)})
-
-
 def types_reads_and_downloads(browser, url):
     page, trouble = opened(browser, url, viewport={"width": 1280, "height": 900})
     ready(page)
@@ -132,6 +128,111 @@ def draws_and_drops(browser, url):
     assert not trouble, trouble
 
 
+def chooses_what_is_drawn_of_a_picture(browser, url):
+    """Corners and strokes of a sheet on a desk, by finger, mouse and keys on a small phone."""
+    page, trouble = opened(browser, url, viewport={"width": 360, "height": 740}, has_touch=True)
+    asked = []
+    page.on("request", lambda request: request.url.endswith("/live") and asked.append(request.post_data_json["settings"]))
+    ready(page)
+    drop_sheet(page)
+    page.click("#choose")
+    until(page, "document.querySelectorAll('#picture path[data-n]').length === 2", what="two strokes")
+    box = page.locator("#picture svg").bounding_box()
+    scale = box["width"] / 800
+    place = lambda x, y: (box["x"] + scale * x, box["y"] + scale * y)
+    middle = lambda k: (lambda b: (b["x"] + b["width"] / 2, b["y"] + b["height"] / 2))(page.locator(".corner").nth(k).bounding_box())
+    near = lambda a, b, most: abs(a[0] - b[0]) < most and abs(a[1] - b[1]) < most
+    for k, corner in enumerate(SHEET):
+        assert near(middle(k), place(*corner), 3), f"corner {k} is at {middle(k)}, wanted {place(*corner)}"
+    wide = page.evaluate("document.documentElement.scrollWidth")
+    assert wide <= 360, f"{wide} px on a screen of 360"
+
+    def next_photo(act, *given):
+        before = page.get_attribute("main", "data-shown")
+        act(*given)
+        until(page, f"document.querySelector('main').dataset.shown !== {before!r}")
+        shown(page)
+        return {key: value for key, value in asked[-1].items() if key in ("letters.ink", "letters.without", "letters.corners_px")}
+
+    # A stroke that is touched is left out, and comes back.
+    red = int(page.get_attribute("[aria-label*='Red'][data-n]", "data-n"))
+    line = page.locator(f"[data-n='{red}']")
+    assert next_photo(page.touchscreen.tap, *place(385, 375 + 8)) == {"letters.without": f"{red}"}
+    assert line.get_attribute("aria-checked") == "false" and page.get_attribute("[data-ink=red]", "aria-pressed") == "false"
+    assert page.locator("#picture path[data-n]").count() == 2, "what is left out is still seen"
+    assert next_photo(page.touchscreen.tap, *place(385, 375)) == {}
+    # So does a color; what is all left out is no wish.
+    assert next_photo(page.click, "[data-ink=black]") == {"letters.without": f"{3 - red}"}
+    page.focus("[data-n='1']")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("document.activeElement.dataset.n") == "2"
+    line.focus()
+    page.keyboard.press("Space")
+    until(page, "document.querySelector('#verdict').textContent.startsWith('Everything is left out')")
+    assert page.get_attribute("#send", "aria-disabled") == "true"
+    assert next_photo(page.keyboard.press, "Enter") == {"letters.without": f"{3 - red}"}
+    # After a reload all is as it was.
+    page.reload()
+    ready(page)
+    until(page, "document.querySelector('[data-ink=black]')?.getAttribute('aria-pressed') === 'false'")
+    next_photo(page.click, "[data-ink=black]")
+
+    # Corners follow the mouse, a finger and the arrow keys, and the strokes follow the corners.
+    def pull_by_mouse():
+        page.mouse.move(*middle(3))
+        page.mouse.down()
+        page.mouse.move(*place(200, 300), steps=4)
+        page.mouse.up()
+
+    def pull_by_finger():
+        touch = page.context.new_cdp_session(page)
+        for kind, points in [("touchStart", [middle(2)]), ("touchMove", [place(600, 400)]), ("touchMove", [place(560, 300)]), ("touchEnd", [])]:
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [dict(zip("xy", point)) for point in points]})
+
+    next_photo(pull_by_mouse)
+    next_photo(pull_by_finger)
+    own = kept(page)["opened"]["corners"]
+    assert near(own[3], (200, 300), 4) and near(own[2], (560, 300), 4), own
+    assert page.locator("#picture path[data-n]").count() == 1, "the red one is no longer on the sheet"
+    page.locator(".corner").nth(0).focus()
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Upper left corner"
+    told = next_photo(page.keyboard.press, "ArrowDown")
+    moved = kept(page)["opened"]["corners"]
+    assert near(moved[0], (own[0][0], own[0][1] + 8), 0.6), f"{own[0]} by a step to {moved[0]}"
+    assert told == {"letters.corners_px": str(sum(moved, [])).replace(" ", "")}, told
+    # A corner stays where the four are a sheet; the program finds them again.
+    page.mouse.move(*middle(0))
+    page.mouse.down()
+    page.mouse.move(*place(700, 500), steps=4)
+    page.mouse.up()
+    assert kept(page)["opened"]["corners"][0][0] < 400, "these four are no sheet"
+    next_photo(page.click, "#picture .second")
+    assert "corners" not in kept(page)["opened"] and page.locator("#picture .second").is_hidden()
+    assert page.locator("#picture svg").bounding_box() == box, "the picture moved"
+
+    # Where no sheet is found, its corners are set by hand.
+    drop(page, """async () => {
+        const canvas = Object.assign(document.createElement('canvas'), {width: 800, height: 400});
+        const pen = canvas.getContext('2d');
+        pen.fillStyle = '#ddd'; pen.fillRect(0, 0, 800, 400);
+        pen.lineWidth = 9; pen.moveTo(200, 100); pen.lineTo(600, 300); pen.stroke();
+        const data = new DataTransfer();
+        data.items.add(new File([await new Promise(done => canvas.toBlob(done))], 'line.png'));
+        return data;
+    }""")
+    until(page, "document.querySelector('#opened-name').textContent === 'line.png'")
+    shown(page)
+    assert page.locator("#picture").is_hidden(), "the photograph comes first"
+    page.click("#choose")
+    until(page, "document.querySelectorAll('#picture path[data-n]').length === 1")
+    assert page.locator(".corner >> visible=true").count() == 0
+    assert next_photo(page.click, "#picture .second") == {"letters.corners_px": "[80,40,720,40,720,360,80,360]"}
+    assert page.locator(".corner >> visible=true").count() == 4
+    page.click("#choose")
+    assert page.locator("#picture").is_hidden() and page.locator("#photo").is_visible()
+    assert not trouble, trouble
+
+
 def takes_advice(browser, url):
     """The team's flight, fast and in a lit room, does not read; a button mends it."""
     page, trouble = opened(browser, url, viewport={"width": 1280, "height": 900})
@@ -161,10 +262,11 @@ with sync_playwright() as playwright:
         types_reads_and_downloads(browser, server.page)
         a_refused_script_is_no_file(browser, server.page)
         draws_and_drops(browser, server.page)
+        chooses_what_is_drawn_of_a_picture(browser, server.page)
         takes_advice(browser, team.page)
     finally:
         server.kill()
         team.kill()
         browser.close()
 
-print("the page at home in Chromium: keyboard, pointer, drop, advice, settings, downloads")
+print("the page at home in Chromium: keyboard, pointer, drop, corners, strokes, advice, settings, downloads")

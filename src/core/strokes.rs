@@ -46,12 +46,32 @@ pub struct Strokes {
     /// The number of each stroke of a drawing, by which it is chosen or left out (`letters.ink`,
     /// `letters.without`), and a point of it; empty for a word.
     pub numbers: Vec<(usize, [f64; 2])>,
+    /// A drawing as its file has it.
+    pub source: Source,
     /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
     /// bitmap.
     pub picture: Picture,
     /// What of a drawing's file is not followed, and what is not as it seems: a sentence each, with
     /// the place in the file.
     pub warnings: Vec<String>,
+}
+
+/// A drawing as its file has it; empty for a word.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Source {
+    /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
+    pub corners_px: Option<[[f64; 2]; 4]>,
+    /// All strokes in the order of their numbers, those that are left out as well.
+    pub strokes: Vec<SourceStroke>,
+}
+
+/// A stroke in its file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SourceStroke {
+    /// In pixels of the picture, or units of another drawing; y down.
+    pub points: Vec<[f64; 2]>,
+    /// The color by whose name it is chosen; none along a gradient.
+    pub color: Option<&'static str>,
 }
 
 /// Strokes of a drawing that are not drawn.

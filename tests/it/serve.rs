@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 use crate::cli::noctograph;
@@ -705,6 +706,108 @@ fn no_path_of_the_host_is_told() {
         assert_eq!(paths, [false; 3], "{name}");
         assert!(name != "report.html" || page.contains("preview --drawing drawing.json"));
     }
+}
+
+/// A sheet on a dark desk with a black stroke and a red one, seen askew, as a JPEG in base64.
+fn sheet_on_a_desk() -> String {
+    const LINES: [([f64; 2], [f64; 2], [u8; 3]); 2] = [
+        ([240.0, 200.0], [460.0, 260.0], [20; 3]),
+        ([250.0, 380.0], [520.0, 330.0], [220, 20, 30]),
+    ];
+    let sides = |[x, y]: [f64; 2]| {
+        let left = 120.0 - 0.1 * (y - 80.0);
+        let right = 640.0 + 0.1 * (y - 80.0);
+        x > left && x < right && y > 80.0 + 0.05 * (x - 120.0) && y < 500.0
+    };
+    let off = |[x, y]: [f64; 2], a: [f64; 2], b: [f64; 2]| {
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let along = ((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy);
+        let along = along.clamp(0.0, 1.0);
+        (a[0] + along * dx - x).hypot(a[1] + along * dy - y)
+    };
+    let picture = image::RgbImage::from_fn(800, 600, |x, y| {
+        let at = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+        let ink = LINES.iter().find(|(a, b, _)| off(at, *a, *b) < 3.5);
+        image::Rgb(match ink {
+            Some((.., color)) => *color,
+            None if sides(at) => [250, 249, 244],
+            None if y / 8 % 3 == 0 => [117, 83, 63],
+            None => [80, 55, 42],
+        })
+    });
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+    BASE64_STANDARD.encode(jpeg.into_inner())
+}
+
+/// Strokes and corners are shown where the picture has them, and what is chosen is what flies.
+#[test]
+fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
+    let server = Server::start(&[]);
+    let drawing = json!({ "kind": "jpg", "text": sheet_on_a_desk() });
+    let wish =
+        |settings: Value| json!({ "visitor": "me", "drawing": drawing, "settings": settings });
+    let live = |settings: Value| server.post("live", &wish(settings)).1;
+    let whole = live(json!({}));
+    let places = |at: &Value| serde_json::from_value::<Vec<f64>>(at.clone()).unwrap();
+    let near = |at: &[f64], [x, y]: [f64; 2]| (at[0] - x).hypot(at[1] - y) < 6.0;
+    for (corner, at) in [[122.0, 80.0], [644.0, 106.0], [682.0, 500.0], [78.0, 500.0]]
+        .iter()
+        .zip(whole["source"]["corners"].as_array().unwrap_or_else(|| panic!("{whole}")))
+    {
+        assert!(near(&places(at), *corner), "{at}, wanted {corner:?}");
+    }
+    let strokes = whole["source"]["strokes"].as_array().unwrap();
+    assert_eq!(strokes.len(), 2, "{}", whole["source"]);
+    let red = strokes.iter().position(|it| it["color"] == "red").expect("a red stroke") + 1;
+    let at = places(&strokes[red - 1]["at"]);
+    let ends = [[250.0, 380.0], [520.0, 330.0]];
+    let last = &at[at.len() - 2..];
+    assert!(
+        ends.iter().all(|end| near(&at, *end) || near(last, *end)),
+        "the red stroke from {ends:?}: {at:?}"
+    );
+
+    for settings in [
+        json!({ "letters.without": red.to_string() }),
+        json!({ "letters.ink": (3 - red).to_string() }),
+    ] {
+        let black = live(settings.clone());
+        assert_eq!(black["source"], whole["source"], "what is left out can be brought back");
+        assert_eq!(black["replay"]["strokes"].as_array().unwrap().len(), 1, "{settings}");
+        let (_, large) = server.post("photos", &wish(settings.clone()));
+        let plan = server.get(&format!("photos/{}/plan.svg", large["id"].as_str().unwrap())).1;
+        let plan = String::from_utf8(plan).unwrap();
+        let has = |number: usize| plan.contains(&format!("no. {number}<"));
+        assert_eq!([has(red), has(3 - red)], [false, true], "{settings}");
+    }
+
+    // Corners by hand cut out another sheet; what is no sheet, and lists without end, are refused.
+    let own = json!([[200, 150], [600, 150], [600, 300], [200, 300]]);
+    let flat = "[200, 150, 600, 150, 600, 300, 200, 300]";
+    let upper = live(json!({ "letters.corners_px": flat }));
+    assert_eq!(json!(upper["source"]["corners"].to_string().replace(".0", "")), own.to_string());
+    assert_eq!(upper["source"]["strokes"].as_array().unwrap().len(), 1, "the black one alone");
+    for (set, value, why) in [
+        ("corners_px", "[0, 0, 9, 9, 9, 0, 0, 9]".to_owned(), "upper left"),
+        ("corners_px", "[0, 0, 9, 9]".to_owned(), "corners_px"),
+        ("corners_px", "[0, 0, 1e9, 0, 9, 9, 0, 9]".to_owned(), "corners_px"),
+        ("without", "1,".repeat(9000), "at most 4096"),
+        ("without", "7".to_owned(), "from 1 to 2"),
+        ("without", "1-2".to_owned(), "no stroke"),
+        ("ink", "/etc/passwd".to_owned(), "from 1 to 2"),
+    ] {
+        let told = live(json!({ format!("letters.{set}"): value }));
+        let text = told["error"]["text"].as_str().unwrap_or_default();
+        assert!(text.contains(why) && !text.contains("/tmp"), "{set}={value:.9}: {told}");
+    }
+
+    // Of what is too much for a flight, strokes can be left out, too.
+    let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
+    let text = json!({ "strokes": far }).to_string();
+    let long = json!({ "visitor": "me", "drawing": { "kind": "json", "text": text } });
+    let told = server.post("live", &long).1;
+    assert_eq!(told["error"]["values"]["source"]["strokes"].as_array().unwrap().len(), 3000);
 }
 
 #[test]

@@ -23,8 +23,9 @@ use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
-use crate::strokes::Strokes;
+use crate::strokes::{Picture, Source, SourceStroke, Strokes};
 use noctograph_core::files::files_in;
+use noctograph_core::geometry::{bounds, simplify};
 
 /// Pixels of the photo while one types: alone, where others wait, and where a hall waits, in which
 /// it is not read either; and of the large photo.
@@ -123,7 +124,18 @@ impl Studio {
         };
         typed.push(subject.size(pixels).into());
         let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
-        let shoot = Shoot { judging, backend, stop: stop.clone(), ..preview_args(typed)?.shoot()? };
+        let args = preview_args(typed)?;
+        let shoot = match args.shoot() {
+            Ok(shoot) => Shoot { judging, backend, stop: stop.clone(), ..shoot },
+            // Of what is too much for a flight, the page leaves strokes out.
+            Err(error) => {
+                let mut said = Said::of_error(&error, subject.is_picture());
+                if let Ok(strokes) = args.scene().and_then(|scene| scene.strokes()) {
+                    said.values["source"] = source(&strokes);
+                }
+                return Ok(Made::Failed(said));
+            }
+        };
         stop.check()?;
         let shot = shoot.clone().take(&|_, _| {})?;
         stop.check()?;
@@ -140,6 +152,7 @@ impl Studio {
             "photo": format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg)),
             "verdict": verdict?.as_ref().map(|verdict| show::verdict_json(Some(verdict), None)),
             "replay": replay(&shot), "judged": n_waiting < CROWD,
+            "source": shoot.strokes.as_ref().map(source),
         });
         describe(&shot, &mut said);
         Ok(Made::Done(said))
@@ -247,6 +260,27 @@ fn describe(shot: &Shot, said: &mut Value) {
     said["obstacles"] = json!(problems(true));
     said["warnings"] = json!(problems(false));
     said["boxes"] = boxes(shot);
+}
+
+/// A drawing as its file has it, in whole pixels of a picture, or in thousandths of the larger side
+/// of any other; null of a word.
+fn source(strokes: &Strokes) -> Value {
+    let Source { corners_px, strokes: all } = &strokes.source;
+    let [left, top, right, bottom] = bounds(all.iter().flat_map(|it| it.points.iter().copied()));
+    let ([x, y], scale) = match strokes.picture {
+        Picture::Auto => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
+        Picture::Drawing | Picture::Photograph => ([0.0; 2], 1.0),
+    };
+    let told = |SourceStroke { points, color }: &SourceStroke| {
+        let points: Vec<[f64; 2]> =
+            points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
+        let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);
+        #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
+        let at: Vec<i64> = kept.map(|place| place.round() as i64).collect();
+        json!({ "color": color, "at": at })
+    };
+    let told: Vec<Value> = all.iter().map(told).collect();
+    if told.is_empty() { Value::Null } else { json!({ "corners": corners_px, "strokes": told }) }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {

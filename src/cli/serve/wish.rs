@@ -26,11 +26,14 @@ use crate::letters::LetterOptions;
 pub(super) const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
+/// Most bytes of a setting's value: the longest lists the strokes that are left out.
+const MAX_VALUE: usize = 4096;
+
 /// Most pixels of a picture's side.
 const MAX_SIDE: u32 = 2000;
 
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 32] = [
+const KEYS: [&str; 35] = [
     "camera.body",
     "camera.f_number",
     "camera.focus_m",
@@ -44,11 +47,14 @@ const KEYS: [&str; 32] = [
     "controller.kind",
     "letters.canvas_m",
     "letters.cap_height_m",
+    "letters.corners_px",
     "letters.font",
+    "letters.ink",
     "letters.pace",
     "letters.picture",
     "letters.spacing_m",
     "letters.trace",
+    "letters.without",
     "light.color_led_wrgb",
     "light.deck",
     "light.led_bitmask",
@@ -205,6 +211,9 @@ impl Wish {
         }
         if let Some(key) = settings.keys().find(|key| !KEYS.contains(&key.as_str())) {
             return refused(format!("the setting {key}"));
+        }
+        if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
+            return refused(format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len()));
         }
         if let Some(font) = settings.get("letters.font") {
             let letters = LetterOptions { font: font.clone(), ..LetterOptions::default() };

@@ -19,7 +19,7 @@ use super::inlays::inlays;
 use super::levels::{around, contours, level};
 use super::photograph::edges;
 use super::qr;
-use super::sheet::{self, Corners};
+use super::sheet::{self, Corners, Map};
 use super::{ColoredLine, MAX_POINTS};
 use crate::Picture;
 use crate::options::{LetterOptions, Trace};
@@ -78,6 +78,10 @@ pub(super) struct Traced {
     pub(super) picture: Picture,
     /// What of it is not drawn.
     pub(super) warnings: Vec<String>,
+    /// Corners of the sheet that is drawn, in pixels of the file.
+    pub(super) corners_px: Option<Corners>,
+    /// From pixels of the lines, y down, to those of the file.
+    pub(super) in_file: Map,
 }
 
 /// Traces a bitmap. `size` gives the size of a pixel in cap heights from the bounds of the ink.
@@ -97,6 +101,10 @@ pub(super) fn read(
             (picture, field, None)
         }
     };
+    let in_file = match &sheet {
+        Some(corners) => sheet::back(corners, picture.dimensions()),
+        None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
+    };
     let found = field.threshold();
     // How far the picture is on the way to a photograph: 1 and more, it is one.
     let photographic = found.map_or(0.0, |(threshold, strong)| {
@@ -111,7 +119,14 @@ pub(super) fn read(
     if is_photograph {
         let edges = edges(&picture).into_iter().map(|line| (line, Paint::Plain([0; 3])));
         let (lines, detail) = (edges.collect(), options.detail.unwrap_or(PHOTOGRAPH));
-        return Ok(Traced { lines, detail, picture: Picture::Photograph, warnings: Vec::new() });
+        return Ok(Traced {
+            lines,
+            detail,
+            picture: Picture::Photograph,
+            warnings: Vec::new(),
+            corners_px: sheet,
+            in_file,
+        });
     }
     let Some((_, strong)) = found else {
         let found = "a picture without lines that stand out from its paper";
@@ -193,6 +208,8 @@ pub(super) fn read(
         detail: options.detail.unwrap_or(1.0),
         picture: Picture::Drawing,
         warnings: said.into_iter().flatten().collect(),
+        corners_px: sheet,
+        in_file,
     })
 }
 

@@ -3,6 +3,7 @@
 use super::gradient::Paint;
 use super::{ColoredLine, LetterOptions};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::strokes::SourceStroke;
 
 /// Strokes, and their numbers in the whole drawing, from 1 on.
 pub(super) type Numbered<T> = Vec<(usize, T)>;
@@ -57,6 +58,26 @@ pub(super) fn chosen<T>(
         let (found, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         Error::input(format!("{file}: letters.without"), found, "at least one stroke", hint)
     })
+}
+
+/// All strokes, y up, as they lie in their file.
+pub(super) fn all<'a>(
+    strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
+    in_file: impl Fn([f64; 2]) -> [f64; 2],
+) -> Vec<SourceStroke> {
+    let of = |(points, color): (&Vec<[f64; 2]>, Option<[u8; 3]>)| SourceStroke {
+        points: points.iter().map(|[x, y]| in_file([*x, -y])).collect(),
+        color: color.map(name),
+    };
+    strokes.map(of).collect()
+}
+
+/// All lines as they lie in their file.
+pub(super) fn all_lines(
+    lines: &[ColoredLine],
+    in_file: impl Fn([f64; 2]) -> [f64; 2],
+) -> Vec<SourceStroke> {
+    all(lines.iter().map(|line| (&line.0, plain_color(line))), in_file)
 }
 
 /// The color of a line that has one.
@@ -185,6 +206,13 @@ mod tests {
                 assert!((right - left - 2.0).abs() < 1e-9 && (top - bottom - 1.0).abs() < 1e-9);
                 let [x, y] = strokes.numbers[0].1;
                 assert!((left..=right).contains(&x) && (bottom..=top).contains(&y), "{x}, {y}");
+                // What is left out is still known.
+                let colors: Vec<_> = strokes.source.strokes.iter().map(|it| it.color).collect();
+                assert_eq!(colors, [Some("black"), Some("red"), Some("green")], "{name}");
+                assert_eq!(
+                    strokes.source.strokes[1].points.len(),
+                    3 - usize::from(name == "a.json")
+                );
             }
         }
     }

@@ -12,12 +12,13 @@ use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
-use chosen::{Numbered, chosen, plain_color};
+use chosen::{Numbered, all, all_lines, chosen, plain_color};
 use detail::reduced;
 use gradient::{Gradient, Paint};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
+use noctograph_core::strokes::Source;
 
 mod areas;
 mod bitmap;
@@ -124,34 +125,41 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let drawn = |scale: f64| {
                 let lines = drawing.flatten(options.tolerance_m / scale, &file)?;
                 let (lines, left_out) = reduced(lines, detail, size, &file)?;
-                Ok((chosen(lines, plain_color, options, &file)?, left_out))
+                let strokes = all_lines(&lines, |point| point);
+                let lines = chosen(lines, plain_color, options, &file)?;
+                Ok(((lines, left_out), Source { strokes, corners_px: None }))
             };
-            let mut found = drawn(placing.scale)?;
+            let (mut found, source) = drawn(placing.scale)?;
             if options.chooses() {
                 // What is left is as large as the canvas allows, and as smooth.
                 placing = Placing::new(extent(&found.0), options, &file)?;
-                found = drawn(placing.scale)?;
+                found = drawn(placing.scale)?.0;
             }
             let strokes = by_color(found, &drawing.gradients, &placing, ink, &file)?;
-            Ok(Strokes { warnings: drawing.warnings, ..strokes })
+            Ok(Strokes { warnings: drawing.warnings, source, ..strokes })
         }
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
-            let Traced { lines, detail, picture, warnings } =
+            let Traced { lines, detail, picture, warnings, corners_px, in_file } =
                 bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
             let larger = placing(bounds(points))?.size();
             let (lines, left_out) = reduced(lines, detail, larger, &file)?;
+            // The field of the ink has a margin of a pixel, and counts from the first one's middle.
+            let strokes = all_lines(&lines, |point| in_file.at(point.map(|x| x - 0.5)));
+            let source = Source { strokes, corners_px };
             let lines = chosen(lines, plain_color, options, &file)?;
             let placing = placing(extent(&lines))?;
             let strokes = by_color((lines, left_out), &[], &placing, ink, &file)?;
-            Ok(Strokes { picture, warnings, ..strokes })
+            Ok(Strokes { picture, warnings, source, ..strokes })
         }
         Some("json") => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
+            let strokes = all(traces.iter().map(|it| (&it.points, it.color)), |point| point);
             let traces = chosen(traces, |trace| trace.color, options, &file)?;
-            write(traces, canvas, options, ink, &file)
+            let source = Source { strokes, corners_px: None };
+            Ok(Strokes { source, ..write(traces, canvas, options, ink, &file)? })
         }
         kind => Err(foreign(kind.unwrap_or(""), &file)),
     }

@@ -318,11 +318,16 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let high = libm::sqrt(across * down / ratio).max(8.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
     let [wide, high] = [high * ratio, high].map(|side| side.round().clamp(8.0, 4096.0) as u32);
+    let map = back(corners, (wide, high));
     RgbImage::from_fn(wide, high, |x, y| {
-        let share =
-            |at: u32, n: u32| RIM + (1.0 - 2.0 * RIM) * (f64::from(at) + 0.5) / f64::from(n);
-        bilinear(picture, map.at([share(x, wide), share(y, high)]))
+        bilinear(picture, map.at([x, y].map(|at| f64::from(at) + 0.5)))
     })
+}
+
+/// From the pixels of a picture of the sheet seen square on to those of its corners' picture.
+pub(super) fn back(corners: &Corners, (wide, high): (u32, u32)) -> Map {
+    let [across, down] = [wide, high].map(|side| (1.0 - 2.0 * RIM) / f64::from(side));
+    Map(Map::to(corners).0.map(|[x, y, one]| [across * x, down * y, one + RIM * (x + y)]))
 }
 
 fn bilinear(picture: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {

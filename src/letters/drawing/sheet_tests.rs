@@ -146,6 +146,18 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
             "{index}: {missing:.3} missing, {added:.3} added; {corners:.0?}, {:?}",
             found.warnings
         );
+        // Back in the photograph, the lines lie on those of the boat.
+        let (map, high) = (sheet::Map::to(&corners), 1.0 / std::f64::consts::SQRT_2);
+        let drawn: Vec<[f64; 2]> = boat()
+            .iter()
+            .flat_map(|line| crate::smooth::evenly(line, 0.002))
+            .map(|[x, y]| map.at([x, y / high]))
+            .collect();
+        for point in found.lines.iter().flat_map(|(line, _)| line).step_by(16) {
+            let at = found.in_file.at(*point);
+            let off = drawn.iter().map(|p| distance(*p, at)).fold(99.0, f64::min);
+            assert!(off < 10.0, "{index}: {off:.1} pixels off at {at:.0?}");
+        }
     }
 }
 

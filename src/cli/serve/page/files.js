@@ -17,13 +17,13 @@ export async function opened(file) {
       const text = await file.text();
       return text.length > MOST_TEXT ? null : { name: file.name, kind, text, as: "auto" };
     }
-    return { name: file.name, kind: "jpg", text: await jpeg(file), as: "auto" };
+    return { name: file.name, kind: "jpg", as: "auto", ...(await jpeg(file)) };
   } catch {
     return null;
   }
 }
 
-/** @param {File} file */
+/** @param {File} file @returns {Promise<Pick<Opened, "text" | "size">>} */
 async function jpeg(file) {
   const bitmap = await createImageBitmap(file);
   const scale = Math.min(1, MOST_SIDE / Math.max(bitmap.width, bitmap.height));
@@ -36,5 +36,6 @@ async function jpeg(file) {
   const texts = [0.9, 0.7, 0.5, 0.3].map(
     (quality) => canvas.toDataURL("image/jpeg", quality).split(",")[1],
   );
-  return texts.find((text) => text.length < MOST_BASE64) ?? texts[texts.length - 1];
+  const text = texts.find((text) => text.length < MOST_BASE64) ?? texts[texts.length - 1];
+  return { text, size: [canvas.width, canvas.height] };
 }

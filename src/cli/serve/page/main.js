@@ -33,21 +33,35 @@ const strip = replay(byId("replay"), stage.expose);
  * @property {Large | null} large
  * @property {Said | null} error why there is no photograph
  * @property {Said | null} refused why it was not sent
+ * @property {Source | null} source what a file has
+ * @property {string} of what of the wish that depends on
  * @property {boolean} busy whether many wait
  * @property {number} cut letters that did not fit
  */
 /** @type {Known} */
-const known = { shot: null, large: null, error: null, refused: null, busy: false, cut: 0 };
+const known = {
+  shot: null,
+  large: null,
+  error: null,
+  refused: null,
+  source: null,
+  of: "",
+  busy: false,
+  cut: 0,
+};
 let asked = "",
+  filled = 0,
   resting = 0,
   sending = false;
 
 /* ---------- Photographs ---------- */
 
-/** The shape of the photograph that fills the stage. */
+/** The shape of the photograph that fills the stage; what is chosen of a file keeps it. */
 function aspect() {
   if (isDrawing()) return rounded(shape(state.sketch));
-  return rounded(area.clientWidth / Math.max(1, area.clientHeight));
+  if (!(isChoosing() && filled))
+    filled = rounded(area.clientWidth / Math.max(1, area.clientHeight));
+  return filled;
 }
 // A few shapes, so that visitors at alike tablets share photographs.
 const rounded = (/** @type {number} */ value) =>
@@ -62,6 +76,9 @@ async function wanted() {
   clearTimeout(resting);
   const mine = begin();
   Object.assign(known, { shot: null, large: null, error: null, refused: null, busy: false });
+  const { opened } = state;
+  const of = opened ? JSON.stringify([opened.text, opened.as, opened.corners]) : "";
+  if (of !== known.of) Object.assign(known, { of, source: null });
   if (!wishes) return nothing();
   stage.dim(true);
   putDesk();
@@ -71,6 +88,7 @@ async function wanted() {
     putDesk();
   });
   if (!shot || mine !== current()) return;
+  known.source = shot.source ?? shot.error?.values.source ?? known.source;
   if (shot.error) return failed(shot.error);
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
@@ -155,8 +173,13 @@ function putMarks() {
 /* ---------- The desk ---------- */
 
 /** The state that is seen. */
-const seenState = () =>
-  state.mode !== "word" ? state.mode : isEmpty() || known.error ? "empty" : "word";
+function seenState() {
+  if (state.mode !== "word") return state.mode;
+  if (isChoosing()) return "choosing";
+  return isEmpty() || known.error ? "empty" : "word";
+}
+
+const isChoosing = () => state.mode === "word" && state.opened?.choosing === true;
 
 /** Why it cannot be sent; "" if it can. */
 function hindrance() {
@@ -185,7 +208,10 @@ function putDesk() {
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
   byId("opened-as").hidden = state.opened?.kind !== "jpg";
-  byId("field").hidden = state.opened !== null;
+  byId("field").hidden = byId("lights").hidden = state.opened !== null;
+  byId("choose").hidden = state.opened === null;
+  byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
+  if (isChoosing()) picture?.putPicture(known.source);
 }
 
 /** @returns {import("./verdict.js").Spoken} */
@@ -193,7 +219,7 @@ function spoken() {
   if (known.cut) return { first: t("cut", { n: about.limits.letters }) };
   const wrong = known.error ?? known.refused;
   if (wrong) return ofError(wrong);
-  if (isEmpty()) return { first: t("empty") };
+  if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
   const stop = known.large?.stops[0];
   if (known.shot)
     return stop
@@ -343,7 +369,19 @@ byId("opened-close").onclick = () => {
 const as = /** @type {HTMLSelectElement} */ (byId("opened-as"));
 as.onchange = () => {
   if (state.opened)
-    change({ opened: { ...state.opened, as: /** @type {Opened["as"]} */ (as.value) } });
+    change({ opened: { ...state.opened, as: /** @type {Opened["as"]} */ (as.value), out: [] } });
+};
+
+/** What is drawn of a file. @type {typeof import("./picture.js") | null} */
+let picture = null;
+
+async function openPicture() {
+  [picture] = await Promise.all([import("./picture.js"), style("picture.css")]);
+  putDesk();
+}
+byId("choose").onclick = () => {
+  if (state.opened) change({ opened: { ...state.opened, choosing: !isChoosing() } });
+  openPicture();
 };
 
 language.onchange = async () => {
@@ -452,6 +490,7 @@ async function begun() {
   if (state.mode === "pad" && location.hash !== "#pad") history.replaceState("pad", "", "#pad");
   else if (location.hash === "#pad") state.mode = "pad";
   if (state.mode === "pad") await openPad();
+  if (isChoosing()) await openPicture();
   change({ language: state.language, color: state.color, mode: state.mode });
   if (about.kiosk)
     await Promise.all([import("./start.js"), style("start.css")]).then(([{ startKiosk }]) =>

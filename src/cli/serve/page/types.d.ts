@@ -4,6 +4,8 @@
 interface Said {
   key: string;
   values?: Record<string, string | number>;
+  /** Of a drawing that is too much. */
+  source?: Source | null;
   text: string;
   hint?: string;
   stops?: Said[];
@@ -45,6 +47,18 @@ interface Shot {
   replay: Replay;
   /** A box for each letter, in 1/10000 of the photograph: left, top, right, bottom. */
   boxes?: [number, number, number, number][];
+  /** Of a drawing. */
+  source?: Source | null;
+}
+
+type Corners = [[number, number], [number, number], [number, number], [number, number]];
+
+/** A drawing as its file has it: whole pixels of a picture, thousandths of any other; y down. */
+interface Source {
+  /** Those of the sheet of paper that is drawn. */
+  corners: Corners | null;
+  /** All strokes in the order of their numbers: places are x, y, x, y … */
+  strokes: { color: string | null; at: number[] }[];
 }
 
 interface Remedy {
@@ -127,4 +141,13 @@ interface Opened {
   kind: "svg" | "json" | "jpg";
   text: string;
   as: "auto" | "photograph" | "drawing";
+  /** Width and height of a picture. */
+  size?: [number, number];
+  /** Whether it is seen in place of the photograph, to choose what is drawn. */
+  choosing?: boolean;
+  /** Corners of the paper that were set by hand. */
+  corners?: Corners;
+  /** Numbers of the strokes that are left out, of so many. */
+  out?: number[];
+  of?: number;
 }

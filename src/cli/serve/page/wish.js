@@ -25,7 +25,10 @@ function colors() {
 }
 
 export const isDrawing = () => !state.opened && !state.word.trim() && seen(state.sketch).length > 0;
-export const isEmpty = () => !state.opened && !state.word.trim() && !seen(state.sketch).length;
+export const isEmpty = () =>
+  state.opened ? isNothing(state.opened) : !state.word.trim() && !seen(state.sketch).length;
+/** Whether all strokes of a file are left out. */
+const isNothing = (/** @type {Opened} */ { out, of }) => out !== undefined && out.length === of;
 /** What it is called; null for a drawing. */
 export const title = () => (state.opened || isDrawing() ? null : state.word.trim());
 
@@ -64,6 +67,20 @@ function subject() {
   };
 }
 
+/** What is chosen of a file, as the program's settings. @param {Opened} opened */
+function chosen({ as, corners, out = [], of = 0 }) {
+  const all = Array.from({ length: of }, (_, i) => i + 1);
+  const few = 2 * out.length > of ? all.filter((n) => !out.includes(n)) : out;
+  const begins = few.filter((n) => !few.includes(n - 1)),
+    ends = few.filter((n) => !few.includes(n + 1));
+  const list = begins.map((n, i) => (n === ends[i] ? `${n}` : `${n}-${ends[i]}`)).join(",");
+  return {
+    ...(as !== "auto" && { "letters.picture": as }),
+    ...(corners && { "letters.corners_px": JSON.stringify(corners.flat()) }),
+    ...(list && { [few === out ? "letters.without" : "letters.ink"]: list }),
+  };
+}
+
 /** @param {number} aspect @returns {Record<string, string>} */
 function settings(aspect) {
   const set = { ...state.settings };
@@ -72,7 +89,7 @@ function settings(aspect) {
   if (state.opened) {
     const high = Number(set["letters.cap_height_m"] ?? 0.5);
     set["letters.canvas_m"] = JSON.stringify([6 * high, 2 * high]);
-    if (state.opened.as !== "auto") set["letters.picture"] = state.opened.as;
+    Object.assign(set, chosen(state.opened));
   }
   // A word spans a narrow screen.
   if (aspect < NARROW && !state.opened) set["camera.framing.fill_frac"] = "0.85";
