@@ -24,7 +24,7 @@ fn noor() -> (Film, Camera) {
         ..Shoot::new(scene).unwrap()
     };
     let shot = shoot.take(&|_, _| {}).unwrap();
-    (shot.exposure.film, shot.camera)
+    (shot.film.expect("kept"), shot.camera)
 }
 
 fn photo(c: &mut Criterion) {

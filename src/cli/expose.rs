@@ -56,6 +56,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
+    let shoot = Shoot { keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
@@ -67,7 +68,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
             "the photo names no word: name one with --word, or after the photo in `score`",
         );
     }
-    let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
+    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
     let json = json!({
         "camera": show::camera_json(&shot),
         "backend": backend,

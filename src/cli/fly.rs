@@ -61,7 +61,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let files = outputs.keep(&flights, |flight, mut out| flight.write_csv(&mut out))?;
     let figures: Vec<FlightFigures<'_>> =
-        flights.iter().map(|flight| FlightFigures::new(flight, flight.sha256())).collect();
+        flights.iter().map(|flight| FlightFigures::new(flight, flight.sha256(), None)).collect();
     let json = match figures.as_slice() {
         [flight] => json!({ "flight": flight.json() }),
         flights => {

@@ -68,7 +68,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let air = &flight.samples[air];
         [air[0].time_s, air[air.len() - 1].time_s]
     });
-    let figures = FlightFigures::new(&flight, flight.sha256());
+    let figures = FlightFigures::new(&flight, flight.sha256(), None);
     let json = json!({
         "samples": flight.samples.len(),
         "airborne_s": air_s,

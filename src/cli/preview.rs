@@ -101,7 +101,8 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let folder = OutputFolder::create(&args.output)?;
     let before = shoot.clone();
     let backend = tried(args.picture.backend);
-    let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
+    let (format, keeps_film) = (Some(Format::Png), args.report);
+    let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
     let sentence = |problem: &Problem| problem.sentence(mentioned);
     let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_obstacle() == are);
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
@@ -113,10 +114,11 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let spread = args.spread.run(&before, &conditions, &folder)?;
     names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
 
-    let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
-    let flights = shot.flights.iter().zip(shot.digests().iter().cloned());
-    let figures: Vec<FlightFigures<'_>> =
-        flights.map(|(flight, digest)| FlightFigures::new(flight, digest)).collect();
+    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
+    let flights = shot.flights.iter().zip(shot.digests().iter().cloned()).zip(shot.tracking());
+    let figures =
+        flights.map(|((flight, sha256), known)| FlightFigures::new(flight, sha256, *known));
+    let figures: Vec<FlightFigures<'_>> = figures.collect();
     json["flights"] = figures.iter().map(FlightFigures::json).collect();
     json["camera"] = show::camera_json(&shot);
     json["backend"] = backend.into();

@@ -124,9 +124,9 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
 }
 
 impl<'a> FlightFigures<'a> {
-    /// Of a flight and its digest.
-    pub(super) fn new(flight: &'a Flight, sha256: String) -> Self {
-        let tracking = track(flight, Part::from_flight(flight));
+    /// Of a flight, its digest and its tracking errors, where they are known already.
+    pub(super) fn new(flight: &'a Flight, sha256: String, known: Option<Tracking>) -> Self {
+        let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
         Self { flight, tracking, sha256 }
     }
 

@@ -11,6 +11,7 @@ use super::scene::PyScene;
 use super::{Reduced, array_of, raised, run, save, to_python};
 use noctograph::cli::verdict_table;
 use noctograph::error::Error;
+use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
 use noctograph::photo::{self, Photo};
 use noctograph::report::escaped;
@@ -29,6 +30,10 @@ pub(super) struct PyShot {
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
+    fn film(&self) -> &Film {
+        self.shot.film.as_ref().expect("its shoot keeps it")
+    }
+
     /// The photo as JPEG of at most [`MOST_BYTES`]: of lower quality, and then halved, until it is.
     fn small(&self) -> Vec<u8> {
         let Photo { width_px, height_px, rgb8, .. } = &self.shot.photo;
@@ -105,14 +110,14 @@ impl PyShot {
     /// str: SHA-256 of the film's sums of light, as the command line prints it.
     #[getter]
     fn film_sha256(&self) -> String {
-        self.shot.exposure.film.sha256()
+        self.film().sha256()
     }
 
     /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light
     /// and the sensor's noise and limits; shape (height, width, 3), float32.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let film = &self.shot.exposure.film;
+        let film = self.film();
         let n = film.counts.len() / 3;
         let lx_s = (0..n).flat_map(|at| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, at)));
         #[expect(clippy::cast_possible_truncation, reason = "24 bits are finer than a photo needs")]

@@ -4,6 +4,8 @@
 //! The place of a word does not matter to a viewer, so within limits it costs nothing; it is
 //! reported as a measure of the flight. Not modeled: shear and perspective (the camera is known).
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use super::ink::Page;
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
 use super::raster::{Raster, dots};
@@ -22,6 +24,9 @@ const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 /// word off its place toward the strokes of the next letter.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
+/// Pixels of words at scales and rotations that are kept: 1 MB, some dozens of a short word.
+const MAX_TRIED_PX: usize = 1 << 18;
+
 /// Width of the pen, in pixels.
 #[expect(clippy::cast_possible_truncation, reason = "a constant")]
 const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
@@ -33,6 +38,8 @@ pub(super) struct Finder {
     home: Placed,
     /// The word at each of the scales tried first, at quarter resolution.
     coarse: Vec<(f64, Raster)>,
+    /// The word at the first scales and rotations that were tried, which most photos share.
+    tried: Mutex<Vec<([f64; 2], Arc<Raster>)>>,
 }
 
 /// The picture that is searched for the word.
@@ -46,7 +53,8 @@ impl Finder {
     /// Prepares the search on a grid around the intended word.
     pub(super) fn new(strokes: &Strokes, home: Placed) -> Self {
         let grid = Grid::around(strokes, &home);
-        let mut finder = Self { grid, strokes: strokes.clone(), home, coarse: Vec::new() };
+        let (coarse, tried) = (Vec::new(), Mutex::default());
+        let mut finder = Self { grid, strokes: strokes.clone(), home, coarse, tried };
         finder.coarse = (0..N_SCALES)
             .map(|index| libm::pow(scale_step(), f64::from(index - N_SCALES / 2)))
             .map(|scale| (scale, finder.word(scale, 0.0, BLURS_PX[0]).half()))
@@ -75,7 +83,7 @@ impl Finder {
         }
 
         let (mut scale, mut rotation_rad) = (best.1, 0.0);
-        let word = self.word(scale, 0.0, BLURS_PX[1]);
+        let word = self.word_to_try([scale, 0.0]);
         let (mut similarity, mut shift, mut between) =
             half.peak(&word, half.seek(&word, best.2, 2).1);
         let (mut ratio, mut turn_rad) = (scale_step(), 2.0 * ROTATION_STEP_RAD);
@@ -90,7 +98,7 @@ impl Finder {
                 (at.0, at.1 + turn_rad),
             ];
             for tried in tries {
-                let found = half.peak(&self.word(tried.0, tried.1, BLURS_PX[1]), shift);
+                let found = half.peak(&self.word_to_try(tried.into()), shift);
                 if found.0 > similarity {
                     (similarity, shift, between) = found;
                     (scale, rotation_rad) = tried;
@@ -100,6 +108,21 @@ impl Finder {
         let [right, down] = [0, 1]
             .map(|axis| 2.0 * (shift[axis] as f64 + f64::from(between[axis])) * self.grid.pitch_m);
         Placed { shift_m: [right, -down], scale, rotation_rad, ..self.home }
+    }
+
+    /// The word at a scale and a rotation, kept where there is room.
+    fn word_to_try(&self, [scale, rotation_rad]: [f64; 2]) -> Arc<Raster> {
+        let tried = || self.tried.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_known = |known: &&([f64; 2], _)| known.0 == [scale, rotation_rad];
+        if let Some((_, word)) = tried().iter().find(is_known) {
+            return word.clone();
+        }
+        let word = Arc::new(self.word(scale, rotation_rad, BLURS_PX[1]));
+        let mut tried = tried();
+        if (tried.len() + 1) * word.values.len() <= MAX_TRIED_PX {
+            tried.push(([scale, rotation_rad], word.clone()));
+        }
+        word
     }
 
     /// The word as it should be, at half the grid's resolution, blurred by some of its pixels.

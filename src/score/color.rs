@@ -16,19 +16,26 @@ const FOREIGN: f32 = 3.0;
 
 /// Mean color of the brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    let mut sorted: Vec<(f32, Rgb)> =
-        light.iter().map(|light| (luminance(*light), *light)).collect();
+    // Half as wide as the pixels themselves, of which there are half a million.
+    let ranks = light.iter().map(|light| rank(luminance(*light)));
+    let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());
     sorted.select_nth_unstable_by(n_pixels - 1, |a, b| {
-        let by_channel = |at: usize| b.1[at].total_cmp(&a.1[at]);
+        let by_channel = |at: usize| light[b.1 as usize][at].total_cmp(&light[a.1 as usize][at]);
         let alike = || by_channel(0).then_with(|| by_channel(1)).then_with(|| by_channel(2));
-        b.0.total_cmp(&a.0).then_with(alike)
+        b.0.cmp(&a.0).then_with(alike)
     });
     let mut sum = [0.0; 3];
-    for (_, light) in &sorted[..n_pixels] {
-        (0..3).for_each(|channel| sum[channel] += light[channel]);
+    for (_, at) in &sorted[..n_pixels] {
+        (0..3).for_each(|channel| sum[channel] += light[*at as usize][channel]);
     }
     sum.map(|sum| sum / n_pixels as f32)
+}
+
+/// An integer that rises with a value, as [`f32::total_cmp`] orders them.
+fn rank(value: f32) -> i32 {
+    let bits = value.to_bits().cast_signed();
+    bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()
 }
 
 /// How much light of a color a pixel holds, as luminance: the share of its scarcest channel.

@@ -21,22 +21,18 @@ impl Columns {
         Self::from_logits(&net::logits(strip))
     }
 
-    /// The mean of the shares along a strip and along its neighbors: of letters that they disagree
-    /// on, one is there all the same.
-    pub(super) fn agreed(strip: &Strip) -> Self {
-        let (own, beside) = rayon::join(
-            || Self::of(strip),
-            || strip.neighbors().par_iter().map(Self::of).collect::<Vec<_>>(),
-        );
+    /// The mean of the shares along a strip, its own, and along its neighbors: of letters that they
+    /// disagree on, one is there all the same.
+    pub(super) fn agreed(mut self, strip: &Strip) -> Self {
+        let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::of).collect();
         let part = 1.0 / (beside.len() + 1) as f64;
-        let mut mean = own;
-        for (at, column) in mean.0.iter_mut().enumerate() {
+        for (at, column) in self.0.iter_mut().enumerate() {
             for (class, share) in column.iter_mut().enumerate() {
                 let sum = beside.iter().map(|columns| columns.0[at][class]).sum::<f64>();
                 *share = part * (*share + sum);
             }
         }
-        mean
+        self
     }
 
     /// Shares from logits.

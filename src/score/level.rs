@@ -1,8 +1,7 @@
 //! The level of light that counts as fully lit, found without knowing the exposure.
 
-use super::light::code_step;
+use super::light::{code_step, median_size};
 use super::raster::Raster;
-use noctograph_core::statistics::median;
 
 /// How far above the sky light must be, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
@@ -19,10 +18,9 @@ const MIN_INK_SHARE: f64 = 0.05;
 /// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level
 /// by the least that stands out; `None` where next to nothing stands out from the sky.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
-    let deviations = seen.values.iter().map(|value| value.abs());
     // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step
     // over the root of 12.
-    let noise: f32 = 1.4826 * median(deviations).expect("a raster has pixels");
+    let noise = 1.4826 * median_size(&seen.values);
     let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
     let lit = LIGHT_SIGMAS * sigma;
 

@@ -45,8 +45,6 @@ pub(super) struct Light {
     width: usize,
     height: usize,
     values: Vec<Rgb>,
-    /// Median luminance of the part as it was.
-    pub(super) sky: f32,
 }
 
 /// A rectangle of the photo.
@@ -60,22 +58,35 @@ pub(super) struct Frame {
 
 impl Light {
     /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it
-    /// without a frame. `None` where the photo does not show the part.
-    pub(super) fn decode(photo: &Photo, frame: Option<Frame>, pixel_px: f64) -> Option<Self> {
+    /// without a frame. Returns the median luminance of the part as it was, too; `None` where the
+    /// photo does not show the part.
+    pub(super) fn decode(
+        photo: &Photo,
+        frame: Option<Frame>,
+        pixel_px: f64,
+    ) -> Option<(Self, f32)> {
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
         let whole_photo = Frame::of(photo);
         let frame = frame.unwrap_or(whole_photo).within(&whole_photo)?;
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
-        Some(Self::of_frame(photo, &frame, step, block, MAX_SKY))
+        let mut light = Self::of_frame(photo, &frame, step);
+        let sky = median_size(&map(&light.values, luminance));
+        let size = light.size();
+        take_off_sky(&mut light.values, size, block, MAX_SKY);
+        Some((light, sky))
     }
 
     /// Decodes the whole photo, `step` pixels to one; letters are about `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
-        Self::of_frame(photo, &Frame::of(photo), step, block, MAX_SKY_OF_WHOLE)
+        let mut light = Self::of_frame(photo, &Frame::of(photo), step);
+        let size = light.size();
+        take_off_sky(&mut light.values, size, block, MAX_SKY_OF_WHOLE);
+        light
     }
 
-    fn of_frame(photo: &Photo, frame: &Frame, step: usize, block: usize, max_sky: f32) -> Self {
+    /// With its sky.
+    fn of_frame(photo: &Photo, frame: &Frame, step: usize) -> Self {
         let [left, top] = [frame.left_px, frame.top_px].map(|px| whole(px) / step);
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
         let [width, height] = [sides[0] - left, sides[1] - top];
@@ -85,10 +96,7 @@ impl Light {
             2 => means::<2>(photo, [left, top], [width, height], 2),
             step => means::<0>(photo, [left, top], [width, height], step),
         };
-        let sky = median(values.iter().map(|light| luminance(*light))).expect("a photo has pixels");
-        let mut values = values;
-        take_off_sky(&mut values, [width, height], block, max_sky);
-        Self { step, origin: [left, top], width, height, values, sky }
+        Self { step, origin: [left, top], width, height, values }
     }
 
     /// Mean in a rectangle of the photo of something that each pixel's light has.
@@ -264,11 +272,13 @@ fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usiz
         }
         let [(_, above), (_, below)] = &rows;
         let lights = values.as_flattened_mut().iter_mut();
-        for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-            // White stays white: a saturated pixel hides what sky there was.
-            let sky = above + down * (below - above);
-            *light = (*light - sky) / (1.0 - sky.min(max_sky));
-        }
+        pulp::Arch::new().dispatch(|| {
+            for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
+                // White stays white: a saturated pixel hides what sky there was.
+                let sky = above + down * (below - above);
+                *light = (*light - sky) / (1.0 - sky.min(max_sky));
+            }
+        });
     }
 }
 
@@ -319,6 +329,21 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
         }
     }
     sky
+}
+
+/// Something of every pixel, in the widest registers of this processor, with the same bits in all.
+pub(super) fn map(light: &[Rgb], of: impl Fn(Rgb) -> f32) -> Vec<f32> {
+    let mut values = vec![0.0; light.len()];
+    pulp::Arch::new().dispatch(|| {
+        values.iter_mut().zip(light).for_each(|(value, light)| *value = of(*light));
+    });
+    values
+}
+
+/// Median of the sizes of values. Those of bits rise alike, and are compared in less time.
+pub(super) fn median_size(values: &[f32]) -> f32 {
+    let sizes = values.iter().map(|value| value.abs().to_bits());
+    f32::from_bits(median(sizes).expect("a picture has pixels"))
 }
 
 /// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.

@@ -7,11 +7,10 @@
 use std::sync::Arc;
 
 use super::color;
-use super::light::{Light, luminance};
+use super::light::{Light, luminance, map, median_size};
 use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
-use noctograph_core::statistics::median;
 
 /// Longest side at which a photo is searched. Letters of half its height have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
@@ -94,9 +93,8 @@ impl Search {
     pub(super) fn new(photo: &Photo) -> Self {
         let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
         let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
-        let bright: Vec<f32> = light.values().iter().map(|light| luminance(*light)).collect();
-        let noise: f32 = median(bright.iter().map(|value| value.abs())).unwrap_or(0.0);
-        let lit = LIT_SIGMAS * (1.4826 * noise).max(1e-4);
+        let bright = map(light.values(), luminance);
+        let lit = LIT_SIGMAS * (1.4826 * median_size(&bright)).max(1e-4);
         let levels = bright.iter().copied().filter(|value| *value > lit).collect();
         Self { step, light, bright, levels, exposed: None }
     }
@@ -138,9 +136,10 @@ impl Search {
         let n_brightest = levels.len() - rank;
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
         let pure = color::pure(color::of_brightest(self.light.values(), n_brightest));
-        let pure: Vec<f32> = self.light.values().iter().map(|light| pure(*light)).collect();
-        let exposed = |values: Vec<f32>| Arc::new(Raster { width, height, values }.exposed(full));
-        [self.bright.clone(), pure].map(exposed)
+        let exposed = |light: f32| (light / full).clamp(0.0, 1.0);
+        let bright = self.bright.iter().map(|light| exposed(*light)).collect();
+        let pure = map(self.light.values(), |light| exposed(pure(light)));
+        [bright, pure].map(|values| Arc::new(Raster { width, height, values }))
     }
 }
 
@@ -271,14 +270,14 @@ impl Line {
 /// First and last row of the letters: around the row with the most crossings.
 fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
     let crossings = |row: &[bool]| {
-        usize::from(row[0]) + row.windows(2).filter(|pair| !pair[0] && pair[1]).count()
+        u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     };
-    let rows: Vec<usize> = mask.chunks_exact(width).map(crossings).collect();
+    let rows: Vec<u32> = mask.chunks_exact(width).map(crossings).collect();
     // Means over some rows: noise has crossings, too, but not for long.
     let reach = (rows.len() / 100).max(1);
     let smooth = |y: usize| {
         let around = &rows[y.saturating_sub(reach)..(y + reach + 1).min(rows.len())];
-        around.iter().sum::<usize>() as f64 / around.len() as f64
+        f64::from(around.iter().sum::<u32>()) / around.len() as f64
     };
     let smooth: Vec<f64> = (0..rows.len()).map(smooth).collect();
     let most = smooth.iter().copied().fold(0.0, f64::max);
@@ -292,13 +291,10 @@ fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
 /// Width of strokes: twice the area by the length of the edge.
 fn stroke_width(mask: &[bool], width: usize) -> f64 {
     let area = mask.iter().filter(|ink| **ink).count();
-    let beside = |a: bool, b: bool| usize::from(a != b);
-    let across: usize = mask
-        .chunks_exact(width)
-        .map(|row| row.windows(2).map(|pair| beside(pair[0], pair[1])).sum::<usize>())
-        .sum();
-    let down: usize = mask.iter().zip(&mask[width..]).map(|(a, b)| beside(*a, *b)).sum();
+    let differing =
+        |a: &[bool], b: &[bool]| a.iter().zip(b).map(|(a, b)| u32::from(a != b)).sum::<u32>();
+    let across: u32 = mask.chunks_exact(width).map(|row| differing(row, &row[1..])).sum();
     // Steps of a slanting edge are longer than the edge, by 4 / π on average.
-    let edge = core::f64::consts::FRAC_PI_4 * (across + down) as f64;
+    let edge = core::f64::consts::FRAC_PI_4 * f64::from(across + differing(mask, &mask[width..]));
     (2.0 * area as f64 / edge.max(1.0)).max(1.0)
 }

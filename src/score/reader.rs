@@ -11,7 +11,7 @@ use super::columns::Columns;
 use super::ink::Page;
 use super::judge::{Expected, Judgment, letter_verdict};
 use super::level;
-use super::light::{Frame, Light, Rgb, luminance};
+use super::light::{Frame, Light, Rgb, luminance, map};
 use super::page::LetterPage;
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, whole};
@@ -223,11 +223,11 @@ impl Reader {
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
             grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
-        let Some(light) = decoded else { return Err(Reason::NotInPhoto) };
+        let Some((light, sky)) = decoded else { return Err(Reason::NotInPhoto) };
         let colors = grid.resample(&light, view, &self.home);
         let bright = brightness(grid, &colors);
         let ink_px = self.ink_px.iter().sum();
-        let Some((full_light, contrast)) = level::full_light(&bright, light.sky, ink_px) else {
+        let Some((full_light, contrast)) = level::full_light(&bright, sky, ink_px) else {
             return Err(Reason::NoLight);
         };
         let placed = self.finder.place(&bright.exposed(full_light));
@@ -392,8 +392,7 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
 }
 
 fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
-    let values = light.iter().map(|light| luminance(*light)).collect();
-    Raster { width: grid.width, height: grid.height, values }
+    Raster { width: grid.width, height: grid.height, values: map(light, luminance) }
 }
 
 /// Letters as the trail should draw them on a grid of `cap_px` pixels to a cap height, blurred.

@@ -160,13 +160,14 @@ fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let read = |cap_px: f64| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
-        let (_, ln_p) = spell(&Columns::of(&strip))?;
-        Some((strip, ln_p, left_px, pitch_px))
+        let columns = Columns::of(&strip);
+        let (_, ln_p) = spell(&columns)?;
+        Some((strip, ln_p, columns, left_px, pitch_px))
     };
     let tried: Vec<_> = sizes_px.into_par_iter().map(read).collect();
     let best = tried.into_iter().flatten().reduce(|a, b| if b.1 > a.1 { b } else { a });
-    let (strip, _, left_px, pitch_px) = best?;
-    let columns = Columns::agreed(&strip);
+    let (strip, _, own, left_px, pitch_px) = best?;
+    let columns = own.agreed(&strip);
     let (text, ln_p) = spell(&columns)?;
     let seen = |c: char| classes_of(c).unwrap_or(NO_LETTER);
     let word: Vec<Classes> = text.chars().map(seen).collect();

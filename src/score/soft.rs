@@ -22,8 +22,10 @@ const TAKEN: f32 = 3.0;
 pub(super) fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     let reach = whole((REACH.0 * stroke_px(channels[0], width)).ceil()).max(REACH.1);
     for light in channels {
-        let least = over_squares(light, width, reach, f32::min);
-        let soft = over_squares(&least, width, reach, f32::max);
+        let soft = pulp::Arch::new().dispatch(|| {
+            let least = over_squares(light, width, reach, f32::min);
+            over_squares(&least, width, reach, f32::max)
+        });
         for (light, soft) in light.iter_mut().zip(soft) {
             *light = (*light - TAKEN * soft).max(0.0);
         }
@@ -58,21 +60,27 @@ fn stroke_px(light: &[f32], width: usize) -> f64 {
 }
 
 /// The least or the greatest of the pixels in the square around each.
-fn over_squares(light: &[f32], width: usize, reach: usize, of: fn(f32, f32) -> f32) -> Vec<f32> {
-    let height = light.len() / width;
-    let around = |at: usize, end: usize| at.saturating_sub(reach)..(at + reach + 1).min(end);
+#[inline(always)]
+fn over_squares(
+    light: &[f32],
+    width: usize,
+    reach: usize,
+    of: impl Fn(f32, f32) -> f32,
+) -> Vec<f32> {
+    let take = |values: &mut [f32], near: &[f32]| {
+        values.iter_mut().zip(near).for_each(|(value, near)| *value = of(*value, *near));
+    };
     let mut rows = light.to_vec();
     for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
-        for (x, value) in row.iter_mut().enumerate() {
-            *value = light[around(x, width)].iter().copied().fold(light[x], of);
+        for away in 1..(reach + 1).min(width) {
+            take(&mut row[away..], light);
+            take(row, &light[away..]);
         }
     }
     let mut squares = rows.clone();
-    for (y, square) in squares.chunks_exact_mut(width).enumerate() {
-        for near in around(y, height) {
-            let row = &rows[near * width..][..width];
-            square.iter_mut().zip(row).for_each(|(value, near)| *value = of(*value, *near));
-        }
+    for away in (1..=reach).map(|rows| rows * width).take_while(|away| *away < light.len()) {
+        take(&mut squares[away..], &rows);
+        take(&mut squares, &rows[away..]);
     }
     squares
 }

@@ -29,7 +29,7 @@ fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
 
 impl Taken {
     fn film(&self) -> &Film {
-        &self.0.exposure.film
+        self.0.film.as_ref().expect("kept")
     }
 
     fn verdict(self) -> Verdict {

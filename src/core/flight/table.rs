@@ -143,8 +143,10 @@ impl Table {
             budget.steps(STEPS * header.len()).ok()?;
             let mut cells = line.split(|byte| *byte == b',');
             for column in &mut columns {
-                let cell = std::str::from_utf8(cells.next()?.trim_ascii()).ok()?;
-                let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER)?;
+                let cell = cells.next()?.trim_ascii();
+                let value =
+                    short_number(cell).or_else(|| std::str::from_utf8(cell).ok()?.parse().ok());
+                let value = value.filter(|value| value.abs() <= MAX_NUMBER)?;
                 push(column, value);
             }
             if cells.next().is_some() {
@@ -250,6 +252,30 @@ impl Table {
     }
 }
 
+/// A number of up to 15 digits without an exponent, rounded as [`str::parse`] does: numerator and
+/// denominator are exact, and rounded once (Clinger 1990). `None` of any other text.
+fn short_number(cell: &[u8]) -> Option<f64> {
+    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
+    if digits.len() > 16 {
+        return None;
+    }
+    let (mut numerator, mut denominator, mut has_point) = (0_u64, 1_u64, false);
+    for byte in digits {
+        match byte {
+            b'0'..=b'9' => {
+                numerator = 10 * numerator + u64::from(byte - b'0');
+                denominator *= if has_point { 10 } else { 1 };
+            }
+            b'.' if !has_point => has_point = true,
+            _ => return None,
+        }
+    }
+    let n_digits = digits.len() - usize::from(has_point);
+    let size = numerator as f64 / denominator as f64;
+    let value = if digits.len() < cell.len() { -size } else { size };
+    (1..=15).contains(&n_digits).then_some(value)
+}
+
 /// The beginning of a cell, for a message.
 fn shortened(cell: &str) -> String {
     let mut characters = cell.chars();
@@ -349,6 +375,17 @@ mod tests {
     }
 
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn short_numbers_are_rounded_as_any_are(text in "-?[0-9]{0,9}[.]?[0-9]{0,9}") {
+            let found = short_number(text.as_bytes());
+            let wanted = text.parse::<f64>().ok();
+            prop_assert!(found.is_none() || found.map(f64::to_bits) == wanted.map(f64::to_bits));
+            let n_digits = text.bytes().filter(u8::is_ascii_digit).count();
+            prop_assert_eq!(found.is_some(), (1..=15).contains(&n_digits));
+        }
+    }
 
     fn text(value: f64) -> String {
         let mut line = Vec::new();

@@ -234,17 +234,21 @@ pub(super) fn exposures_lx_s<const N: usize>(
             let squares: [f64; N] = std::array::from_fn(|n| {
                 to[0][n] * to[0][n] + to[1][n] * to[1][n] + to[2][n] * to[2][n]
             });
+            let is_leaf = *next == index + 1;
+            let is_near: [bool; N] =
+                std::array::from_fn(|n| radius_m * radius_m > opening * opening * squares[n]);
+            // Near the root no point takes a branch as a source.
+            if !is_leaf && (0..N).all(|n| is_near[n] && awaits[n] <= index) {
+                index += 1;
+                continue;
+            }
             let per_m = squares.map(|square| 1.0 / square.sqrt());
             let cos_beam = if is_even { [0.0; N] } else { dot(&source.axis) };
             let cos_beam: [f64; N] = std::array::from_fn(|n| cos_beam[n] * per_m[n]);
             let at_edge: [bool; N] = std::array::from_fn(|n| {
                 edge > 0.0 && (cos_beam[n] - emitter.visible_cos).abs() < radius_m * per_m[n]
             });
-            let is_leaf = *next == index + 1;
-            let parts: [bool; N] = std::array::from_fn(|n| {
-                let is_near = radius_m * radius_m > opening * opening * squares[n];
-                !is_leaf && (is_near || at_edge[n])
-            });
+            let parts: [bool; N] = std::array::from_fn(|n| !is_leaf && (is_near[n] || at_edge[n]));
             let takes: [bool; N] = std::array::from_fn(|n| awaits[n] <= index && !parts[n]);
             let down = dot(&surface.normal);
             let mut shares: [f64; N] = std::array::from_fn(|n| {

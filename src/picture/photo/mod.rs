@@ -82,13 +82,10 @@ pub fn develop(
     options: &PhotoOptions,
     seed: u64,
 ) -> Result<Photo> {
-    let levels = Levels8::new(options.tone);
+    let levels = Levels8::of(options.tone);
     let (_, rgb8) = process(film, camera, room, options, seed, |light, out| {
         options.tone.mix(light);
-        for (channel, light) in light.iter().enumerate() {
-            let levels = light.iter().map(|light| levels.level(*light));
-            out[channel..].iter_mut().step_by(3).zip(levels).for_each(|(out, level)| *out = level);
-        }
+        levels.row(light, out);
     })?;
     Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
 }
@@ -176,9 +173,11 @@ fn process<T: Copy + Default + Send>(
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
-            for (light, &count) in light.iter_mut().zip(&*counts) {
-                *light = count as f32 * per_count;
-            }
+            pulp::Arch::new().dispatch(|| {
+                for (light, &count) in light.iter_mut().zip(&*counts) {
+                    *light = count as f32 * per_count;
+                }
+            });
         }
         backdrop.add(y, light);
         sensor.read(y, light, reading);

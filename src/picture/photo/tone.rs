@@ -1,5 +1,7 @@
 //! Tone curves: from the light on the sensor to the levels of the picture.
 
+use std::sync::OnceLock;
+
 use noctograph_core::settings::settings;
 use noctograph_core::srgb;
 
@@ -113,7 +115,13 @@ pub(super) struct Levels8 {
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
-    pub(super) fn new(tone: Tone) -> Self {
+    /// The tables of a tone, made once.
+    pub(super) fn of(tone: Tone) -> &'static Self {
+        static MADE: [OnceLock<Levels8>; 3] = [const { OnceLock::new() }; 3];
+        MADE[tone as usize].get_or_init(|| Self::new(tone))
+    }
+
+    fn new(tone: Tone) -> Self {
         let mut least = [f32::INFINITY; 256];
         let mut low = DARK.to_bits();
         for (level, least) in least.iter_mut().enumerate().take(255) {
@@ -142,10 +150,21 @@ impl Levels8 {
         Self { least, start }
     }
 
-    /// The nearest level, exactly.
+    /// The nearest levels of the pixels of a row, exactly. Its light is clipped.
+    pub(super) fn row(&self, rows: &mut [Vec<f32>; 3], out: &mut [u8]) {
+        pulp::Arch::new().dispatch(|| {
+            rows.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
+        });
+        let [red, green, blue] = &*rows;
+        let pixels = out.as_chunks_mut::<3>().0.iter_mut();
+        for ([r_out, g_out, b_out], ((r, g), b)) in pixels.zip(red.iter().zip(green).zip(blue)) {
+            (*r_out, *g_out, *b_out) = (self.level(*r), self.level(*g), self.level(*b));
+        }
+    }
+
+    /// The nearest level of light from [`DARK`] to 1.
     #[inline(always)]
-    pub(super) fn level(&self, light: f32) -> u8 {
-        let light = light.clamp(DARK, 1.0);
+    fn level(&self, light: f32) -> u8 {
         let start = self.start[((light.to_bits() - DARK.to_bits()) >> BIN_BITS) as usize];
         start + u8::from(light >= self.least[usize::from(start)])
     }
@@ -192,17 +211,19 @@ mod tests {
     #[test]
     fn tables_give_the_nearest_level_of_the_curve() {
         for tone in TONES {
-            let (eight, sixteen) = (Levels8::new(tone), Levels16::new(tone));
+            let (eight, sixteen) = (Levels8::of(tone), Levels16::new(tone));
             for step in 0..200_000_u32 {
                 let light = f32::from_bits(step.wrapping_mul(20_411) % 1.01_f32.to_bits());
                 let wanted = tone.encode(f64::from(light).min(1.0));
                 #[expect(clippy::cast_possible_truncation, reason = "a level")]
                 let level = (wanted * 255.0 + 0.5) as u8;
-                assert_eq!(eight.level(light), level, "{tone:?} {light}");
+                assert_eq!(eight.level(light.clamp(DARK, 1.0)), level, "{tone:?} {light}");
                 let off = f64::from(sixteen.level(light)) - wanted * 65535.0;
                 assert!(off.abs() < 1.5, "{tone:?} {light}: {off}");
             }
-            assert_eq!((eight.level(-1.0), eight.level(7.0)), (0, 255));
+            let mut out = [9; 6];
+            eight.row(&mut [-1.0, 7.0, 1.0].map(|light| vec![0.0, light]), &mut out);
+            assert_eq!(out, [0, 0, 0, 0, 255, 255]);
             assert_eq!((sixteen.level(-1.0), sixteen.level(7.0)), (0, 65535));
         }
     }

@@ -4,7 +4,7 @@ use super::Profile;
 use super::Severity;
 use super::row::{Peak, Row, at, stop_if, warn_if};
 use crate::shoot::CHECK_LIGHT;
-use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::flight::tracking::{Part, least_cap_height_m};
 use noctograph_core::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
 use noctograph_core::statistics::weighted_quantile;
 use noctograph_export::safety::{Battery, LOW_BATTERY_S};
@@ -87,9 +87,8 @@ fn altitude_hold(flown: &Flown<'_>) -> Row {
             false => unchecked("there are no letters whose height is known", of_plans),
         };
     };
-    match track(flown.flight, Part::Letters) {
-        Ok(tracking) => {
-            let least_m = tracking.least_cap_height_m();
+    match least_cap_height_m(flown.flight, Part::Letters) {
+        Ok(least_m) => {
             let row = Row::of("altitude hold", warn_if(least_m > cap_height_m), least_m);
             Row { limit: cap_height_m, ..row }.say(
                 format!("precise enough for letters of {least_m:.2} m or more"),

@@ -75,7 +75,7 @@ fn brightest<'a>(readings: impl Iterator<Item = &'a LampReading>) -> Option<&'a 
 /// Headings that are tried, in a turn.
 const HEADINGS: u32 = 24;
 /// Headings that are read in full: those that look evenest by a quarter of the samples, whose
-/// medians are off by less than these stops.
+/// medians are off by less than these stops, and that may be worth a turn.
 const FINALISTS: usize = 4;
 const COARSE_STOPS: f64 = 0.1;
 /// Stops by which another heading is worth a turn of the nose.
@@ -111,6 +111,7 @@ pub(super) fn evener(
     let headings = (0..HEADINGS).map(|step| TAU * f64::from(step) / f64::from(HEADINGS) - PI);
     let mut headings: Vec<[f64; 2]> =
         headings.filter_map(|yaw_rad| read(&coarse, yaw_rad, COARSE_STOPS)).collect();
+    headings.retain(|[_, stops]| *stops < least_stops + 2.0 * COARSE_STOPS);
     headings.sort_by(evener);
     let lamps: Vec<Lamp> = lamps.into_iter().cloned().collect();
     let best =

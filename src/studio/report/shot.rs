@@ -13,6 +13,7 @@ use crate::shoot::{Shot, in_stops, writing};
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_picture::expose::Film;
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_score::{LetterVerdict, Verdict};
@@ -91,7 +92,8 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let head = ["key", "value", "in the preset"];
     page =
         page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
-    let digests = [("film", Some(shot.exposure.film.sha256())), ("flight", shot.flight_sha256())];
+    let digests =
+        [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(of, sha256)| Some([of.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests).section("As printed").printed(notes.printed))
 }

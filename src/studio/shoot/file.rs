@@ -75,19 +75,20 @@ impl Format {
     }
 }
 
-/// Encodes a photo; OpenEXR and 16 bits are read out from the film anew.
+/// Encodes a photo; OpenEXR and 16 bits are read out anew from the film, which PNG does without.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
     photo: &Photo,
-    film: &Film,
+    film: Option<&Film>,
     camera: &Camera,
     shown: Shown,
 ) -> Result<Vec<u8>> {
     let mut notes = notes(scene.seed, camera, shown);
     let mut out = Cursor::new(Vec::new());
     let dots_per_inch = scene.camera.dots_per_inch;
-    let readout = || read_out(film, camera, &scene.expose, &scene.photo, scene.seed);
+    let film = || film.expect("kept for the formats that are read out");
+    let readout = || read_out(film(), camera, &scene.expose, &scene.photo, scene.seed);
     let written = match format {
         Format::Png => {
             let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };

@@ -88,6 +88,8 @@ pub struct Shoot {
     pub judging: Judging,
     /// Format in which the photo is encoded, while it is read; `None`: not encoded.
     pub format: Option<Format>,
+    /// Whether the shot has its film; else its memory is given back before the photo is read.
+    pub keeps_film: bool,
     /// Reader of the strokes; `None`: one is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
     /// Backend that exposes the film.
@@ -292,6 +294,7 @@ impl Shoot {
             room_seed: None,
             judging: Judging::default(),
             format: None,
+            keeps_film: true,
             reader: None,
             backend: BackendChoice::default(),
             cores: None,

@@ -2,17 +2,17 @@
 
 use std::sync::OnceLock;
 
-use super::file::{Shown, encode};
+use super::file::{Format, Shown, encode};
 use super::problems::{self, Problem};
 use super::{Judging, Lighting, Metered, Planned, Shoot};
 use crate::scene::Scene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
-use noctograph_core::flight::tracking::{Part, track};
+use noctograph_core::flight::tracking::{Part, Tracking, track};
 use noctograph_flying::plan::PlanOptions;
 use noctograph_letters::Strokes;
-use noctograph_picture::expose::{Backend, Developer, Exposure, project};
+use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
 use noctograph_picture::photo::{Photo, develop};
@@ -35,8 +35,12 @@ pub struct Shot {
     pub camera: Camera,
     /// What the light meter set; `None`: the scene's own exposure.
     pub metered: Option<Metered>,
-    /// The film.
-    pub exposure: Exposure,
+    /// The film ([`Shoot::keeps_film`]).
+    pub film: Option<Film>,
+    /// The backend that exposed it.
+    pub backend: Backend,
+    /// Name and driver of the graphics device; `CPU` without one.
+    pub adapter: String,
     /// The photo.
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
@@ -51,12 +55,19 @@ pub struct Shot {
     pub problems: Vec<Problem>,
     /// Those of [`Self::digests`], once they were asked for.
     digests: OnceLock<Vec<String>>,
+    /// The same of [`Self::tracking`].
+    tracking: OnceLock<Vec<Option<Tracking>>>,
 }
 
 impl Shot {
     /// SHA-256 of each flight.
     pub fn digests(&self) -> &[String] {
         self.digests.get_or_init(|| digests(&self.flights))
+    }
+
+    /// Tracking errors of each flight; `None` where it has none.
+    pub fn tracking(&self) -> &[Option<Tracking>] {
+        self.tracking.get_or_init(|| tracking(&self.flights))
     }
 
     /// SHA-256 of the flights, separated by spaces; `None` where there are none.
@@ -74,6 +85,10 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
 
 fn digests(flights: &[Flight]) -> Vec<String> {
     flights.iter().map(Flight::sha256).collect()
+}
+
+fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
+    flights.iter().map(|flight| track(flight, Part::from_flight(flight)).ok()).collect()
 }
 
 fn joined(digests: &[String]) -> Option<String> {
@@ -95,7 +110,7 @@ impl Shoot {
             format.check([camera.width_px, camera.height_px])?;
         }
         let latent = project(&trace, &camera, &scene.expose)?;
-        let exposure = match self.cores {
+        let Exposure { film, backend, adapter } = match self.cores {
             None => developer.develop(&latent)?,
             Some(cores) => Exposure {
                 film: latent.develop_on(cores),
@@ -103,19 +118,22 @@ impl Shoot {
                 adapter: "CPU".to_owned(),
             },
         };
-        let mut photo = develop(&exposure.film, &camera, &scene.expose, &scene.photo, scene.seed)?;
+        let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
+        let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
+        let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
         photo.scene_toml = self.format.map(|_| scene.to_toml());
+        let tracked = OnceLock::new();
         let read = || match reader {
             None => Ok(None),
-            Some(reader) => self.read(reader, &photo, &camera, &flights).map(Some),
+            Some(reader) => self.read(reader, &photo, &camera, &flights, &tracked).map(Some),
         };
         let known = OnceLock::new();
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
                 let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
-                encode(format, scene, &photo, &exposure.film, &camera, shown).map(Some)
+                encode(format, scene, &photo, film.as_ref(), &camera, shown).map(Some)
             }
         };
         let (verdict, file) = rayon::join(read, encode);
@@ -137,7 +155,7 @@ impl Shoot {
             // Advice on letters would be beside the point.
             verdict.advice.clear();
         }
-        let Self { scene, strokes, plans, .. } = self;
+        let Self { scene, strokes, plans, keeps_film, .. } = self;
         Ok(Shot {
             scene,
             strokes,
@@ -146,13 +164,16 @@ impl Shoot {
             trace,
             camera,
             metered,
-            exposure,
+            film: film.filter(|_| keeps_film),
+            backend,
+            adapter,
             photo,
             file,
             verdict,
             marks,
             problems,
             digests: known,
+            tracking: tracked,
         })
     }
 
@@ -174,11 +195,13 @@ impl Shoot {
         photo: &Photo,
         camera: &Camera,
         flights: &[Flight],
+        tracked: &OnceLock<Vec<Option<Tracking>>>,
     ) -> Result<(Verdict, Option<Marks>)> {
         let view = View::from(camera);
         match self.judging {
             Judging::Explained => {
-                let known = known(flights, &self.scene.plan);
+                let tracked = tracked.get_or_init(|| tracking(flights));
+                let known = known_of(flights, tracked, &self.scene.plan);
                 let (verdict, marks) = reader.explain(photo, &view, &known)?;
                 Ok((verdict, Some(marks)))
             }
@@ -191,11 +214,13 @@ impl Shoot {
 /// of the distance from the path and of the lag, and the gaps of their logs.
 #[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
-    let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
-    let tracked: Vec<_> = tracked.collect();
-    let mean = |value: fn(&noctograph_core::flight::tracking::Tracking) -> f64| {
-        let n = tracked.len() as f64;
-        (!tracked.is_empty()).then(|| tracked.iter().map(value).sum::<f64>() / n)
+    known_of(flights, &tracking(flights), plan)
+}
+
+fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
+    let mean = |value: fn(&Tracking) -> f64| {
+        let n = tracked.iter().flatten().count();
+        (n > 0).then(|| tracked.iter().flatten().map(value).sum::<f64>() / n as f64)
     };
     Known {
         speed_m_s: (!flights.is_empty()).then_some(plan.stroke_speed_m_s),

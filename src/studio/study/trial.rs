@@ -61,7 +61,7 @@ impl Prepared {
             }
             shoot => (shoot?, None),
         };
-        shoot.judging = Judging::Scored;
+        (shoot.judging, shoot.keeps_film) = (Judging::Scored, false);
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {
             shoot.reader = Some(reader(strokes, &scene.score)?);

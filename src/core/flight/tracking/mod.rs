@@ -145,10 +145,8 @@ impl Tracking {
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
     let logged = |quantity| !flight.unlogged.contains(&quantity);
-    let lag_s = lag::best_shift_s(&samples, &design, [0.0, MAX_LAG_S]);
+    let (lag_s, rmse_after_lag_m) = after_lag(&samples, &design);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
-    let mut walk = design.walk();
-    let late = samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s));
     Ok(Tracking {
         part,
         n_samples: samples.len(),
@@ -156,13 +154,30 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         rmse_m: rms(errors()),
         mean_error_m: mean(errors()),
         lag_s,
-        rmse_after_lag_m: rms(late),
+        rmse_after_lag_m,
         contour: contour(&samples, &design, lag_s),
         observer_rmse_m: logged(Quantity::Estimate)
             .then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))),
         drift: drift(&samples),
         attitude: logged(Quantity::Attitude).then(|| attitude_spread(&samples)),
     })
+}
+
+/// [`Tracking::least_cap_height_m`] alone.
+///
+/// # Errors
+///
+/// As [`track`].
+pub fn least_cap_height_m(flight: &Flight, part: Part) -> Result<f64> {
+    let (samples, design) = designed(flight, part)?;
+    Ok(after_lag(&samples, &design).1.z / HEIGHT_ERROR_FRAC)
+}
+
+/// The lag, and the root mean square against the design shifted by it.
+fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64>) {
+    let lag_s = lag::best_shift_s(samples, design, [0.0, MAX_LAG_S]);
+    let mut walk = design.walk();
+    (lag_s, rms(samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s))))
 }
 
 /// The samples of a part of a flight, and the path of its design.
