@@ -39,7 +39,7 @@
 //! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `flying` |
 //! | `locate` | ranges → positions of two drones | `core`, `flying` |
 //! | `export` | Plan → files for drones and other programs | `core`, `flying` |
-//! | `studio` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`], [`study`], [`report`] | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score` |
+//! | `studio` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`], [`study`], [`report`] | `core`, `export`, `flying`, `letters`, `logs`, `picture`, `score` |
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score`, `studio` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
