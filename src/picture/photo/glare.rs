@@ -89,10 +89,10 @@ pub(super) struct Scratch {
     cells: Vec<u64>,
 }
 
-/// `count · share / 2^16` of a share of at most [`WHOLE`], by halves that stay within 32 bits.
 #[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "a share of a u32")]
 fn scattered(count: u32, share: u32) -> u32 {
-    (count >> 16) * share + (((count & 0xffff) * share) >> 16)
+    ((u64::from(count) * u64::from(share)) >> 16) as u32
 }
 
 /// Light of cells of 4 × 4 pixels, by channel: a share of every count.

@@ -23,7 +23,7 @@ pub(super) struct Spread<const PARTS: usize> {
     /// First place of cell 0.
     first: isize,
     /// Shares up to and with each part, in units of `2^-shift`.
-    cumulative: [u32; PARTS],
+    cumulative: [u64; PARTS],
     shift: u32,
 }
 
@@ -42,7 +42,7 @@ impl<const PARTS: usize> Spread<PARTS> {
     /// Light of one part of a cell.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
-        let until = |part: usize| (value * u64::from(self.cumulative[part])) >> self.shift;
+        let until = |part: usize| (value * self.cumulative[part]) >> self.shift;
         until(part) - if part == 0 { 0 } else { until(part - 1) }
     }
 
@@ -68,7 +68,7 @@ impl<const PARTS: usize> Spread<PARTS> {
     /// Light of all parts of a cell.
     #[inline(always)]
     fn parts(&self, value: u64) -> [u64; PARTS] {
-        let until = self.cumulative.map(|share| (value * u64::from(share)) >> self.shift);
+        let until = self.cumulative.map(|share| (value * share) >> self.shift);
         std::array::from_fn(|part| until[part] - if part == 0 { 0 } else { until[part - 1] })
     }
 
@@ -102,7 +102,7 @@ impl Spread<8> {
         let n = out.len();
         #[expect(clippy::cast_possible_truncation, reason = "faint, and up to 32")]
         let parts = |value: u64| {
-            let until = self.cumulative.map(|share| (value as u32 * share) >> self.shift);
+            let until = self.cumulative.map(|share| (value as u32 * share as u32) >> self.shift);
             let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
             [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|at| part(at + 4))]
         };
