@@ -15,6 +15,7 @@ import csv
 import json
 import os
 import random
+import re
 import subprocess
 import tempfile
 
@@ -107,11 +108,21 @@ def other_length(name, word):
     return word[:at] + rng.choice(kind) + word[at:]
 
 
+def scene_of_score(scene):
+    """What a verdict needs of a scene that an older program wrote: word, letters and camera."""
+    head, *tables = re.split(r"(?m)^(?=\[)", scene)
+    return head + "".join(table for table in tables if re.match(r"\[(letters|camera)", table))
+
+
 def verdicts(folder, expected):
     """Verdicts on the photos of a folder, if these words are expected."""
     with tempfile.TemporaryDirectory() as other:
-        for name in ("photos", "scenes"):
-            os.symlink(os.path.abspath(os.path.join(folder, name)), os.path.join(other, name))
+        os.symlink(os.path.abspath(os.path.join(folder, "photos")), os.path.join(other, "photos"))
+        os.mkdir(os.path.join(other, "scenes"))
+        for name in expected:
+            scene = os.path.join("scenes", name + ".toml")
+            with open(os.path.join(folder, scene)) as old, open(os.path.join(other, scene), "w") as new:
+                new.write(scene_of_score(old.read()))
         with open(os.path.join(other, "truth.json"), "w") as file:
             json.dump({name: {"expected": word} for name, word in expected.items()}, file)
         return read_verdicts(subprocess.run(
@@ -158,21 +169,39 @@ def rows_of(readings, verdicts):
     return rows
 
 
+def ceiling(rows):
+    """Area with which what one reader read, and how surely, predicts that the other is right; and the readability."""
+    found = []
+    for one, other in (READERS, READERS[::-1]):
+        truth = np.array([same(row[other], row["word"]) for row in rows])
+        sure = [same(row[one], row["word"]) * ["", "no", "guess", "sure"].index(row[one + "_sure"]) for row in rows]
+        found.append([auc(np.array(sure, float), truth), auc(np.array([row["p"] for row in rows]), truth)])
+    return np.mean(found, axis=0)
+
+
 def table(name, rows, wrong):
-    p = np.array([row["p"] for row in rows])
-    sure, both = (np.array([row[key] for row in rows]) for key in ("sure", "both"))
-    right = np.mean([same(row["read"], row["word"]) for row in rows])
-    bins = [f"{p[m].mean():.2f} → {both[m].mean():.2f} ({m.sum()})"
-            for low in np.arange(0, 1, 0.2) for m in [(p >= low) & (p < low + 0.2 + 1e-9 * (low > 0.7))] if m.any()]
+    photos = [row for row in rows if row["kind"] == "photo"]
+    p = np.array([row["p"] for row in photos])
+    sure, both = (np.array([row[key] for row in photos]) for key in ("sure", "both"))
+    is_right = lambda key: np.array([same(row[key], row["word"]) for row in photos])
+    right, blind = is_right("read"), is_right("blind")
+    legible = (p >= 0.7) & np.array([row["rival_p"] <= 0.5 for row in photos])
+    all_p, all_both = (np.array([row[key] for row in rows]) for key in ("p", "both"))
+    bins = [f"{all_p[m].mean():.2f} → {all_both[m].mean():.2f} ({m.sum()})" for low in np.arange(0, 1, 0.2)
+            for m in [(all_p >= low) & (all_p < low + 0.2 + 1e-9 * (low > 0.7))] if m.any()]
     # A verdict is legible from 0.7 on, and if no rival is likelier.
     passed = [row["p"] >= 0.7 and row["rival_p"] <= 0.5 for row in wrong if not row["both"]]
-    print(f"{name}: {len(rows)} photos, both read {both.mean():.2f}, both sure {sure.mean():.2f}\n"
-          f"  words right {right:.3f}   AUC both {auc(p, both):.3f}, sure {auc(p, sure):.3f}\n"
+    reader, program = ceiling(photos)
+    print(f"{name}: {len(photos)} photos, both read {both.mean():.2f}, both sure {sure.mean():.2f}\n"
+          f"  words right, of those that both read {right[both].mean():.2f}, of all {right.mean():.2f}; "
+          f"blindly {blind[both].mean():.2f}\n"
+          f"  AUC both {auc(p, both):.3f}, sure {auc(p, sure):.3f}; of one reader {program:.3f}, by the other {reader:.3f}\n"
           f"  Brier both {np.mean((p - both) ** 2):.3f} (constant {both.mean() * (1 - both.mean()):.3f})   "
-          f"rank correlation {spearman(p, np.array([row['accuracy'] for row in rows])):.2f}\n"
-          f"  surely read below 0.3: {(p[sure] < 0.3).sum()} of {sure.sum()};  0.7 or more, not read by both: "
-          f"{(p[~both] >= 0.7).sum()};  wrong words legible: {sum(passed)} of {len(passed)}\n"
-          f"  readability → both read: {';  '.join(bins)}")
+          f"rank correlation {spearman(p, np.array([row['accuracy'] for row in photos])):.2f}\n"
+          f"  below 0.3: {len(p[p < 0.3])}, both read {both[p < 0.3].sum()}, surely {sure[p < 0.3].sum()};  0.7 or more, "
+          f"not read by both: {(p[~both] >= 0.7).sum()} ({legible[~both].sum()} legible of {legible.sum()});  "
+          f"wrong words legible: {sum(passed)} of {len(passed)}\n"
+          f"  readability, negatives too → both read: {';  '.join(bins)}")
 
 
 def clean_rows(folder):
