@@ -799,7 +799,11 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
     ] {
         let told = live(json!({ format!("letters.{set}"): value }));
         let text = told["error"]["text"].as_str().unwrap_or_default();
-        assert!(text.contains(why) && !text.contains("/tmp"), "{set}={value:.9}: {told}");
+        assert!(
+            text.contains(why) && !text.contains("/tmp"),
+            "{set}={value:.9}: {}",
+            told["error"]
+        );
     }
 
     // Of what is too much for a flight, strokes can be left out, too.
