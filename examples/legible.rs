@@ -46,12 +46,12 @@ fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
     let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
     let even = || PlanOptions::even_with(style.clone());
     [
-        ("the team's way, lqr", team(), ControllerKind::Lqr),
-        ("even, lqr led by its inverse", even(), ControllerKind::Lqr),
-        ("even, lqr-feedforward", even(), ControllerKind::LqrFeedforward),
-        ("even, lqr-integral", even(), ControllerKind::LqrIntegral),
-        ("even, geometric", even(), ControllerKind::Geometric),
-        ("even, pid led by its inverse", even(), ControllerKind::Pid),
+        ("team, `lqr`", team(), ControllerKind::Lqr),
+        ("even, `lqr` with inverted setpoints", even(), ControllerKind::Lqr),
+        ("even, `lqr-feedforward`", even(), ControllerKind::LqrFeedforward),
+        ("even, `lqr-integral`", even(), ControllerKind::LqrIntegral),
+        ("even, `geometric`", even(), ControllerKind::Geometric),
+        ("even, `pid` with inverted setpoints", even(), ControllerKind::Pid),
     ]
 }
 
@@ -74,7 +74,7 @@ fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
 }
 
 fn characters() -> Outcome<()> {
-    let mut text = String::from("| font | way | reads | does not (as) |\n|---|---|---|---|\n");
+    let mut text = String::from("| font | style and controller | reads | does not (as) |\n|---|---|---|---|\n");
     for font in FONTS {
         for (name, plan, kind) in ways().into_iter().take(3) {
             let mut scene = scene(&plan, kind, [240, 160]);
@@ -111,7 +111,7 @@ fn characters() -> Outcome<()> {
 }
 
 fn heights() -> Outcome<()> {
-    let mut text = String::from("| way |");
+    let mut text = String::from("| style and controller |");
     for height_m in HEIGHTS_M {
         write!(text, " {:.0} cm |", 100.0 * height_m)?;
     }
@@ -147,7 +147,7 @@ fn heights() -> Outcome<()> {
                     imageops::replace(&mut sheet, &picture, place[0], place[1]);
                 }
             }
-            write!(text, " {reads} of {} |", SEEDS.len())?;
+            write!(text, " {reads} |")?;
         }
         text += "\n";
     }

@@ -136,6 +136,31 @@ def overtaken_requests_are_asked_again(hall, sessions=12):
         until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 10, f"session {session}: {word}")
 
 
+def the_large_photograph_is_asked_for_once(hall):
+    """Sending waits for the one that is under way: two would end each other in turn."""
+    server = Server(PROGRAM)
+    try:
+        page, _ = opened(hall.browser, server.page, viewport=PHONE)
+        ready(page)
+        page.evaluate("""() => {
+            const real = window.fetch;
+            window.asks = 0;
+            window.fetch = async (url, options) => {
+                if (url !== 'photos') return real(url, options);
+                window.asks += 1;
+                await new Promise(done => setTimeout(done, 1000));
+                return real(url, options);
+            };
+        }""")
+        write(page, "LEA")
+        until(page, "window.asks === 1", what="that the large photograph is asked for")
+        page.click("#send")
+        page.wait_for_selector("#sent h2", timeout=60_000)
+        assert page.evaluate("window.asks") == 1
+    finally:
+        server.kill()
+
+
 def a_lost_connection_is_noticed_and_mended(hall):
     with tempfile.TemporaryDirectory() as gallery:
         server = Server(PROGRAM, "--gallery", gallery)

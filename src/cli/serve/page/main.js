@@ -112,8 +112,24 @@ async function shown(shot, strokes, wanted) {
   main.dataset.shown = `${shot.number}`;
 }
 
-/** Asks for the large photograph of the same wish. @param {boolean} advice */
-async function enlarge(advice) {
+/** The large photograph that is being asked for. @type {{ of: unknown, answer: Promise<any> }} */
+let enlarging = { of: null, answer: Promise.resolve() };
+
+/** Asks for the large photograph of the same wish, once: a second request would end the first. */
+function enlarge(/** @type {boolean} */ advice) {
+  const of = current();
+  if (enlarging.of !== of)
+    enlarging = {
+      of,
+      answer: enlarged(advice).finally(() => {
+        if (enlarging.of === of) enlarging.of = null;
+      }),
+    };
+  return enlarging.answer;
+}
+
+/** @param {boolean} advice */
+async function enlarged(advice) {
   const mine = current();
   const large = await ask("photos", { ...wish(aspect()), advice });
   if (!large || large.error) return large;
