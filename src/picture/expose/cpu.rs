@@ -6,11 +6,13 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::curves::{Curves, LANES, LOW_BITS};
+use super::floor::Glow;
 use super::record::{DITHER, Record};
 use super::sheet::Sheet;
 use super::{Latent, Tint};
@@ -19,10 +21,18 @@ use super::{Latent, Tint};
 /// quarter of a millisecond.
 const BAND_PIXELS: u64 = 1 << 19;
 
+/// Counts in a page of memory.
+const PAGE: usize = 1024;
+
 /// Adds up the light in at most `n_bands` bands of rows: three planes of counts.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
+    // Counts are added up: a page that is read before it is written is fetched twice.
+    let floor = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
+    for plane in counts.chunks_exact_mut(width * height) {
+        plane[floor..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
+    }
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
     let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
     let starts = [0].into_iter().chain(ends.iter().copied());

@@ -99,6 +99,11 @@ impl Glow {
         (!squares.is_empty()).then_some(Self { squares, peak_lx_s })
     }
 
+    /// The first row that it lights.
+    pub(super) fn top_px(&self) -> usize {
+        self.squares.iter().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
+    }
+
     /// Adds the glow to a film.
     pub(super) fn add_to(&self, film: &mut Film) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
