@@ -74,7 +74,9 @@ fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
 }
 
 fn characters() -> Outcome<()> {
-    let mut text = String::from("| font | style and controller | reads | does not (as) |\n|---|---|---|---|\n");
+    let mut text = String::from(
+        "| font | style and controller | reads | does not (as) |\n|---|---|---|---|\n",
+    );
     for font in FONTS {
         for (name, plan, kind) in ways().into_iter().take(3) {
             let mut scene = scene(&plan, kind, [240, 160]);

@@ -268,7 +268,7 @@ def inputs(folder):
     add("map", drawn(chart, (246, 243, 232)).done(), *LAMP)
     add("line portrait", drawn(portrait).done())
     add("portrait, photograph", face(), "--set", "letters.picture=photograph", ending="jpg")
-    add("skyline, photograph", skyline(), "--set", "letters.picture=photograph", ending="jpg")
+    add("skyline at night", skyline(), ending="jpg")
     add("QR code, warned of", code())
     svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 80 60' fill='none' stroke-width='2'><linearGradient id='g'><stop stop-color='red'/><stop offset='.5' stop-color='lime'/><stop offset='1' stop-color='blue'/></linearGradient><path stroke='url(#g)' d='M5 40C20 0 30 60 40 30S60 10 75 35'/><circle cx='40' cy='30' r='26' stroke='orange'/></svg>"
     vector = lambda page: [page.line([(10 * x, 10 * y) for x, y in curve], color, 9) for curve, color in ((circle(40, 30, 26), (255, 165, 0)), ([(5 + 0.58 * k, 38 - 12 * math.sin(k / 9)) for k in range(121)], GREEN))]

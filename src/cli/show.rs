@@ -105,9 +105,7 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
     }
     drawn += match strokes.picture {
         Picture::Auto => "",
-        Picture::Drawing => {
-            "; ink on paper (for a photograph, of lights at night too, set letters.picture=photograph)"
-        }
+        Picture::Drawing => "; ink on paper (for a photograph set letters.picture=photograph)",
         Picture::Photograph => {
             "; edges of a photograph (for ink on paper set letters.picture=drawing)"
         }

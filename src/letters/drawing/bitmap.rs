@@ -47,10 +47,15 @@ const TEXTURE: f64 = 0.175;
 /// photograph; and of either bound, from which on that is offered.
 const TONES: f64 = 0.12;
 const NEARLY: f64 = 0.62;
-/// A drawing of more dots than this, shorter than a share of its larger side, may be lights at
-/// night.
+/// Pixels of the longer side below which a picture is no photograph.
+const SMALL: u32 = 100;
+/// A drawing of more dots of light than this, shorter than a share of its larger side, may be of
+/// lights at night; where its edges are longer than a share of its width, it is.
 const DOTS: usize = 60;
 const DOT: f64 = 0.03;
+const ROOFS: f64 = 0.5;
+/// Share of a QR code's module by which it may be off: readers look at its middle.
+const READ: f64 = 0.25;
 /// Detail of a photograph where none is given.
 const PHOTOGRAPH: f64 = 0.5;
 /// Mean width of what lies over the rim of a sheet and is no line, by the sheet's longer side.
@@ -105,9 +110,11 @@ pub(super) fn read(
         Some(corners) => sheet::back(corners, picture.dimensions()),
         None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
     };
-    let found = field.threshold();
-    // How far the picture is on the way to a photograph: 1 and more, it is one.
-    let photographic = found.map_or(0.0, |(threshold, strong)| {
+    let mut found = field.threshold();
+    // How far the picture is on the way to a photograph: 1 and more, it is one. A sheet is none,
+    // and a picture of few pixels is mostly blur.
+    let is_whole = sheet.is_none() && picture.width().max(picture.height()) >= SMALL;
+    let photographic = found.filter(|_| is_whole).map_or(0.0, |(threshold, strong)| {
         (field.texture(threshold) / TEXTURE).max(field.tones(strong) / TONES)
     });
     let is_near = photographic > NEARLY;
@@ -117,16 +124,11 @@ pub(super) fn read(
         Picture::Photograph => true,
     };
     if is_photograph {
-        let edges = edges(&picture).into_iter().map(|line| (line, Paint::Plain([0; 3])));
-        let (lines, detail) = (edges.collect(), options.detail.unwrap_or(PHOTOGRAPH));
-        return Ok(Traced {
-            lines,
-            detail,
-            picture: Picture::Photograph,
-            warnings: Vec::new(),
-            corners_px: sheet,
-            in_file,
-        });
+        return Ok(photograph(edges(&picture), options, sheet, in_file));
+    }
+    if field.is_shaded && sheet.is_none() {
+        field = Field::in_shadow(&picture);
+        found = field.threshold();
     }
     let Some((_, strong)) = found else {
         let found = "a picture without lines that stand out from its paper";
@@ -175,20 +177,34 @@ pub(super) fn read(
         return Err(super::too_many(file));
     }
     let n_dots = colored.iter().filter(|(line, _)| polyline_length_m(line) < DOT * larger).count();
-    let is_dotted = n_dots > DOTS && 2 * n_dots > colored.len();
+    let is_night = field.is_light && n_dots > DOTS && 2 * n_dots > colored.len();
+    if is_night && options.picture == Picture::Auto {
+        let edges = edges(&picture);
+        let length: f64 = edges.iter().map(|edge| polyline_length_m(edge)).sum();
+        if length > ROOFS * f64::from(picture.width()) {
+            return Ok(photograph(edges, options, sheet, in_file));
+        }
+    }
     let ruled = "pale lines across the picture are not drawn: they look like the paper's rulings";
     let found_sheet = sheet.filter(|_| options.corners_px.is_none()).map(|corners| {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
         format!("drawn is the sheet of paper with its corners at {corners} (letters.corners_px)")
     });
-    let code = "a QR code in lines of light is read by no phone: the drone draws the rims of its \
-                modules; write its address instead";
+    let code = |module_px: f64| {
+        let module_mm = 1e3 * module_px * scale * options.cap_height_m;
+        format!(
+            "a QR code of modules of {module_mm:.0} mm: a phone reads it only if they are filled, in \
+             lines as wide as the lamp, and each lies within {:.0} mm of its place; the drone draws \
+             them by lines along them, so write its address instead",
+            READ * module_mm
+        )
+    };
     let photo =
         "this looks much like a photograph: letters.picture = \"photograph\" draws its edges";
-    let is_offered = (is_near || is_dotted) && sheet.is_none() && options.picture == Picture::Auto;
+    let is_offered = (is_near || is_night) && options.picture == Picture::Auto;
     let n_cut = n_cut + n_across;
     let said = [
-        qr::is_seen(&field).then(|| code.to_owned()),
+        qr::module_px(&field).map(code),
         is_offered.then(|| photo.to_owned()),
         (n_cut > 0).then(|| {
             format!(
@@ -211,6 +227,19 @@ pub(super) fn read(
         corners_px: sheet,
         in_file,
     })
+}
+
+/// A photograph by its edges.
+fn photograph(
+    edges: Vec<Vec<[f64; 2]>>,
+    options: &LetterOptions,
+    corners_px: Option<Corners>,
+    in_file: Map,
+) -> Traced {
+    let edges = edges.into_iter().map(|line| (line, Paint::Plain([0; 3])));
+    let (lines, detail) = (edges.collect(), options.detail.unwrap_or(PHOTOGRAPH));
+    let (picture, warnings) = (Picture::Photograph, Vec::new());
+    Traced { lines, detail, picture, warnings, corners_px, in_file }
 }
 
 /// The sheet of paper in a picture seen square on, its ink, and its corners in the pixels of the
@@ -239,7 +268,10 @@ fn paper(
     }
     let Some(corners) = sheet::corners(picture) else { return Ok(None) };
     let sheet = sheet::square_on(picture, &corners);
-    let field = Field::of(&sheet);
+    let mut field = Field::of(&sheet);
+    if field.is_shaded {
+        field = Field::in_shadow(&sheet);
+    }
     let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
     Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
 }

@@ -87,6 +87,16 @@ fn squares(picture: &mut image::RgbImage) {
     );
 }
 
+/// Half of the light beyond an edge as sharp as a lens draws it, on squared paper.
+fn squares_in_shadow(picture: &mut image::RgbImage) {
+    squares(picture);
+    change(picture, |x, y, value| {
+        let edge = 1.0 / (1.0 + libm::exp((x + 0.4 * y - 310.0) / 0.5));
+        value * (0.5 + 0.5 * edge)
+    });
+    noise(picture);
+}
+
 fn chalk(picture: &mut image::RgbImage) {
     change(picture, |_, _, value| 40.0 + 0.7 * (255.0 - value));
     noise(picture);
@@ -119,6 +129,7 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         Drawn { lines: NOOR, pen_px: 4.0, taken: chalk },
         Drawn { lines: NOOR, pen_px: 5.0, taken: squares },
         Drawn { lines: HOUSE, pen_px: 5.0, taken: dark_shadow },
+        Drawn { lines: HOUSE, pen_px: 5.0, taken: squares_in_shadow },
         Drawn { lines: NOOR, pen_px: 3.0, taken: dark_shadow },
     ];
     for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {

@@ -10,7 +10,7 @@
 use image::{RgbImage, imageops};
 
 use super::levels::{level, quantile, softened};
-use super::paper::Paper;
+use super::paper::{Edges, Paper};
 
 /// Channels of a color.
 const CHANNELS: usize = 3;
@@ -62,17 +62,35 @@ pub(super) struct Field {
     pub(super) least: f64,
     /// Whether the paper is of one color.
     pub(super) is_plain: bool,
+    /// Whether its ink is lighter than the paper.
+    pub(super) is_light: bool,
+    /// Whether sharp edges of shadows may cross the paper, which [`Self::in_shadow`] follows.
+    pub(super) is_shaded: bool,
 }
 
 impl Field {
     /// The ink of a picture; all of `ink` is 0 until [`Self::find`].
     pub(super) fn of(picture: &RgbImage) -> Self {
+        Self::on(picture, Edges::Soft)
+    }
+
+    /// The same where shadows have sharp edges, which what is no photograph has none but of ink.
+    pub(super) fn in_shadow(picture: &RgbImage) -> Self {
+        Self::on(picture, Edges::Sharp)
+    }
+
+    fn on(picture: &RgbImage, edges: Edges) -> Self {
         let (width, height) = (picture.width() as usize, picture.height() as usize);
         let (w, h) = (width + 2, height + 2);
         let mut contrast = vec![0.0; w * h];
         let mut color = vec![[1.0; CHANNELS]; w * h];
         let place = |at: usize| (at / width + 1) * w + at % width + 1;
         let plain = plain_paper(picture);
+        let mut is_shaded = false;
+        let is_light = plain.map_or_else(
+            || has_light_ink(&imageops::grayscale(picture)),
+            |paper| paper.iter().sum::<f64>() < 0.5 * 255.0 * CHANNELS as f64,
+        );
         if let Some(paper) = plain {
             let channel = |c: usize| picture.pixels().map(move |pixel| f64::from(pixel.0[c]));
             for c in 0..CHANNELS {
@@ -86,10 +104,11 @@ impl Field {
                 }
             }
         } else {
-            let luma = imageops::grayscale(picture);
-            let is_light = is_light(&luma);
-            let both = inks_of_both_kinds(picture);
-            let inks = both.unwrap_or_else(|| inks(picture, is_light));
+            let inks = inks_of_both_kinds(picture).unwrap_or_else(|| {
+                let (inks, shaded) = inks(picture, is_light, edges);
+                is_shaded = shaded;
+                inks
+            });
             for (at, (ink, left)) in inks.into_iter().enumerate() {
                 (contrast[place(at)], color[place(at)]) = (ink, left);
             }
@@ -104,6 +123,8 @@ impl Field {
             color,
             least,
             is_plain: plain.is_some(),
+            is_light,
+            is_shaded,
         }
     }
 
@@ -168,15 +189,15 @@ impl Field {
 }
 
 /// The ink of each pixel by the paper that is estimated around it, dark or light ink alone: its
-/// contrast, and what it leaves of red, green and blue.
-fn inks(picture: &RgbImage, is_light: bool) -> Vec<(f64, [f64; CHANNELS])> {
+/// contrast, and what it leaves of red, green and blue; and whether edges of shadows cross it.
+fn inks(picture: &RgbImage, is_light: bool, edges: Edges) -> (Vec<(f64, [f64; CHANNELS])>, bool) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let bright = |value: u8| if is_light { 255.0 - f64::from(value) } else { f64::from(value) };
     let channels = [0, 1, 2].map(|c| {
         let values: Vec<f64> = picture.pixels().map(|pixel| bright(pixel.0[c])).collect();
         softened(&values, width)
     });
-    let paper = Paper::of(&channels, width, height);
+    let paper = Paper::of(&channels, width, height, edges);
     let ink = |at: usize| {
         let papers = paper.at(at % width, at / width);
         let mean = papers.iter().sum::<f64>() / CHANNELS as f64;
@@ -188,7 +209,7 @@ fn inks(picture: &RgbImage, is_light: bool) -> Vec<(f64, [f64; CHANNELS])> {
         }
         (most, left)
     };
-    (0..width * height).map(ink).collect()
+    ((0..width * height).map(ink).collect(), paper.is_shaded())
 }
 
 /// The same of light and dark ink on paper of a middle tone, such as kraft paper; `None` where
@@ -251,7 +272,7 @@ fn level_i16(level: usize) -> i16 {
 
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most
 /// of it rather than darker; where both are alike, by the tone of most of the picture.
-fn is_light(luma: &image::GrayImage) -> bool {
+fn has_light_ink(luma: &image::GrayImage) -> bool {
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
     let columns = width.div_ceil(block);

@@ -69,6 +69,49 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     pass(&pass(values, 1, width), width, values.len() / width)
 }
 
+/// Values opened (`f64::min`, then `f64::max`) or closed (the other way round): the extremes of
+/// what lies within so many steps of each, in a square, so that what is smaller than that vanishes
+/// and edges stay where they are (van Herk, Pattern Recognition Letters 13, 1992).
+pub(super) fn morphed(
+    values: &[f64],
+    width: usize,
+    steps: usize,
+    of: [fn(f64, f64) -> f64; 2],
+) -> Vec<f64> {
+    let mut values = values.to_vec();
+    let size = 2 * steps + 1;
+    let (height, longer) = (values.len() / width, width.max(values.len() / width));
+    let mut line = Vec::with_capacity(longer);
+    let mut onward = vec![0.0; longer];
+    for (of, step) in of.into_iter().flat_map(|of| [(of, 1), (of, width)]) {
+        let (n, n_lines) = if step == 1 { (width, height) } else { (height, width) };
+        for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
+            line.clear();
+            line.extend(values[first..].iter().step_by(step).take(n));
+            // The extremes from each place to the end of its span of the window's size, and from
+            // the beginning.
+            for at in (0..n).rev() {
+                let ends = at + 1 == n || (at + 1) % size == 0;
+                onward[at] = if ends { line[at] } else { of(line[at], onward[at + 1]) };
+            }
+            for at in (0..n).filter(|at| at % size > 0) {
+                line[at] = of(line[at], line[at - 1]);
+            }
+            for at in 0..n {
+                let (from, to) = (at.saturating_sub(steps), (at + steps).min(n - 1));
+                values[first + at * step] = if from / size < to / size {
+                    of(onward[from], line[to])
+                } else if from % size == 0 {
+                    line[to]
+                } else {
+                    onward[from]
+                };
+            }
+        }
+    }
+    values
+}
+
 /// A pixel and those within so many steps of it.
 pub(super) fn around(
     at: usize,

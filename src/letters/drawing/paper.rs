@@ -1,6 +1,6 @@
 //! Paper: its color in blocks of a picture, under shadows and lamps.
 
-use super::levels::{around, level, quantile};
+use super::levels::{around, level, morphed, quantile};
 use noctograph_core::statistics::median;
 
 /// Blocks of paper along the longer side.
@@ -9,15 +9,29 @@ const BLOCKS: usize = 24;
 const PAPER: f64 = 0.75;
 /// Paper is brighter than this share of paper beside it, from the brightest block on, so that a
 /// shadow with a soft edge may be as dark as it likes; what is darker is a patch of ink.
-const SHADOW: f64 = 0.45;
+const SHADOW: f64 = 0.36;
 /// Largest ratio of two channels, by that of paper beside it: what has another hue is a patch of
 /// ink.
 const HUE: f64 = 1.3;
+
+/// Ratio of paper in the blocks around one, below which the edge of a shadow passes there; blocks
+/// that are looked at; and pixels on either side that are wider than half a pen, by a block's.
+const SHADED: f64 = 0.85;
+const BESIDE: usize = 2;
+const PEN: f64 = 0.25;
 
 /// Ratio of the tones of paper that is evenly lit, and tones on which light ink is told as dark ink
 /// is.
 const EVEN: f64 = 1.35;
 const MIDDLE: [f64; 2] = [70.0, 155.0];
+
+/// Edges of shadows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Edges {
+    /// None is sharper than a block: what is may be a thing in a photograph.
+    Soft,
+    Sharp,
+}
 
 /// Color of the paper in blocks.
 pub(super) struct Paper {
@@ -25,11 +39,15 @@ pub(super) struct Paper {
     columns: usize,
     rows: usize,
     levels: Vec<[f64; 3]>,
+    /// The darkest and the brightest paper around each block; empty where it is evenly lit.
+    around: Vec<[[f64; 3]; 2]>,
+    /// The picture without its thin lines, and its width, where shadows have sharp edges.
+    closed: Option<([Vec<f64>; 3], usize)>,
 }
 
 impl Paper {
     /// The paper of a picture by its channels, of which more is lighter.
-    pub(super) fn of(channels: &[Vec<f64>; 3], width: usize, height: usize) -> Self {
+    pub(super) fn of(channels: &[Vec<f64>; 3], width: usize, height: usize, edges: Edges) -> Self {
         let block = width.max(height).div_ceil(BLOCKS);
         let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
         let mut levels = vec![[0.0; 3]; columns * rows];
@@ -66,8 +84,18 @@ impl Paper {
         };
         levels = each(&levels, &|near| near.iter().copied().fold(0.0, f64::max));
         levels = each(&levels, &|near| near.iter().copied().fold(f64::MAX, f64::min));
+        let beside = |at: usize| {
+            let near = || around(at, columns, rows, BESIDE).map(|k| levels[k]);
+            let most = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
+            let least = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| a[c].min(b[c]));
+            [near().fold([f64::MAX; 3], least), near().fold([0.0; 3], most)]
+        };
+        let around = (0..levels.len()).map(beside).collect();
+        let steps = level(PEN * block as f64);
+        let closed = |c: usize| morphed(&channels[c], width, steps, [f64::max, f64::min]);
+        let closed = (edges == Edges::Sharp).then(|| ([0, 1, 2].map(closed), width));
         levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
-        Self { block, columns, rows, levels }
+        Self { block, columns, rows, levels, around, closed }
     }
 
     /// Paper of a middle tone that is evenly lit: the tone of most of each block and those around
@@ -89,7 +117,15 @@ impl Paper {
         tones.sort_by(f64::total_cmp);
         let [low, middle, high] = [1, 5, 9].map(|tenth| tones[tenth * (tones.len() - 1) / 10]);
         let is_middle = high < EVEN * low && (MIDDLE[0]..MIDDLE[1]).contains(&middle);
-        is_middle.then_some(Self { block, columns, rows, levels })
+        is_middle.then(|| {
+            let (around, closed) = (Vec::new(), None);
+            Self { block, columns, rows, levels, around, closed }
+        })
+    }
+
+    /// Whether edges of shadows may cross it.
+    pub(super) fn is_shaded(&self) -> bool {
+        self.around.iter().any(is_shaded)
     }
 
     /// At a pixel, between the middles of blocks.
@@ -101,13 +137,18 @@ impl Paper {
         };
         let (left, right, across) = along(x, self.columns);
         let (top, bottom, down) = along(y, self.rows);
+        let around = self.around.get(y / self.block * self.columns + x / self.block);
+        let shaded = self.closed.as_ref().zip(around.filter(|around| is_shaded(around)));
         [0, 1, 2].map(|c| {
             let row = |row: usize| {
                 let [a, b] =
                     [left, right].map(|column| self.levels[row * self.columns + column][c]);
                 a + across * (b - a)
             };
-            row(top) + down * (row(bottom) - row(top))
+            let smooth = row(top) + down * (row(bottom) - row(top));
+            shaded.map_or(smooth, |((closed, width), [darkest, _])| {
+                closed[c][y * width + x].max(SHADED * darkest[c]).min(smooth)
+            })
         })
     }
 }
@@ -128,6 +169,11 @@ fn medians(
     }
     let medians = counts.iter().map(|of| [0, 1, 2].map(|c| quantile(&of[c], 0.5) as f64));
     (block, columns, rows, medians.collect())
+}
+
+/// Whether the edge of a shadow passes a block, by the darkest and the brightest paper around it.
+fn is_shaded([least, most]: &[[f64; 3]; 2]) -> bool {
+    least.iter().sum::<f64>() < SHADED * most.iter().sum::<f64>()
 }
 
 /// Which blocks show paper: the brightest, and from them on what is as bright and of the same hue.

@@ -3,13 +3,14 @@
 //! Edges are where the brightness, blurred, changes most: zeros of its Laplacian (Marr and
 //! Hildreth, Proc. R. Soc. B 207, 1980), followed by marching squares, so that they are lines with
 //! no thinning. They are kept where the gradient is strong, and along as far as it is not weak
-//! (Canny, IEEE Trans. PAMI 8, 1986). Of a picture at night, the points of light are taken away
-//! first, by a morphological opening, and what is dark counts by its logarithm.
+//! (Canny, IEEE Trans. PAMI 8, 1986). Of a picture at night, points of light are taken away first,
+//! or where they stand densely made areas, by morphological openings and closings, whichever leaves
+//! the wider edge; and what is dark counts by its logarithm.
 
 use image::{DynamicImage, RgbImage};
 
-use super::levels::{contours, softened};
-use noctograph_core::geometry::polyline_length_m;
+use super::levels::{contours, morphed, softened};
+use noctograph_core::geometry::{bounds, polyline_length_m};
 
 /// Pixels of the longer side on which edges are sought.
 const SIDE: u32 = 480;
@@ -29,11 +30,17 @@ const WEAK: f64 = 0.4;
 /// Least length of an edge by the longer side.
 const SHORTEST: f64 = 0.03;
 
+/// Least length of an edge at night by the longest one; and how much wider than the roofs behind
+/// lights the rim of the lights is where that is drawn.
+const STRAY: f64 = 0.25;
+const WIDER: f64 = 1.25;
+
 /// Most tone of most of a picture at night, and least ratio of its lights to that.
 const NIGHT: f64 = 60.0;
 const LIGHTS: f64 = 3.0;
-/// Pixels from its middle up to which a point of light reaches, and brightness that is noise.
-const POINT: usize = 6;
+/// Pixels from its middle up to which a point of light, and what is dark between two, reaches, from
+/// small to large; and brightness that is noise.
+const POINTS: [usize; 2] = [6, 9];
 const NOISE: f64 = 8.0;
 
 /// The edges of a photograph in its pixels, y up.
@@ -44,13 +51,51 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
         small = small.thumbnail(SIDE, SIDE);
     }
     let small = small.into_luma8();
-    let (width, height) = (small.width() as usize, small.height() as usize);
+    let width = small.width() as usize;
     let scale = f64::from(longer) / f64::from(small.width().max(small.height()));
-    let mut values: Vec<f64> = small.pixels().map(|pixel| f64::from(pixel.0[0])).collect();
-    if is_night(&values) {
-        values = opened(&values, width);
-        values.iter_mut().for_each(|value| *value = 50.0 * libm::log(NOISE + *value));
+    let values: Vec<f64> = small.pixels().map(|pixel| f64::from(pixel.0[0])).collect();
+    let mut edges = if is_night(&values) {
+        // Lights are taken away, or where they stand densely become areas.
+        let dark = edges_of(without_lights(&values, width, [f64::min, f64::max]), width);
+        let lit = edges_of(without_lights(&values, width, [f64::max, f64::min]), width);
+        let mut edges = if widest(&lit) > WIDER * widest(&dark) { lit } else { dark };
+        let longest = edges.iter().map(|edge| polyline_length_m(edge)).fold(0.0, f64::max);
+        edges.retain(|edge| polyline_length_m(edge) > STRAY * longest);
+        edges
+    } else {
+        edges_of(values, width)
+    };
+    edges.iter_mut().flatten().for_each(|point| *point = point.map(|x| x * scale));
+    edges
+}
+
+/// Width of the widest of some edges.
+fn widest(edges: &[Vec<[f64; 2]>]) -> f64 {
+    let width = |edge: &Vec<[f64; 2]>| {
+        let [left, _, right, _] = bounds(edge.iter().copied());
+        right - left
+    };
+    edges.iter().map(width).fold(0.0, f64::max)
+}
+
+/// Values, by their logarithm, without what is small and brighter or darker than all around it:
+/// by opening first, or by closing.
+fn without_lights(
+    values: &[f64],
+    width: usize,
+    [first, second]: [fn(f64, f64) -> f64; 2],
+) -> Vec<f64> {
+    let mut values = values.to_vec();
+    for steps in POINTS {
+        values = morphed(&values, width, steps, [first, second]);
+        values = morphed(&values, width, steps, [second, first]);
     }
+    values.iter().map(|value| 50.0 * libm::log(NOISE + value)).collect()
+}
+
+/// The long edges of values.
+fn edges_of(mut values: Vec<f64>, width: usize) -> Vec<Vec<[f64; 2]>> {
+    let height = values.len() / width;
     for _ in 0..PASSES {
         values = softened(&values, width);
     }
@@ -87,7 +132,7 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
         for edge in contour.split(|point| strength(point) <= weak) {
             let strongest = edge.iter().map(strength).fold(0.0, f64::max);
             if strongest > strong && polyline_length_m(edge) > least {
-                edges.push(edge.iter().map(|point| point.map(|x| x * scale)).collect());
+                edges.push(edge.to_vec());
             }
         }
     }
@@ -97,25 +142,6 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
 fn is_night(values: &[f64]) -> bool {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let [most, lights] = [50, 98].map(|percent| sorted[percent * (sorted.len() - 1) / 100]);
+    let [most, lights] = [500, 997].map(|share| sorted[share * (sorted.len() - 1) / 1000]);
     most < NIGHT && lights > LIGHTS * most.max(NOISE)
-}
-
-/// Values without what is brighter than all around it and small: the least, then the greatest of
-/// those around each.
-fn opened(values: &[f64], width: usize) -> Vec<f64> {
-    let height = values.len() / width;
-    let pass = |values: &[f64], step: usize, n: usize, of: fn(f64, f64) -> f64| -> Vec<f64> {
-        let around = |at: usize| {
-            let place = at / step % n;
-            let (first, last) = (place.saturating_sub(POINT), (place + POINT).min(n - 1));
-            (first..=last).map(|k| values[at - place * step + k * step]).fold(values[at], of)
-        };
-        (0..values.len()).map(around).collect()
-    };
-    let mut values = values.to_vec();
-    for of in [f64::min, f64::max] {
-        values = pass(&pass(&values, 1, width, of), width, height, of);
-    }
-    values
 }

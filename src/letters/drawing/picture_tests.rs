@@ -324,8 +324,9 @@ fn light_and_dark_ink_on_paper_of_a_middle_tone_are_drawn_and_on_transparency() 
     canvas.draw(&circle(300.0, 150.0, 70.0), [0; 3], 10.0);
     canvas.draw(&circle(500.0, 150.0, 70.0), [250, 220, 40], 10.0);
     assert_eq!(canvas.traced().lines.len(), 3);
+    let opaque = canvas.picture();
     let transparent = image::RgbaImage::from_fn(600, 300, |x, y| {
-        let [r, g, b] = canvas.picture().get_pixel(x, y).0;
+        let [r, g, b] = opaque.get_pixel(x, y).0;
         image::Rgba([r, g, b, if [r, g, b] == [176, 128, 80] { 0 } else { 255 }])
     });
     let mut file = Vec::new();
@@ -377,7 +378,10 @@ fn a_qr_code_is_warned_of_and_a_chessboard_is_not() {
         canvas.fill(&square(x + 20.0, y + 20.0, 30.0), [0; 3]);
     }
     let told = canvas.traced().warnings;
-    assert!(told.len() == 1 && told[0].contains("QR"), "{told:?}");
+    // The code, of 33 modules, is as high as the canvas: a capital of half a meter times its ink.
+    let module_mm = 1e3 * 0.5 * 10.0 / 410.0;
+    let wanted = format!("modules of {module_mm:.0} mm");
+    assert!(told.len() == 1 && told[0].contains(&wanted), "{told:?}");
     let mut board = Canvas::new([400, 400], WHITE);
     for (x, y) in (0_u8..8).flat_map(|y| (0_u8..8).map(move |x| (x, y))) {
         if (x + y).is_multiple_of(2) {
@@ -466,33 +470,48 @@ fn light_and_dark_ink_on_a_photograph_of_kraft_paper_are_drawn() {
     assert_eq!(found.lines.len(), 3, "{extents:.0?}, {:?}", found.warnings);
 }
 
-#[test]
-fn lights_at_night_are_offered_as_a_photograph_which_is_the_roofs() {
+/// A skyline at night: so many of its windows, of so many pixels, are lit.
+fn skyline(lit: f32, window: f32) -> image::RgbImage {
     let mut night = Canvas::new([900, 600], [18, 20, 38]);
     let mut next = numbers(3);
     for house in 0_u8..9 {
         let [left, top] = [100.0 * f32::from(house), 180.0 + 200.0 * next()];
         let wall = [[left, top], [left + 90.0, top], [left + 90.0, 600.0], [left, 600.0]];
         night.fill(&polygon(wall), [6, 6, 10]);
-        for (row, column) in (0_u8..20).flat_map(|row| (0_u8..5).map(move |column| (row, column))) {
-            let [x, y] =
-                [left + 8.0 + 16.0 * f32::from(column), top + 10.0 + 20.0 * f32::from(row)];
-            if next() < 0.4 && y < 580.0 {
-                let window = [[x, y], [x + 8.0, y], [x + 8.0, y + 10.0], [x, y + 10.0]];
-                night.fill(&polygon(window), [250, 210, 110]);
+        let places = |first: f32, last: f32| {
+            let place = move |k: u8| first + 2.0 * window * f32::from(k);
+            (0..).map(place).take_while(move |x| *x < last - 2.0 * window)
+        };
+        for y in places(top + 10.0, 600.0) {
+            for x in places(left + 8.0, left + 100.0).filter(|_| next() < lit) {
+                let corners = [[x, y], [x + window, y], [x + window, y + window], [x, y + window]];
+                night.fill(&polygon(corners), [250, 210, 110]);
             }
         }
     }
-    let taken = as_taken(&night, 0.9);
-    let found = traced(&taken, image::ImageFormat::Jpeg);
-    let is_offered = found.warnings.iter().any(|told| told.contains("photograph"));
-    assert!(is_offered || found.picture == Picture::Photograph, "{:?}", found.warnings);
-    // The roofs, not the windows.
-    let options = LetterOptions { picture: Picture::Photograph, ..LetterOptions::default() };
-    let edges = traced_with(&options, &taken, image::ImageFormat::Jpeg).unwrap().lines;
-    let is_roofed = |x: &f64| {
-        edges.iter().any(|(line, _)| line.iter().any(|point| (point[0] - x).abs() < 15.0))
-    };
-    let n_roofed = (1..45).map(|k| 20.0 * f64::from(k)).filter(is_roofed).count();
-    assert!(n_roofed > 36 && edges.len() < 30, "{n_roofed} of 44, {} edges", edges.len());
+    as_taken(&night, 0.9)
+}
+
+#[test]
+fn lights_at_night_are_a_photograph_which_is_the_roofs() {
+    for (lit, window) in [(0.3, 8.0), (0.4, 8.0), (0.9, 5.0)] {
+        let found = traced(&skyline(lit, window), image::ImageFormat::Jpeg);
+        assert_eq!(found.picture, Picture::Photograph, "{lit}");
+        // The roofs, not the windows.
+        let edges = found.lines;
+        let is_roofed = |x: &f64| {
+            edges.iter().any(|(line, _)| line.iter().any(|point| (point[0] - x).abs() < 15.0))
+        };
+        let n_roofed = (1..45).map(|k| 20.0 * f64::from(k)).filter(is_roofed).count();
+        let n = edges.len();
+        assert!(n_roofed > 36 && n < 12, "{lit}: {n_roofed} of 44, {n} edges");
+    }
+    // Dashes are no lights.
+    let mut dashes = Canvas::new([900, 600], WHITE);
+    for (x, y) in (0_u8..20).flat_map(|x| (0_u8..8).map(move |y| (x, y))) {
+        let [x, y] = [40.0 + 42.0 * f32::from(x), 50.0 + 70.0 * f32::from(y)];
+        dashes.draw(&line(&[[x, y], [x + 12.0, y]]), [0; 3], 5.0);
+    }
+    let found = dashes.traced();
+    assert_eq!((found.picture, found.warnings), (Picture::Drawing, Vec::new()));
 }

@@ -2,6 +2,7 @@
 
 use super::ink::{Field, RIM};
 use noctograph_core::geometry::distance;
+use noctograph_core::statistics::median;
 
 /// Runs of ink and paper through the middle of a finder pattern, in modules, and how far one may be
 /// off, in modules.
@@ -14,8 +15,8 @@ const MODULE_PX: f64 = 2.0;
 /// Rows of pixels that cross a pattern as it should be, by the height of its inner square.
 const ROWS: f64 = 0.6;
 
-/// Whether a picture shows three finder patterns.
-pub(super) fn is_seen(field: &Field) -> bool {
+/// Pixels of a module of the code that a picture shows by three finder patterns.
+pub(super) fn module_px(field: &Field) -> Option<f64> {
     // Patterns: middle, modules' size and rows.
     let mut patterns: Vec<([f64; 2], f64, f64)> = Vec::new();
     for (y, row) in field.ink.chunks(field.width).enumerate() {
@@ -41,5 +42,6 @@ pub(super) fn is_seen(field: &Field) -> bool {
             }
         }
     }
-    patterns.iter().filter(|(_, module, rows)| *rows > ROWS * 3.0 * module).count() >= 3
+    patterns.retain(|(_, module, rows)| *rows > ROWS * 3.0 * module);
+    median(patterns.iter().map(|(_, module, _)| *module)).filter(|_| patterns.len() >= 3)
 }

@@ -46,6 +46,11 @@ const SPREAD: f64 = 0.6;
 const STRAIGHT: f64 = 20.0;
 /// Length of what may be left of a ruling, as a share of the picture's width or height.
 const LEFT_OVER: f64 = 0.12;
+/// Extent of a piece of a ruling and of a speck at the edge of a shadow; and pixels from the
+/// picture's rim at which a line ends there.
+const PIECE: f64 = 0.25;
+const SPECK: f64 = 0.05;
+const AT_RIM: usize = 4;
 /// A line is fine where there is paper so many pixels beside each of its own, but where lines
 /// cross.
 const FINE: usize = 3;
@@ -250,7 +255,8 @@ impl Search<'_> {
                 direction.is_some_and(|other| apart(of, other) < PARALLEL_RAD)
             };
             let lines = self.regions.iter().zip(&directions).filter(|(_, of)| is_beside(of));
-            let n = lines.clone().count();
+            // One that ends at the picture's rim counts twice.
+            let n: usize = lines.clone().map(|(it, _)| 1 + usize::from(self.is_at_rim(it))).sum();
             let pixels = lines.flat_map(|(region, _)| region.pixels.iter().copied());
             n >= RULINGS && self.extent(&pixels.collect::<Vec<_>>()) > SPREAD
         };
@@ -269,6 +275,13 @@ impl Search<'_> {
             self.regions.iter().zip(&kept).filter(|(it, kept)| it.is_pale && **kept).count();
         let keeps_pale = n_pale <= MOST_PALE;
         self.is_ruled |= kept.contains(&false) || !keeps_pale;
+        // The sharp edge of a shadow leaves pieces of rulings, and specks where it crosses them.
+        let regions = kept.iter_mut().zip(&self.regions).zip(&directions);
+        for ((kept, region), direction) in regions.filter(|_| self.field.is_shaded) {
+            let is_weak = region.level < RULING / PALE * self.pale;
+            let least = if direction.is_some() { PIECE } else { SPECK };
+            *kept &= !is_weak || self.extent(&region.pixels) > least;
+        }
         // Where there are rulings, a short straight line that is as weak is what is left of one.
         for ((kept, region), direction) in kept.iter_mut().zip(&self.regions).zip(&directions) {
             let is_left_over = direction.is_some() && self.extent(&region.pixels) < LEFT_OVER;
@@ -293,6 +306,12 @@ impl Search<'_> {
         let spread = libm::hypot(0.5 * (xx - yy), xy);
         let [long, thin] = [1.0, -1.0].map(|sign| 0.5 * (xx + yy) + sign * spread);
         (long > STRAIGHT * thin.max(0.1)).then(|| 0.5 * libm::atan2(2.0 * xy, xx - yy))
+    }
+
+    fn is_at_rim(&self, region: &Region) -> bool {
+        let (width, height) = (self.field.width, self.field.height);
+        let inner = |at: usize, n: usize| (AT_RIM..n - AT_RIM).contains(&at);
+        !region.pixels.iter().all(|at| inner(at % width, width) && inner(at / width, height))
     }
 
     /// The larger of a part's width and height as shares of the picture's.

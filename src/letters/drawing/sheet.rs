@@ -10,13 +10,15 @@ use std::f64::consts::PI;
 
 use image::{Rgb, RgbImage, imageops};
 
-use super::levels::softened;
+use super::levels::{morphed, softened};
 
 /// Four corners in a picture's pixels, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
 
 /// Pixels of the longer side on which edges are sought.
 const SIDE: u32 = 320;
+/// Half the width of lines that are no edges.
+const PEN: usize = 3;
 /// Share of the pixels whose gradient is too weak for an edge.
 const WEAK: f64 = 0.80;
 /// Directions and the pixels between two lines that are told apart; lines that are tried.
@@ -104,7 +106,10 @@ impl Edges {
             let [r, g, b] = pixel.0.map(f64::from);
             libm::log(8.0 + 0.299 * r + 0.587 * g + 0.114 * b)
         };
-        let log = softened(&small.pixels().map(log).collect::<Vec<_>>(), width as usize);
+        // Without thin dark lines: rulings are no sides of a sheet, nor is a frame that is drawn.
+        let log: Vec<f64> = small.pixels().map(log).collect();
+        let log = morphed(&log, width as usize, PEN, [f64::max, f64::min]);
+        let log = softened(&log, width as usize);
         let scale = [
             f64::from(picture.width()) / f64::from(width),
             f64::from(picture.height()) / f64::from(height),

@@ -10,8 +10,10 @@ struct Taken {
     tilt_deg: f64,
     turn_deg: f64,
     desk: [f64; 3],
-    /// Light on the right half.
+    /// Light on the left half, and how many pixels the edge of the shadow is soft.
     shadow: f64,
+    soft_px: f64,
+    ruled: bool,
     /// Another sheet below, and a hand over the edge.
     other: bool,
     hand: bool,
@@ -45,6 +47,9 @@ fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
     const SIZE: [u32; 2] = [960, 720];
     let high = 1.0 / std::f64::consts::SQRT_2;
     let mut paper = Canvas::new([1414, 1000], [252, 250, 240]);
+    for y in (1..if taken.ruled { 26_u8 } else { 1 }).map(|k| 39.0 * f32::from(k)) {
+        paper.draw(&line(&[[0.0, y], [1414.0, y]]), [165, 195, 230], 3.0);
+    }
     for drawn in boat() {
         #[expect(clippy::cast_possible_truncation, reason = "pixels")]
         let points: Vec<[f32; 2]> =
@@ -87,7 +92,7 @@ fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
         if taken.hand && libm::hypot((x - 120.0) / 1.6, y - 520.0) < 62.0 {
             color = [205.0, 150.0, 120.0].map(|value| value + 0.2 * (y - 520.0));
         }
-        let edge = 1.0 / (1.0 + libm::exp((480.0 + 0.4 * (y - 360.0) - x) / 8.0));
+        let edge = 1.0 / (1.0 + libm::exp((480.0 + 0.4 * (y - 360.0) - x) / taken.soft_px));
         let light = (1.0 - 0.15 * y / 720.0) * (1.0 - (1.0 - taken.shadow) * edge);
         let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
         let noise = 6.0 * (hash - hash.floor() - 0.5);
@@ -120,9 +125,18 @@ fn off(found: &Traced) -> [f64; 2] {
 }
 
 #[test]
-fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
-    let plain =
-        Taken { tilt_deg: 0.0, turn_deg: 0.0, desk: DARK, shadow: 1.0, other: false, hand: false };
+fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows() {
+    let plain = Taken {
+        tilt_deg: 0.0,
+        turn_deg: 0.0,
+        desk: DARK,
+        shadow: 1.0,
+        soft_px: 8.0,
+        ruled: false,
+        other: false,
+        hand: false,
+    };
+    let hard = Taken { soft_px: 0.5, ruled: true, ..plain };
     let takes = [
         Taken { ..plain },
         Taken { tilt_deg: 25.0, ..plain },
@@ -136,6 +150,9 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
         Taken { tilt_deg: 10.0, turn_deg: -8.0, hand: true, ..plain },
         Taken { tilt_deg: 35.0, desk: LIGHT, hand: true, ..plain },
         Taken { tilt_deg: 15.0, turn_deg: 10.0, shadow: 0.35, hand: true, ..plain },
+        Taken { tilt_deg: 30.0, turn_deg: -6.0, shadow: 0.5, ..hard },
+        Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.4, ..hard },
+        Taken { tilt_deg: 10.0, turn_deg: 5.0, shadow: 0.6, other: true, ..hard },
     ];
     for (index, taken) in takes.iter().enumerate() {
         let (picture, corners) = photographed(taken);
@@ -164,8 +181,9 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on() {
 #[test]
 fn corners_given_by_hand_cut_out_a_sheet_that_is_not_seen() {
     let desk = [251.0, 250.0, 243.0];
-    let taken =
-        Taken { tilt_deg: 35.0, turn_deg: 8.0, desk, shadow: 1.0, other: false, hand: false };
+    let (tilt_deg, turn_deg, soft_px) = (35.0, 8.0, 8.0);
+    let [ruled, other, hand] = [false; 3];
+    let taken = Taken { tilt_deg, turn_deg, desk, shadow: 1.0, soft_px, ruled, other, hand };
     let (picture, corners) = photographed(&taken);
     let given = |corners: &[[f64; 2]]| {
         let corners_px = corners.as_flattened().try_into().ok();
