@@ -33,7 +33,7 @@ const LEAST_APART: f64 = 0.2;
 const OUTSIDE: f64 = 0.03;
 /// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides.
 const EDGE: f64 = 0.02;
-const ACROSS: [f64; 2] = [2.0, 5.0];
+const ACROSS: [f64; 3] = [2.0, 5.0, 12.0];
 /// Share of each side and of all that has to be such an edge.
 const SEEN: [f64; 2] = [0.45, 0.7];
 /// Points along a side.

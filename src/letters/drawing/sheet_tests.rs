@@ -179,6 +179,21 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows
 }
 
 #[test]
+fn a_frame_that_is_drawn_is_no_sheet() {
+    // A house with thick walls on squared paper: the same paper lies on both sides of them.
+    let mut paper = Canvas::new([900, 680], [250, 248, 240]);
+    for k in 1..26_u8 {
+        let at = 36.0 * f32::from(k);
+        paper.draw(&line(&[[0.0, at], [900.0, at]]), [165, 195, 230], 2.0);
+        paper.draw(&line(&[[at, 0.0], [at, 680.0]]), [165, 195, 230], 2.0);
+    }
+    let walls = [[170.0, 310.0], [480.0, 310.0], [480.0, 590.0], [170.0, 590.0], [170.0, 310.0]];
+    paper.draw(&line(&walls), [200, 30, 40], 22.0);
+    paper.draw(&line(&[[140.0, 320.0], [325.0, 150.0], [510.0, 320.0]]), [25, 25, 35], 14.0);
+    assert_eq!(sheet::corners(&paper.picture()), None);
+}
+
+#[test]
 fn corners_given_by_hand_cut_out_a_sheet_that_is_not_seen() {
     let desk = [251.0, 250.0, 243.0];
     let (tilt_deg, turn_deg, soft_px) = (35.0, 8.0, 8.0);
