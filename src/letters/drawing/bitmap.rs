@@ -312,7 +312,9 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     }
     picture.apply_orientation(orientation);
     let shrunk = f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
-    Ok((on_ground(&picture.into_rgba8()), shrunk))
+    let is_opaque = !picture.color().has_alpha();
+    let picture = if is_opaque { picture.into_rgb8() } else { on_ground(&picture.into_rgba8()) };
+    Ok((picture, shrunk))
 }
 
 /// A transparent picture on a ground from which its ink stands out.

@@ -71,20 +71,28 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
 
 /// Values opened (`f64::min`, then `f64::max`) or closed (the other way round): the extremes of
 /// what lies within so many steps of each, in a square, so that what is smaller than that vanishes
-/// and edges stay where they are (van Herk, Pattern Recognition Letters 13, 1992).
+/// and edges stay where they are.
 pub(super) fn morphed(
     values: &[f64],
     width: usize,
     steps: usize,
-    of: [fn(f64, f64) -> f64; 2],
+    first: impl Fn(f64, f64) -> f64,
+    second: impl Fn(f64, f64) -> f64,
 ) -> Vec<f64> {
     let mut values = values.to_vec();
+    extremes(&mut values, width, steps, first);
+    extremes(&mut values, width, steps, second);
+    values
+}
+
+/// The extreme of what lies within so many steps of each value, in a square (van Herk, Pattern
+/// Recognition Letters 13, 1992).
+fn extremes(values: &mut [f64], width: usize, steps: usize, of: impl Fn(f64, f64) -> f64) {
     let size = 2 * steps + 1;
     let (height, longer) = (values.len() / width, width.max(values.len() / width));
     let mut line = Vec::with_capacity(longer);
     let mut onward = vec![0.0; longer];
-    for (of, step) in of.into_iter().flat_map(|of| [(of, 1), (of, width)]) {
-        let (n, n_lines) = if step == 1 { (width, height) } else { (height, width) };
+    for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();
             line.extend(values[first..].iter().step_by(step).take(n));
@@ -109,7 +117,6 @@ pub(super) fn morphed(
             }
         }
     }
-    values
 }
 
 /// A pixel and those within so many steps of it.

@@ -90,10 +90,11 @@ impl Paper {
             let least = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| a[c].min(b[c]));
             [near().fold([f64::MAX; 3], least), near().fold([0.0; 3], most)]
         };
-        let around = (0..levels.len()).map(beside).collect();
+        let around: Vec<_> = (0..levels.len()).map(beside).collect();
         let steps = level(PEN * block as f64);
-        let closed = |c: usize| morphed(&channels[c], width, steps, [f64::max, f64::min]);
-        let closed = (edges == Edges::Sharp).then(|| ([0, 1, 2].map(closed), width));
+        let closed = |c: usize| morphed(&channels[c], width, steps, f64::max, f64::min);
+        let is_cut = edges == Edges::Sharp && around.iter().any(is_shaded);
+        let closed = is_cut.then(|| ([0, 1, 2].map(closed), width));
         levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
         Self { block, columns, rows, levels, around, closed }
     }

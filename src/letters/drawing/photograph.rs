@@ -87,8 +87,8 @@ fn without_lights(
 ) -> Vec<f64> {
     let mut values = values.to_vec();
     for steps in POINTS {
-        values = morphed(&values, width, steps, [first, second]);
-        values = morphed(&values, width, steps, [second, first]);
+        values = morphed(&values, width, steps, first, second);
+        values = morphed(&values, width, steps, second, first);
     }
     values.iter().map(|value| 50.0 * libm::log(NOISE + value)).collect()
 }

@@ -108,7 +108,7 @@ impl Edges {
         };
         // Without thin dark lines: rulings are no sides of a sheet, nor is a frame that is drawn.
         let log: Vec<f64> = small.pixels().map(log).collect();
-        let log = morphed(&log, width as usize, PEN, [f64::max, f64::min]);
+        let log = morphed(&log, width as usize, PEN, f64::max, f64::min);
         let log = softened(&log, width as usize);
         let scale = [
             f64::from(picture.width()) / f64::from(width),
