@@ -291,7 +291,7 @@ class Flights(unittest.TestCase):
         self.assertEqual(lines.count("  land("), 1)
 
     def test_a_dry_run_may_be_cut_off(self):
-        program = [sys.executable, "-u", os.path.join(WORK, "NO.py"), "--dry-run"]
+        program = [sys.executable, "-u", os.path.join(WORK, "NOOR.py"), "--dry-run"]
         with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
             run.stdout.readline()
             run.stdout.close()
