@@ -34,6 +34,8 @@ const OUTSIDE: f64 = 0.03;
 /// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides.
 const EDGE: f64 = 0.02;
 const ACROSS: [f64; 3] = [2.0, 5.0, 12.0];
+/// The same of an edge that counts in full where one of two quadrangles is chosen.
+const CLEAR: f64 = 0.1;
 /// Share of each side and of all that has to be such an edge.
 const SEEN: [f64; 2] = [0.45, 0.7];
 /// Points along a side.
@@ -221,27 +223,29 @@ impl Edges {
         Some(corners)
     }
 
-    /// Length of the sides along which a quadrangle is brighter within than without, less what is
-    /// not; `None` where that is too little.
+    /// Length of the sides along which a quadrangle is brighter within than without, the clearer the
+    /// more, less what is not; `None` where that is too little.
     fn seen(&self, corners: &Corners) -> Option<f64> {
         let [mut seen, mut whole, mut balance] = [0.0; 3];
         for k in 0..4 {
             let (from, to) = (corners[k], corners[(k + 1) % 4]);
             let [dx, dy] = direction(from, to);
             let inward = [-dy, dx];
-            let is_edge = |j: u32| {
+            let rise = |j: u32| {
                 let place = between(from, to, (f64::from(j) + 0.5) / f64::from(POINTS));
                 let step = |across: f64| self.at(moved(place, inward, across));
-                ACROSS.iter().all(|across| step(*across) - step(-across) > EDGE)
+                ACROSS.iter().map(|x| step(*x) - step(-x)).fold(f64::MAX, f64::min)
             };
-            let n = (0..POINTS).filter(|j| is_edge(*j)).count() as f64 / f64::from(POINTS);
+            let edges: Vec<f64> = (0..POINTS).map(rise).filter(|rise| *rise > EDGE).collect();
+            let n = edges.len() as f64 / f64::from(POINTS);
             if n < SEEN[0] {
                 return None;
             }
+            let clear = edges.iter().map(|rise| (rise / CLEAR).min(1.0)).sum::<f64>();
             let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
             seen += n * length;
             whole += length;
-            balance += (2.0 * n - 1.0) * length;
+            balance += (clear / f64::from(POINTS) + n - 1.0) * length;
         }
         (seen > SEEN[1] * whole).then_some(balance)
     }
