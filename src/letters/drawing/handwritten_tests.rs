@@ -188,24 +188,6 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                         ));
                     }
                 }
-                if let Ok(folder) = std::env::var("DUMP") {
-                    let name = format!("{folder}/{style}-{cap_px}-{}", page[0]);
-                    canvas.picture().save(format!("{name}.png")).unwrap();
-                    let mut svg = format!(
-                        "<svg xmlns='http://www.w3.org/2000/svg' width='{}' height='{}'>",
-                        size[0], size[1]
-                    );
-                    for lines in &found {
-                        for l in lines {
-                            svg += "<polyline fill='none' stroke='red' points='";
-                            for p in l {
-                                svg += &format!("{:.2},{:.2} ", p[0], p[1]);
-                            }
-                            svg += "'/>";
-                        }
-                    }
-                    std::fs::write(format!("{name}.svg"), svg + "</svg>").unwrap();
-                }
             }
         }
     }
