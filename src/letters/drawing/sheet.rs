@@ -223,8 +223,8 @@ impl Edges {
         Some(corners)
     }
 
-    /// Length of the sides along which a quadrangle is brighter within than without, the clearer the
-    /// more, less what is not; `None` where that is too little.
+    /// Length of the sides along which a quadrangle is brighter within than without, more where
+    /// that is clear, less what is not; `None` where that is too little.
     fn seen(&self, corners: &Corners) -> Option<f64> {
         let [mut seen, mut whole, mut balance] = [0.0; 3];
         for k in 0..4 {
