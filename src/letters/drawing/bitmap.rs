@@ -268,10 +268,7 @@ fn paper(
     }
     let Some(corners) = sheet::corners(picture) else { return Ok(None) };
     let sheet = sheet::square_on(picture, &corners);
-    let mut field = Field::of(&sheet);
-    if field.is_shaded {
-        field = Field::in_shadow(&sheet);
-    }
+    let field = Field::in_shadow(&sheet);
     let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
     Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
 }
