@@ -146,6 +146,15 @@ impl Error {
     }
 }
 
+/// [`Error::input`] with texts that name their values in place:
+/// `input_error!("word", "{n} characters", "at most {most}", "split the text")`.
+#[macro_export]
+macro_rules! input_error {
+    ($place:expr, $found:literal, $wanted:literal, $hint:literal $(,)?) => {
+        $crate::error::Error::input($place, format_args!($found), format!($wanted), format!($hint))
+    };
+}
+
 /// A text that ends with an ellipsis where it is too long to print: 1e308 has 309 digits.
 fn shortened(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {

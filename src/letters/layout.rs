@@ -8,6 +8,7 @@ use super::shape::{Fit, Shape};
 use super::shaping::{Unset, is_shaped};
 use super::{Cell, Glyph, StrokeOrder, Strokes};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::input_error;
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 use unicode_normalization::char::is_combining_mark;
@@ -166,10 +167,12 @@ fn unshaped(index: usize, font: &str) -> Error {
 
 /// The error of letters that touch, which are traced as one outline.
 fn too_large(index: usize, n: usize) -> Error {
-    let place = format!("word, position {}", index + 1);
-    let found = format!("{n} letters in a row that touch each other");
-    let wanted = format!("fewer: they are one outline, of at most {MAX_POINTS} points");
-    Error::input(place, found, wanted, "put a space or a line end among them")
+    input_error!(
+        format!("word, position {}", index + 1),
+        "{n} letters in a row that touch each other",
+        "fewer: they are one outline, of at most {MAX_POINTS} points",
+        "put a space or a line end among them",
+    )
 }
 
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
