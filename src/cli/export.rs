@@ -106,7 +106,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         flown: &flown,
         unsafe_because: stops.as_deref(),
         word: &word,
-        light: &shoot.scene.light,
+        light: &shoot.lamps(),
         sim: &sim,
         camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
         tolerance_m,

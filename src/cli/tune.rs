@@ -98,7 +98,6 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         let letters = &mut base.scene.letters;
         let scaled = letters.scaled(cap_height_m / letters.cap_height_m);
         *letters = LetterOptions { cap_height_m, ..scaled };
-        base.scene.check()?;
     }
     let options = options(args, &base.scene, conditions, budget.flights)?;
     let store = open_store(&args.output)?;

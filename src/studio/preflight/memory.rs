@@ -34,7 +34,7 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
         true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
         false => Ok(shoot.clone()),
     };
-    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.scene.light);
+    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.lamps());
     let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]);
     match if used { entries() } else { Ok(None) } {
         Ok(entries) => of_led_memory(entries),

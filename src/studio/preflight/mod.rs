@@ -187,12 +187,9 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     };
     let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
     let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
+    let lamps = shoot.lamps();
     for (drone, design) in shoot.designs().iter().enumerate() {
-        findings.extend(numbered(
-            shoot,
-            Some(drone),
-            check_plan(design, &shoot.scene.light, is_even, profile),
-        ));
+        findings.extend(numbered(shoot, Some(drone), check_plan(design, &lamps, is_even, profile)));
     }
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();

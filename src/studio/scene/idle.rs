@@ -4,7 +4,6 @@
 use toml::{Table, Value};
 
 use super::Scene;
-use noctograph_core::camera::Metering;
 use noctograph_core::settings::{Described, Need, Setting, Shape, joined, of_kind};
 use noctograph_flying::plan::{PlanOptions, Style};
 use noctograph_flying::sensors::Positioning;
@@ -273,11 +272,7 @@ impl Scene {
             Style::Even(_) => PlanOptions::even(),
             Style::Team(_) => PlanOptions::default(),
         };
-        let mut usual = Self { plan, ..Self::preset(self.preset) };
-        if matches!(self.camera.metering, Metering::Trail(_)) {
-            // A scene that a command wrote has what the meter set.
-            (usual.camera.f_number, usual.camera.iso) = (self.camera.f_number, self.camera.iso);
-        }
+        let usual = Self { plan, ..Self::preset(self.preset) };
         let [own, usual] =
             [self, &usual].map(|scene| Table::try_from(scene).expect("a scene is a table"));
         let mut keys = Vec::new();
@@ -331,13 +326,6 @@ mod tests {
         assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
         assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
         assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
-    }
-
-    #[test]
-    fn what_the_meter_set_is_no_idle_key() {
-        let mut scene = Scene::preset(Preset::default());
-        (scene.camera.f_number, scene.camera.iso) = (4.5, 200.0);
-        assert_eq!(scene.idle_keys(), []);
     }
 
     #[test]

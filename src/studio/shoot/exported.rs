@@ -16,10 +16,10 @@ impl Shoot {
     ///
     /// As [`flown`], [`rehearse`] and [`aim`].
     pub fn as_exported(&self, form: Form, tolerance_m: f64, length: Length) -> Result<Self> {
-        let designs = self.designs().into_owned();
+        let (designs, lamps) = (self.designs().into_owned(), self.lamps());
         let timed = |plan: Plan| match self.scene.plan.light_clock {
             LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
-            LightClock::Light => aim(&self.scene, &plan, &rehearse(&self.scene, &plan)?),
+            LightClock::Light => aim(&self.scene, &lamps, &plan, &rehearse(&self.scene, &plan)?),
         };
         let plans = flown(&designs, form, tolerance_m, length)?.into_iter().map(timed);
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
@@ -45,7 +45,8 @@ impl Shoot {
     /// As [`flown`].
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let plans = flown(&self.designs(), Form::Compressed, tolerance_m, Length::Any)?;
-        Ok(plans.into_iter().map(|plan| as_lit(plan, &self.scene.light)).collect())
+        let lamps = self.lamps();
+        Ok(plans.into_iter().map(|plan| as_lit(plan, &lamps)).collect())
     }
 
     /// The plans that are exported.

@@ -8,7 +8,10 @@ use noctograph_core::camera::{Camera, Framing};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::geometry::bounds;
-use noctograph_picture::light::{LightSample, LightTrace, light};
+use noctograph_letters::Strokes;
+use noctograph_picture::light::{
+    ColorLedLevels, LightOptions, LightSample, LightTrace, RING, color_led_wrgb, light, ring_rgb,
+};
 
 /// Smallest distance of a lit lamp from the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
@@ -40,7 +43,39 @@ impl Lighting {
     }
 }
 
+/// Lamps of a scene, in the colors of its drawing where they have none for its letters.
+pub(super) fn in_ink(
+    lamps: &LightOptions,
+    scene: &Scene,
+    strokes: Option<&Strokes>,
+) -> LightOptions {
+    let mut lamps = lamps.clone();
+    let Some(strokes) = strokes.filter(|_| lamps.letters_wrgb.is_empty()) else { return lamps };
+    if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
+        // With the firmware's correction, dim colors are too coarse to mix.
+        lamps.color_led_levels = ColorLedLevels::Plain;
+    }
+    let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
+    let wrgb = |rgb: &[u8; 3]| match *rgb {
+        // Black is no light: what is drawn in it has the lamp's own color.
+        [0, 0, 0] => lamps.color_led_wrgb,
+        rgb if by_ring => {
+            let [r, g, b] = ring_rgb(rgb);
+            [0, r, g, b]
+        }
+        rgb => color_led_wrgb(rgb, lamps.color_led_levels),
+    };
+    lamps.letters_wrgb = strokes.colors.iter().map(wrgb).collect();
+    lamps
+}
+
 impl Shoot {
+    /// The scene's lamps, in the colors of its drawing where they have none for its letters.
+    #[must_use]
+    pub fn lamps(&self) -> LightOptions {
+        in_ink(&self.scene.light, &self.scene, self.strokes.as_ref())
+    }
+
     /// Flies, or takes the recordings, and lights the lamps.
     ///
     /// # Errors
@@ -105,7 +140,8 @@ impl Shoot {
     /// As [`light`].
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
-        light(flight, lamps, self.scene.seed, drone as u64)
+        let lamps = in_ink(lamps, &self.scene, self.strokes.as_ref());
+        light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
     /// The strokes that the center lines of a typeface lack.
@@ -183,4 +219,42 @@ fn check_place(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Preset;
+    use noctograph_picture::light::{COLOR_LED, Deck};
+
+    #[test]
+    fn the_colors_of_a_drawing_light_the_lamps_and_leave_the_scene_as_it_was_said() {
+        let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();
+        let line = |y: i32, color: &str| format!("<path d='M0 {y}h9' stroke='{color}'/>");
+        let svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>";
+        let text = [svg, &line(2, "#f00"), &line(7, "#00f"), "</svg>"].concat();
+        std::fs::write(file.path(), text).unwrap();
+        let mut scene = Scene::preset(Preset::default());
+        scene.letters.drawing = file.path().display().to_string();
+        scene.plan.lights = vec![COLOR_LED.name.to_owned()];
+        scene.light.deck = Deck::ColorLed;
+        let shoot = Shoot::new(scene.clone()).unwrap();
+        assert_eq!(shoot.scene, scene);
+        let lamps = shoot.lamps();
+        assert_eq!(lamps.letters_wrgb.len(), 2, "{:?}", lamps.letters_wrgb);
+        assert_eq!(lamps.color_led_levels, ColorLedLevels::Plain);
+        let of_plan = &shoot.plans[0].plan.lights;
+        assert!(of_plan.contains_key(COLOR_LED.colors[1]), "{:?}", of_plan.keys());
+        scene.light.letters_wrgb = vec![[9, 9, 9, 9]];
+        assert_eq!(Shoot::new(scene.clone()).unwrap().lamps(), scene.light, "its own are meant");
+    }
+
+    #[test]
+    fn a_scene_out_of_range_is_no_shoot() {
+        let mut scene = Scene { word: "I".into(), ..Scene::preset(Preset::default()) };
+        scene.vehicle.mass_kg = f64::NAN;
+        let error = Shoot::new(scene.clone()).unwrap_err().to_string();
+        assert!(error.starts_with("vehicle.mass_kg"), "{error}");
+        assert!(Shoot::with_plans(scene, Vec::new()).is_err());
+    }
 }

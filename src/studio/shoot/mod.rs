@@ -33,9 +33,7 @@ use noctograph_letters::Strokes;
 use noctograph_logs::{self as logs, ImportOptions};
 use noctograph_picture::expose::{BackendChoice, Developer};
 use noctograph_picture::light::csv::{is_light_trace, read as read_light};
-use noctograph_picture::light::{
-    ColorLedLevels, LightOptions, LightTrace, RING, color_led_wrgb, ring_rgb,
-};
+use noctograph_picture::light::{LightOptions, LightTrace};
 use noctograph_score::{Reader, is_judged};
 
 mod exported;
@@ -64,7 +62,7 @@ const MAX_TOGETHER_S: f64 = 21_600.0;
 /// Most samples of recordings together, 250 bytes each: over two hours at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
-/// A scene made ready to be flown and photographed.
+/// A scene that was checked, made ready to be flown and photographed.
 #[derive(Clone, Debug)]
 pub struct Shoot {
     /// Word, lamps, camera and seed; planner and controllers believe its drone.
@@ -189,8 +187,9 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::strokes`] and [`plan`].
+    /// As [`Scene::check`], [`Scene::strokes`] and [`plan`].
     pub fn new(scene: Scene) -> Result<Self> {
+        scene.check()?;
         let strokes = scene.strokes()?;
         let mut shoot = Self::bare(scene, Some(strokes));
         shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"))?;
@@ -202,8 +201,10 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::strokes`]; [`Error::Input`] for plans that last too long together.
+    /// As [`Scene::check`] and [`Scene::strokes`]; [`Error::Input`] for plans that last too long
+    /// together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
+        scene.check()?;
         let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
         if whole_s > MAX_TOGETHER_S {
             let found = format!("{} that last {whole_s:.0} s together", plans.len());
@@ -220,7 +221,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::strokes`].
+    /// As [`Self::with_plans`].
     pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
@@ -263,26 +264,7 @@ impl Shoot {
         }
     }
 
-    fn bare(mut scene: Scene, strokes: Option<Strokes>) -> Self {
-        let own = scene.light.color_led_wrgb;
-        if let Some(strokes) = strokes.as_ref().filter(|_| scene.light.letters_wrgb.is_empty()) {
-            // Black is no light: what is drawn in it has the lamp's own color.
-            let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
-            if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
-                // With the firmware's correction, dim colors are too coarse to mix.
-                scene.light.color_led_levels = ColorLedLevels::Plain;
-            }
-            let levels = scene.light.color_led_levels;
-            let wrgb = |rgb: &[u8; 3]| match (*rgb, by_ring) {
-                ([0, 0, 0], _) => own,
-                (rgb, true) => {
-                    let [r, g, b] = ring_rgb(rgb);
-                    [0, r, g, b]
-                }
-                (rgb, false) => color_led_wrgb(rgb, levels),
-            };
-            scene.light.letters_wrgb = strokes.colors.iter().map(wrgb).collect();
-        }
+    fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
         Self {
             scene,
             strokes,

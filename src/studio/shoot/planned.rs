@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::lighting::in_ink;
 use super::step_responses;
 use crate::scene::Scene;
 use noctograph_core::control::StepResponse;
@@ -38,6 +39,7 @@ pub struct Planned {
 ///
 /// As [`fleet`], [`step_responses`] and [`fly`].
 pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
+    let lamps = in_ink(&scene.light, scene, Some(strokes));
     let trajectory_clock = Some(scene.trajectory_clock());
     let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
     let follows_design = scene.controller.kind.follows_design();
@@ -59,10 +61,8 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
             }
         };
         match scene.plan.light_clock {
-            LightClock::Setpoint => {
-                Ok(Planned { plan: in_colors(plan, &scene.light), ends: Vec::new() })
-            }
-            LightClock::Light => aim(scene, &plan, &rehearse(scene, &plan)?),
+            LightClock::Setpoint => Ok(Planned { plan: in_colors(plan, &lamps), ends: Vec::new() }),
+            LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
         }
     });
     // The first drone's error is reported every time.
@@ -145,13 +145,13 @@ const REHEARSED: u64 = 0;
 /// # Errors
 ///
 /// As [`time_lights`].
-pub fn aim(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Planned> {
+pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
     let between = match scene.controller.kind.follows_design() {
         true => Between::Design,
         false => Between::Held,
     };
-    let (plan, ends) = time_lights(plan, flight, &lamp_timing(&scene.light), between)?;
-    Ok(Planned { plan: in_colors(plan, &scene.light), ends })
+    let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
+    Ok(Planned { plan: in_colors(plan, lamps), ends })
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.

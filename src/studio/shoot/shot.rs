@@ -98,13 +98,12 @@ fn joined(digests: &[String]) -> Option<String> {
 impl Shoot {
     /// Exposes and develops the film, encodes the photo and reads it.
     pub(super) fn expose(
-        mut self,
+        self,
         lighting: Lighting,
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
-        (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;

@@ -85,7 +85,7 @@ pub fn correct(
             next.sent_m[row] = sent.sent_m(row);
         }
     }
-    Ok(aim(scene, &next, &typical)?.plan)
+    Ok(aim(scene, &scene.light, &next, &typical)?.plan)
 }
 
 /// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
