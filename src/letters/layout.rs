@@ -117,13 +117,13 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 /// A part of a line in characters that its font has, with so many characters before it.
 fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
     let known = |character: char| {
-        character == ' ' || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
+        character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
     let lacks = |index: usize, letter: char| {
         let single = Font::open(SINGLE_LINE, font.trace()).ok();
         let hint = if is_shaped(part) {
             format!("name a typeface of this script in letters.fallback: {} has none", font.name())
-        } else if single.is_some_and(|single| single.shape(letter).is_some()) {
+        } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
             format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
         } else {
             "name a typeface that has it in letters.fallback, such as one of the Noto fonts"
@@ -139,7 +139,7 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         Error::Letter { position: before + index + 1, letter, wanted, hint }
     };
     if is_shaped(part)
-        && let Some(line) = font.line(part, SPACE)
+        && let Some(line) = font.face.line(part, SPACE)
     {
         let index = |byte: usize| part[..byte].chars().count();
         return match line {
@@ -190,7 +190,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
 }
 
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
-    let is_box = fonts.main().fit() == Fit::Box;
+    let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
     let (cells, _) = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let end = |cell: &Placed| cell.at_m + cell.width_m;
@@ -221,7 +221,7 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f6
     let (mut all, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        let space_m = match fonts.main().fit() {
+        let space_m = match fonts.main().face.fit() {
             Fit::Box => options.box_width_m() + options.box_gap_m(),
             Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
         };
@@ -240,8 +240,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f6
 
 /// The same in one font.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
-    let shaped = is_shaped(line).then(|| font.line(line, SPACE)).flatten();
-    match (font.fit(), shaped) {
+    let shaped = is_shaped(line).then(|| font.face.line(line, SPACE)).flatten();
+    match (font.face.fit(), shaped) {
         (_, Some(letters)) => {
             let (letters, size_m) =
                 (letters.expect("the text was made drawable"), options.cap_height_m);
@@ -276,7 +276,7 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
     let cell = |(index, character)| {
-        let shape = font.shape(character).filter(|_| character != ' ');
+        let shape = font.face.shape(character).filter(|_| character != ' ');
         let at_m = (width_m + gap_m) * index as f64;
         Placed { character, shape, at_m, width_m, fit: Fit::Box }
     };
@@ -295,13 +295,13 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape
-            && let Some(marked) = font.marked(base, character)
+            && let Some(marked) = font.face.marked(base, character)
         {
             *last = placed(last.character, last_pen, marked, size_m);
             continue;
         }
-        pen += before.map_or(0.0, |before| font.kern([before, character]));
-        let shape = font.shape(character);
+        pen += before.map_or(0.0, |before| font.face.kern([before, character]));
+        let shape = font.face.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
         last_pen = pen;
         cells.extend(

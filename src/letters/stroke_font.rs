@@ -19,6 +19,7 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::rounded;
+use super::font::Face;
 use super::shape::{Fit, Run, Shape};
 use noctograph_core::error::{Error, Result};
 
@@ -34,27 +35,15 @@ const MAX_FONT_POINTS: usize = 1_000_000;
 /// Height of a small letter by that of a capital: marks are drawn for it.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
-/// Combining marks, each with the sign of its shape; a font has others by their code.
-const MARKS: [(char, char); 13] = [
-    ('\u{300}', '`'),
-    ('\u{301}', '´'),
-    ('\u{302}', 'ˆ'),
-    ('\u{303}', '˜'),
-    ('\u{304}', '¯'),
-    ('\u{306}', '˘'),
-    ('\u{307}', '˙'),
-    ('\u{308}', '¨'),
-    ('\u{30a}', '˚'),
-    ('\u{30b}', '˝'),
-    ('\u{30c}', 'ˇ'),
-    ('\u{327}', '¸'),
-    ('\u{328}', '˛'),
-];
+/// Combining marks, and the signs of their shapes; a font has others by their code.
+const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
+    \u{30c}\u{327}\u{328}";
+const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 
 /// A single-line font.
 #[derive(Debug)]
 pub(super) struct StrokeFont {
-    pub(super) fit: Fit,
+    fit: Fit,
     letters: BTreeMap<char, Arc<Shape>>,
     n_points: usize,
 }
@@ -87,34 +76,6 @@ impl StrokeFont {
             })?;
         }
         Ok(font)
-    }
-
-    /// The characters that the font can draw.
-    pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        self.letters.keys().copied()
-    }
-
-    /// A character's strokes; `None` where the font lacks it, and cannot compose it of a letter and
-    /// its marks.
-    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let sign = MARKS.iter().find(|(mark, _)| *mark == character).map(|(_, sign)| sign);
-        self.letters.get(sign.unwrap_or(&character)).cloned().or_else(|| {
-            let mut parts = std::iter::once(character).nfd();
-            let base = parts.next().filter(|base| *base != character)?;
-            let base = match base {
-                'i' => 'ı',
-                'j' => 'ȷ',
-                base => base,
-            };
-            let base = self.letters.get(&base)?.clone();
-            parts.try_fold(base, |base, mark| self.marked(&base, mark))
-        })
-    }
-
-    /// A letter with one more combining mark; `None` where the font lacks the mark.
-    pub(super) fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
-        let mark = self.shape(mark)?;
-        Some(Arc::new(compose(base, &mark, [0.0; 2])))
     }
 
     /// `None` for a line of another form.
@@ -152,6 +113,37 @@ impl StrokeFont {
             return None;
         }
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
+    }
+}
+
+impl Face for StrokeFont {
+    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
+        Box::new(self.letters.keys().copied())
+    }
+
+    /// What it lacks is composed of a letter and its marks.
+    fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let mut signs = MARKS.chars().zip(SIGNS.chars());
+        let sign = signs.find(|(mark, _)| *mark == character).map_or(character, |(_, sign)| sign);
+        self.letters.get(&sign).cloned().or_else(|| {
+            let mut parts = std::iter::once(character).nfd();
+            let base = parts.next().filter(|base| *base != character)?;
+            let base = match base {
+                'i' => 'ı',
+                'j' => 'ȷ',
+                base => base,
+            };
+            let base = self.letters.get(&base)?.clone();
+            parts.try_fold(base, |base, mark| self.marked(&base, mark))
+        })
+    }
+
+    fn fit(&self) -> Fit {
+        self.fit
+    }
+
+    fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
+        Some(Arc::new(compose(base, &*self.shape(mark)?, [0.0; 2])))
     }
 }
 

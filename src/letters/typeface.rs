@@ -21,6 +21,7 @@ use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
+use super::font::Face;
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
@@ -134,29 +135,8 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// Its characters in the Basic Multilingual Plane, and emoji.
-    pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        let all =
-            ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
-        all.filter(|c| self.glyph(*c).is_some())
-    }
-
-    pub(super) fn has(&self, character: char) -> bool {
-        self.glyph(character).is_some()
-    }
-
     fn glyph(&self, character: char) -> Option<GlyphId> {
         self.face.charmap().map_unicode(character)
-    }
-
-    /// A character's strokes; `None` where the face lacks it.
-    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let glyph = self.glyph(character)?;
-        if character.is_whitespace() {
-            let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
-            return Some(Arc::new(Shape { advance, ..Shape::default() }));
-        }
-        self.joined(&[(glyph, [0; 2])])
     }
 
     /// The strokes of glyphs together.
@@ -166,23 +146,19 @@ impl Typeface {
         shapes.entry(parts.to_vec()).or_insert_with(|| shape().map(Arc::new)).clone()
     }
 
-    /// A line of letters that are shaped, from left to right.
-    ///
-    /// # Errors
-    ///
-    /// [`Unset`].
-    pub(super) fn line(&self, line: &str, space: f64) -> Line {
+    /// The letters of a line, shaped.
+    pub(super) fn set(&self, line: &str, space: f64) -> Line {
         let unit = self.advance(1.0);
         let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let mut glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
-        let side = |placed: &Placed| {
+        let glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
+        let sides = |placed: &Placed| {
             let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
             let bounds = path.control_box();
             Some([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.at[0])))
         };
-        let mut sided: Vec<([f64; 2], Placed)> =
-            glyphs.drain(..).filter_map(|placed| Some((side(&placed)?, placed))).collect();
+        let sided = glyphs.into_iter().filter_map(|placed| Some((sides(&placed)?, placed)));
+        let mut sided: Vec<([f64; 2], Placed)> = sided.collect();
         sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
         for ([left, right], placed) in sided {
@@ -209,18 +185,8 @@ impl Typeface {
         joined.collect()
     }
 
-    /// Checks that all characters so far were traced within the face's budget.
-    pub(super) fn check_work(&self) -> Result<()> {
-        self.traced().budget.check()
-    }
-
     fn traced(&self) -> MutexGuard<'_, Traced> {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-    }
-
-    /// Kerning of two characters in the table `kern`, in cap heights between center lines.
-    pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
-        self.advance(self.kern_units(pair).unwrap_or(0) as f32)
     }
 
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
@@ -308,6 +274,40 @@ impl Typeface {
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
         (size(&path) <= MAX_COORDINATE).then_some(path)
+    }
+}
+
+impl Face for Typeface {
+    /// Those in the Basic Multilingual Plane, and emoji.
+    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
+        let all = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
+        Box::new(all.filter(|c| !c.is_whitespace() && self.has(*c)))
+    }
+
+    fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let glyph = self.glyph(character)?;
+        if character.is_whitespace() {
+            let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
+            return Some(Arc::new(Shape { advance, ..Shape::default() }));
+        }
+        self.joined(&[(glyph, [0; 2])])
+    }
+
+    fn has(&self, character: char) -> bool {
+        self.glyph(character).is_some()
+    }
+
+    fn line(&self, line: &str, space: f64) -> Option<Line> {
+        Some(self.set(line, space))
+    }
+
+    /// By the table `kern`, between center lines.
+    fn kern(&self, pair: [char; 2]) -> f64 {
+        self.advance(self.kern_units(pair).unwrap_or(0) as f32)
+    }
+
+    fn check_work(&self) -> Result<()> {
+        self.traced().budget.check()
     }
 }
 
