@@ -35,16 +35,16 @@ const SINGLE_LINE: &str = "simplex";
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
-    let hint = "name the word to write";
     if word.trim().is_empty() {
+        let hint = "name the word to write";
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
     let n_characters = word.chars().count();
     if n_characters > MAX_LETTERS {
-        return Err(Error::input(
+        return Err(input_error!(
             "word",
-            format!("{n_characters} characters"),
-            format!("at most {MAX_LETTERS}"),
+            "{n_characters} characters",
+            "at most {MAX_LETTERS}",
             "split the text into several words; one flight cannot write so many",
         ));
     }
@@ -131,9 +131,7 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         };
         let characters = font.characters();
         let wanted = match characters.chars().count() {
-            ..=LISTED => {
-                format!("one of {}", characters.chars().filter(|c| known(*c)).collect::<String>())
-            }
+            ..=LISTED => format!("one of {}", characters.replace(|c| !known(c), "")),
             _ => format!("a letter of the font {}", font.name()),
         };
         Error::Letter { position: before + index + 1, letter, wanted, hint }
@@ -142,13 +140,26 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         && let Some(line) = font.face.line(part, SPACE)
     {
         let index = |byte: usize| part[..byte].chars().count();
+        let place = |byte: usize| format!("word, position {}", before + index(byte) + 1);
+        let name = font.name();
         return match line {
             Ok(_) => Ok(part.to_owned()),
             Err(Unset::Missing(byte)) => {
                 Err(lacks(index(byte), part[byte..].chars().next().unwrap_or(' ')))
             }
-            Err(Unset::Unshaped(byte)) => Err(unshaped(before + index(byte), font.name())),
-            Err(Unset::TooLarge(byte, n)) => Err(too_large(before + index(byte), n)),
+            Err(Unset::Unshaped(byte)) => Err(input_error!(
+                place(byte),
+                "a word that the rules of {name} make endless",
+                "letters that end",
+                "write it with another font, or fewer of its letters in a row",
+            )),
+            // Letters that touch are traced as one outline.
+            Err(Unset::TooLarge(byte, n)) => Err(input_error!(
+                place(byte),
+                "{n} letters in a row that touch each other",
+                "fewer: they are one outline, of at most {MAX_POINTS} points",
+                "put a space or a line end among them",
+            )),
         };
     }
     let drawn = part.chars().enumerate().map(|(index, typed)| {
@@ -156,23 +167,6 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         drawn.ok_or_else(|| lacks(index, typed))
     });
     drawn.collect()
-}
-
-/// The error of a word of which the font's rules make too much.
-fn unshaped(index: usize, font: &str) -> Error {
-    let found = format!("a word that the rules of {font} make endless");
-    let hint = "write it with another font, or fewer of its letters in a row";
-    Error::input(format!("word, position {}", index + 1), found, "letters that end", hint)
-}
-
-/// The error of letters that touch, which are traced as one outline.
-fn too_large(index: usize, n: usize) -> Error {
-    input_error!(
-        format!("word, position {}", index + 1),
-        "{n} letters in a row that touch each other",
-        "fewer: they are one outline, of at most {MAX_POINTS} points",
-        "put a space or a line end among them",
-    )
 }
 
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {

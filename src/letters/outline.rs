@@ -131,16 +131,10 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
             runs.push(samples);
             continue;
         };
-        let mut run: Vec<[f64; 2]> = Vec::new();
-        for index in first_gap..=first_gap + samples.len() {
-            if kept[index % samples.len()] {
-                if run.is_empty() {
-                    run.push(at(index));
-                }
-                run.push(at(index + 1));
-            } else if !run.is_empty() {
-                runs.push(std::mem::take(&mut run));
-            }
+        let n = samples.len();
+        let legs: Vec<usize> = (first_gap..first_gap + n).map(|leg| leg % n).collect();
+        for run in legs.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
+            runs.push(run.iter().copied().chain([run[run.len() - 1] + 1]).map(at).collect());
         }
     }
     runs

@@ -21,7 +21,8 @@ use unicode_normalization::UnicodeNormalization;
 use super::arcs::rounded;
 use super::font::Face;
 use super::shape::{Fit, Run, Shape};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::Result;
+use noctograph_core::input_error;
 
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
@@ -56,23 +57,24 @@ impl StrokeFont {
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
         for (number, line) in lines {
-            let read = match line.strip_prefix("cap ") {
-                Some(height) if font.letters.is_empty() => {
-                    height.parse().ok().filter(|cap: &f64| (1e-3..=1e6).contains(cap)).map(|cap| {
-                        units = cap;
-                        font.fit = Fit::Proportional;
-                    })
+            let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
+                Some(height) => {
+                    font.fit = Fit::Proportional;
+                    units = height.parse().unwrap_or(f64::NAN);
+                    (1e-3..=1e6).contains(&units).then_some(())
                 }
-                _ => font.parse_letter(line, units),
+                None => font.parse_letter(line, units),
             };
             read.ok_or_else(|| {
-                let wanted = format!(
-                    "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
-                     points, {MAX_FONT_POINTS} in all"
-                );
-                let hint = "compare with fonts/ae483.strokes and fonts/simplex.strokes";
                 let found: String = line.chars().take(60).collect();
-                Error::input("", format!("`{found}`"), wanted, hint).at(file, number as u64)
+                let error = input_error!(
+                    "",
+                    "`{found}`",
+                    "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
+                     points, {MAX_FONT_POINTS} in all",
+                    "compare with fonts/ae483.strokes and fonts/simplex.strokes",
+                );
+                error.at(file, number as u64)
             })?;
         }
         Ok(font)

@@ -29,7 +29,7 @@ use super::shaping::{Placed, Unset, shaped};
 use super::stored;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
-use noctograph_core::geometry::{distance, polyline_length_m};
+use noctograph_core::geometry::distance;
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -209,9 +209,8 @@ impl Typeface {
         }
         if self.is_stored {
             let lines = stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
-            let runs: Vec<Run> =
-                lines.into_iter().map(|points| Run { lit: true, points }).collect();
-            return (!runs.is_empty()).then_some(Shape { advance, runs, lost: 0.0 });
+            let runs = lines.into_iter().map(|points| Run { lit: true, points }).collect();
+            return Some(Shape { advance, runs, lost: 0.0 }).filter(|shape| !shape.runs.is_empty());
         }
         let contours = self.contours(parts, budget)?;
         let mut lost = 0.0;
@@ -240,9 +239,8 @@ impl Typeface {
     /// Whether a glyph is an area and no stroke: thicker than the face's letters, and short for its
     /// thickness.
     fn is_area(&self, found: &CenterLines) -> bool {
-        let length: f64 = found.lines.iter().map(|line| polyline_length_m(line)).sum();
         let is_thick = !self.has_stems || found.thickest > THICK * self.half_width;
-        is_thick && length < 2.0 * LONG * found.thickest
+        is_thick && found.length() < 2.0 * LONG * found.thickest
     }
 
     /// Font units in cap heights between center lines.
@@ -273,7 +271,9 @@ impl Typeface {
             path.extend(part);
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
-        (size(&path) <= MAX_COORDINATE).then_some(path)
+        let bounds = path.control_box();
+        let mut sides = [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter();
+        sides.all(|side| side.abs() <= MAX_COORDINATE).then_some(path)
     }
 }
 
@@ -316,12 +316,6 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
     let id = face.glyph_id(character);
     id.0 != 0 && face.outline(id).is_some()
-}
-
-/// Largest coordinate of a path.
-fn size(path: &BezPath) -> f64 {
-    let bounds = path.control_box();
-    [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter().map(f64::abs).fold(0.0, f64::max)
 }
 
 /// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper

@@ -17,6 +17,7 @@ use super::gradient::Paint;
 use super::ink::{Field, RIM, plain_paper};
 use super::inlays::inlays;
 use super::levels::{contours, level};
+use super::paper::Edges;
 use super::photograph::edges;
 use super::qr;
 use super::sheet::{self, Corners, Map};
@@ -102,7 +103,7 @@ pub(super) fn read(
     let (picture, mut field, sheet) = match paper(&picture, shrunk, options, file)? {
         Some((sheet, field, corners)) => (sheet, field, Some(corners)),
         None => {
-            let field = Field::of(&picture);
+            let field = Field::of(&picture, Edges::Soft);
             (picture, field, None)
         }
     };
@@ -131,7 +132,7 @@ pub(super) fn read(
         return Ok(photograph(edges(&picture)));
     }
     if field.is_shaded && sheet.is_none() {
-        field = Field::in_shadow(&picture);
+        field = Field::of(&picture, Edges::Sharp);
         found = field.threshold();
     }
     let blank = || {
@@ -235,7 +236,7 @@ fn paper(
             return Err(Error::input(format!("{file}: corners"), found, wanted, hint));
         }
         let sheet = sheet::square_on(picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
-        let field = Field::of(&sheet);
+        let field = Field::of(&sheet, Edges::Soft);
         return Ok(Some((sheet, field, corners)));
     }
     if options.picture == Picture::Photograph || plain_paper(picture).is_some() {
@@ -243,7 +244,7 @@ fn paper(
     }
     let Some(corners) = sheet::corners(picture) else { return Ok(None) };
     let sheet = sheet::square_on(picture, &corners);
-    let field = Field::in_shadow(&sheet);
+    let field = Field::of(&sheet, Edges::Sharp);
     let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
     Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
 }

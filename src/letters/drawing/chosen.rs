@@ -99,6 +99,7 @@ pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Ink, tests::drawn_in};
     use super::*;
 
     #[test]
@@ -107,20 +108,13 @@ mod tests {
             let color: svgtypes::Color = text.parse().unwrap();
             name([color.red, color.green, color.blue])
         };
-        for own in
-            ["black", "gray", "white", "red", "orange", "yellow", "green", "cyan", "blue", "purple"]
-        {
+        for own in "black gray white red orange yellow green cyan blue purple".split(' ') {
             assert_eq!(named(own), own);
         }
-        for (other, own) in [
-            ("crimson", "red"),
-            ("hotpink", "pink"),
-            ("lime", "green"),
-            ("navy", "blue"),
-            ("gold", "yellow"),
-            ("#00ff80", "green"),
-            ("#0080ff", "blue"),
-        ] {
+        let others = "crimson red hotpink pink lime green navy blue gold yellow #00ff80 green \
+                      #0080ff blue";
+        let words: Vec<&str> = others.split(' ').collect();
+        for (other, own) in words.chunks(2).map(|pair| (pair[0], pair[1])) {
             assert_eq!(named(other), own, "{other}");
         }
     }
@@ -152,16 +146,12 @@ mod tests {
                    <path d='M1 1h9' stroke='lime'/></svg>";
         let json = "{\"strokes\": [[[0, 0], [90, 90]], [[20, 40], [40, 50]], [[9, 9], [1, 9]]],\
                     \"colors\": [[0, 0, 0], [200, 0, 0], [0, 255, 0]]}";
-        let folder = tempfile::tempdir().unwrap();
         for (name, text) in [("a.svg", svg), ("a.json", json)] {
-            let path = folder.path().join(name);
-            std::fs::write(&path, text).unwrap();
             for (ink, without) in [("red", ""), ("2", ""), ("", "black,3")] {
                 let canvas_m = Some([2.0, 1.0]);
                 let (ink, without) = (ink.to_owned(), without.to_owned());
                 let options = LetterOptions { ink, without, canvas_m, ..LetterOptions::default() };
-                let strokes = super::super::draw(&path, &options, super::super::Ink::ByColor);
-                let strokes = strokes.unwrap();
+                let strokes = drawn_in(name, text, &options, Ink::ByColor).unwrap();
                 assert_eq!((strokes.n_strokes(), strokes.colors.len()), (1, 1), "{name}");
                 assert_eq!(strokes.numbers.iter().map(|it| it.0).collect::<Vec<_>>(), [2]);
                 let [left, bottom, right, top] = strokes.bounds_m();

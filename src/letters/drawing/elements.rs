@@ -23,11 +23,7 @@ const MAX_CURVES: f64 = 1e9;
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Checks that the elements of a document cost bounded work.
-///
-/// # Errors
-///
-/// What was found instead.
+/// Checks that the elements of a document cost bounded work; the error is what was found instead.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styled: &'a Styled<'a, 'input>,

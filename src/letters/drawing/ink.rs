@@ -64,22 +64,14 @@ pub(super) struct Field {
     pub(super) is_plain: bool,
     /// Whether its ink is lighter than the paper.
     pub(super) is_light: bool,
-    /// Whether sharp edges of shadows may cross the paper, which [`Self::in_shadow`] follows.
+    /// Whether sharp edges of shadows may cross the paper, which [`Edges::Sharp`] follows.
     pub(super) is_shaded: bool,
 }
 
 impl Field {
-    /// The ink of a picture; all of `ink` is 0 until [`Self::find`].
-    pub(super) fn of(picture: &RgbImage) -> Self {
-        Self::on(picture, Edges::Soft)
-    }
-
-    /// The same where shadows have sharp edges, which what is no photograph has none but of ink.
-    pub(super) fn in_shadow(picture: &RgbImage) -> Self {
-        Self::on(picture, Edges::Sharp)
-    }
-
-    fn on(picture: &RgbImage, edges: Edges) -> Self {
+    /// The ink of a picture, by what edges shadows have on it; none is in `ink` until
+    /// [`Self::find`].
+    pub(super) fn of(picture: &RgbImage, edges: Edges) -> Self {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
         let plain = plain_paper(picture);
         let is_light = plain.map_or_else(

@@ -27,31 +27,21 @@ pub(super) struct Painted {
 }
 
 impl Painted {
-    /// The area of its fill, of the `element`-th of a page whose larger side is `size`.
-    pub(super) fn fill_layer<'a>(
-        &self,
-        element: usize,
-        size: f64,
-        budget: &'a Budget,
-    ) -> Option<Layer<'a>> {
+    /// The area of its fill, of the `element`-th of a page.
+    pub(super) fn fill_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (paint, alpha) = self.fill?;
-        let area = Area::new(&self.path, self.even_odd, size, budget);
+        let area = scale.area(&self.path, self.even_odd);
         Some(Layer { element, area, paint, alpha, cuts: self.cuts.clone(), is_stroke: false })
     }
 
     /// The area of its stroke.
-    pub(super) fn stroke_layer<'a>(
-        &self,
-        element: usize,
-        size: f64,
-        budget: &'a Budget,
-    ) -> Option<Layer<'a>> {
+    pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (paint, alpha, style) = self.stroke.as_ref()?;
         let path = self.placed.inverse() * &self.path;
-        let scale = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
-        let tolerance = FLATNESS * size / scale;
+        let enlarged = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
+        let tolerance = FLATNESS * scale.size / enlarged;
         let outline = kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance);
-        let area = Area::new(&(self.placed * outline), false, size, budget);
+        let area = scale.area(&(self.placed * outline), false);
         let (paint, alpha, cuts) = (*paint, *alpha, self.cuts.clone());
         Some(Layer { element, area, paint, alpha, cuts, is_stroke: true })
     }
@@ -65,16 +55,27 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-impl<'a> Area<'a> {
-    pub(super) fn new(path: &BezPath, even_odd: bool, size: f64, budget: &'a Budget) -> Self {
+/// The larger side of a page, by which areas are as fine as they have to be, and the budget that
+/// they are taken off.
+#[derive(Clone, Copy)]
+pub(super) struct Scale<'a> {
+    pub(super) size: f64,
+    pub(super) budget: &'a Budget,
+}
+
+impl<'a> Scale<'a> {
+    pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
+        let Self { size, budget } = self;
         let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
         let mut contours = polylines(path, FLATNESS * size, most).unwrap_or_default();
         contours.retain(|contour| contour.len() > 2);
         budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
         let bounds = bounds(contours.iter().flatten().copied());
-        Self { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
+        Area { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
     }
+}
 
+impl Area<'_> {
     pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
         if !self.meets([x, y, x, y]) {
             return false;

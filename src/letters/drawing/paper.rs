@@ -30,6 +30,7 @@ const MIDDLE: [f64; 2] = [70.0, 155.0];
 pub(super) enum Edges {
     /// None is sharper than a block: what is may be a thing in a photograph.
     Soft,
+    /// What has a sharp edge and is no photograph may be a shadow, too.
     Sharp,
 }
 

@@ -283,16 +283,14 @@ fn write_attribute(name: &str, value: &str, text: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::super::super::{LetterOptions, Strokes};
-    use super::super::{Ink, draw};
+    use super::super::{Ink, tests::drawn_in};
     use noctograph_core::error::Result;
 
     fn drawn(inner: &str) -> Result<Strokes> {
-        let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();
         let text = format!(
             "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
         );
-        std::fs::write(file.path(), text).unwrap();
-        draw(file.path(), &LetterOptions::default(), Ink::Alike)
+        drawn_in("a.svg", text, &LetterOptions::default(), Ink::Alike)
     }
 
     fn n_lit(inner: &str) -> usize {

@@ -12,8 +12,7 @@ use super::super::curves::polylines;
 use super::super::vector::{between, counts, is_closed, legs};
 use super::MAX_POINTS;
 use super::gradient::{Gradient, Paint};
-use super::layers::{Area, Cut, FLATNESS, Layer, Painted, covers_page};
-use noctograph_core::files::Budget;
+use super::layers::{Area, Cut, FLATNESS, Layer, Painted, Scale, covers_page};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Opacity from which a fill hides what is under it.
@@ -34,8 +33,7 @@ pub(super) struct Page<'a> {
     cuts: &'a [Cut<'a>],
     gradients: &'a [Gradient],
     paper: [f64; 3],
-    size: f64,
-    budget: &'a Budget,
+    scale: Scale<'a>,
 }
 
 /// A visible part of a line, and its color.
@@ -59,9 +57,8 @@ impl<'a> Page<'a> {
         cuts: &'a [Cut<'a>],
         gradients: &'a [Gradient],
         page: [f64; 2],
-        budget: &'a Budget,
+        scale: Scale<'a>,
     ) -> Self {
-        let size = page[0].max(page[1]);
         let fills = painted.iter().filter_map(|item| item.fill.map(|(paint, _)| paint));
         let strokes = painted.iter().filter_map(|item| item.stroke.as_ref().map(|it| it.0));
         // White ink alone has a dark ground.
@@ -70,8 +67,8 @@ impl<'a> Page<'a> {
         let mut layers = Vec::new();
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
-            if let Some(fill) = item.fill_layer(element, size, budget) {
-                let covers = covers_page(fill.area.bounds, page, BESIDE * size);
+            if let Some(fill) = item.fill_layer(element, scale) {
+                let covers = covers_page(fill.area.bounds, page, BESIDE * scale.size);
                 if let Some(color) = fill.paint.color().filter(|_| covers) {
                     ground = color.map(f64::from);
                 }
@@ -79,10 +76,10 @@ impl<'a> Page<'a> {
             }
             let stroke = item.stroke.as_ref().and_then(|(paint, ..)| paint.color());
             if stroke.is_some_and(|color| alike(ground, color.map(f64::from))) {
-                layers.extend(item.stroke_layer(element, size, budget));
+                layers.extend(item.stroke_layer(element, scale));
             }
         }
-        Self { layers, cuts, gradients, paper, size, budget }
+        Self { layers, cuts, gradients, paper, scale }
     }
 
     /// What is left of an element, and whether a part of its stroke has the color of what is
@@ -90,7 +87,7 @@ impl<'a> Page<'a> {
     pub(super) fn shown(&self, index: usize, item: &Painted) -> (Shown, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
-        self.budget.spend_steps(self.layers.len() / 8);
+        self.scale.budget.spend_steps(self.layers.len() / 8);
         let near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
         let Some((paint, alpha, _)) = item.stroke else {
@@ -173,7 +170,7 @@ impl<'a> Page<'a> {
     }
 
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
-        polylines(path, FLATNESS * self.size, MAX_POINTS).unwrap_or_default()
+        polylines(path, FLATNESS * self.scale.size, MAX_POINTS).unwrap_or_default()
     }
 
     /// The parts of lines that are seen, and whether these are all of them, in one paint.
@@ -190,7 +187,7 @@ impl<'a> Page<'a> {
         areas.sort_by_key(|area| std::ptr::from_ref(*area));
         areas.dedup_by_key(|area| std::ptr::from_ref(*area));
         let fades = item.cuts.iter().any(|cut| self.fades(*cut));
-        let beside = BESIDE * self.size;
+        let beside = BESIDE * self.scale.size;
         let (mut parts, mut is_whole) = (Vec::new(), true);
         let mut shares = Vec::new();
         for line in lines {
@@ -211,14 +208,14 @@ impl<'a> Page<'a> {
                 let is_crossed = shares.len() > 1;
                 shares.push(1.0);
                 shares.sort_by(f64::total_cmp);
-                shares.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.size);
+                shares.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
                 // A leg has two ends, however short it is.
                 match &mut shares[..] {
                     [_] => shares.push(1.0),
                     [.., end] => *end = 1.0,
                     [] => {}
                 }
-                if !self.budget.spend_steps(STEPS * shares.len()) {
+                if !self.scale.budget.spend_steps(STEPS * shares.len()) {
                     return (parts, false);
                 }
                 for piece in shares.windows(2) {
@@ -307,7 +304,7 @@ impl<'a> Page<'a> {
     /// Whether a cut may end something of an extent: it does not where that lies within the page.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
-        let (of, slack) = (edge.bounds, BESIDE * self.size);
+        let (of, slack) = (edge.bounds, BESIDE * self.scale.size);
         left < of[0] - slack
             || bottom < of[1] - slack
             || right > of[2] + slack

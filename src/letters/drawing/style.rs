@@ -4,10 +4,11 @@
 //! Selectors are matched by simplecss, which asks each element within the drawing's budget. What may
 //! change the picture and is not understood is named.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 use std::rc::Rc;
 use std::str::FromStr as _;
+use std::sync::LazyLock;
 
 use simplecss::{AttributeOperator, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
@@ -43,8 +44,12 @@ const OTHERS: &str = "animation animation-name backdrop-filter background-image 
     offset-path perspective perspective-origin shape-outside stroke-alignment zoom \
     content-visibility rotate";
 
+/// The three lists, in which every attribute is looked up.
+static LISTS: LazyLock<[HashSet<&str>; 3]> =
+    LazyLock::new(|| [FOLLOWED, WITHOUT_EFFECT, OTHERS].map(|list| list.split(' ').collect()));
+
 /// Properties of geometry, which are attributes of some elements alone.
-const GEOMETRY: &str = "cx cy d height r rx ry width x y";
+const GEOMETRY: [&str; 10] = ["cx", "cy", "d", "height", "r", "rx", "ry", "width", "x", "y"];
 
 /// Values by which a property that is not followed has no effect.
 const NEUTRAL: &[&str] = &["", "none", "normal", "auto", "0", "1", "visible"];
@@ -53,9 +58,9 @@ const NEUTRAL: &[&str] = &["", "none", "normal", "auto", "0", "1", "visible"];
 const LONGEST: usize = 1 << 20;
 const MAX_VARIABLES: usize = 32;
 
-/// Steps of asking an element whether a rule is for it, of writing a declaration into it, and of a
-/// byte of a value.
-const STEPS: [usize; 3] = [10, 100, 5];
+/// Steps of asking an element whether a rule is for it, of going on to one around it, of writing a
+/// declaration into it, and of a byte of a value.
+const STEPS: [usize; 4] = [10, 50, 100, 5];
 
 /// Memory of a rule or a declaration besides its text, in bytes.
 const RULE: usize = 120;
@@ -66,7 +71,7 @@ const MAX_MEDIA: usize = 4;
 /// Attribute that stands for `:root`, which simplecss does not know.
 const ROOT: &str = "noctograph-root";
 
-/// Whether a list of words has one.
+/// Whether a list of words, of which there are few, has one.
 pub(super) fn has(words: &str, word: &str) -> bool {
     words.split(' ').any(|other| other == word)
 }
@@ -144,10 +149,6 @@ impl<'a, 'input> Styled<'a, 'input> {
 }
 
 /// Resolves the styles of a document; `refuse` makes an error of what was found instead.
-///
-/// # Errors
-///
-/// Those of the budget and of `refuse`.
 pub(super) fn styled<'a, 'input>(
     document: &'a Document<'input>,
     budget: &Budget,
@@ -351,7 +352,7 @@ fn declarations(text: &str) -> Vec<Declaration> {
 
 fn declare(list: &[Declaration], budget: &Budget, declared: &mut Declared) -> Result<()> {
     for (name, value, important) in list {
-        budget.steps(STEPS[1])?;
+        budget.steps(STEPS[2])?;
         budget.bytes(name.len() + value.len())?;
         if *important || !declared.get(name).is_some_and(|(_, important)| *important) {
             declared.insert(name.clone(), (value.clone(), *important));
@@ -370,7 +371,7 @@ fn substituted(value: &str, scope: &Variables, budget: &Budget) -> Option<String
         let (name, fallback) = inner[..end].split_once(',').unwrap_or((&inner[..end], ""));
         let put = scope.get(name.trim()).map_or(fallback.trim(), |value| value);
         text = format!("{}{put}{}", &text[..at], &inner[end + 1..]);
-        if !budget.spend_steps(STEPS[2] * text.len()) || text.len() > LONGEST {
+        if !budget.spend_steps(STEPS[3] * text.len()) || text.len() > LONGEST {
             return None;
         }
     }
@@ -381,7 +382,7 @@ fn substituted(value: &str, scope: &Variables, budget: &Budget) -> Option<String
 fn geometry(node: Node<'_, '_>, values: &mut Attributes) {
     let is_path = node.tag_name().name() == "path";
     values.retain(|name, value| {
-        let is_geometry = has(GEOMETRY, name);
+        let is_geometry = GEOMETRY.contains(&&**name);
         if let Some(number) = value.trim().strip_suffix("px").filter(|_| is_geometry) {
             *value = number.trim().to_owned();
         } else if name == "d" && value.trim_start().starts_with("path(") {
@@ -422,6 +423,7 @@ fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &m
     if has("style script font glyph font-face namedview", tag) {
         return;
     }
+    let [followed, without_effect, others] = &*LISTS;
     let is_shape = has("circle ellipse rect use svg symbol line", tag);
     let own = |name: &str| values.get(name).map_or("", |value| value.trim());
     for (name, value) in values.iter().filter(|(name, _)| !name.contains(':')) {
@@ -434,7 +436,9 @@ fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &m
             "stop-color" | "color" => !is_word && svgtypes::Color::from_str(value).is_err(),
             "clip-path" | "mask" => !value.starts_with("url(") && !is_neutral && !is_word,
             "d" => tag == "path" && svgtypes::PathParser::from(value).any(|part| part.is_err()),
-            name if is_shape && has(GEOMETRY, name) => svgtypes::Length::from_str(value).is_err(),
+            name if is_shape && GEOMETRY.contains(&name) => {
+                svgtypes::Length::from_str(value).is_err()
+            }
             "stroke-width" | "stroke-dashoffset" => {
                 !is_word && svgtypes::Length::from_str(value).is_err()
             }
@@ -448,13 +452,13 @@ fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &m
             "systemLanguage" | "requiredExtensions" => true,
             "requiredFeatures" => false,
             "filter" | "mix-blend-mode" => !is_neutral,
-            name if has(FOLLOWED, name) || has(WITHOUT_EFFECT, name) => false,
+            name if followed.contains(name) || without_effect.contains(name) => false,
             // Of text.
             name if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
             // An attribute that is no property is none to a browser, either.
-            name => !is_neutral && (declared.contains_key(name) || has(OTHERS, name)),
+            name => !is_neutral && (declared.contains_key(name) || others.contains(name)),
         };
-        let is_reset = has(FOLLOWED, name) && has("initial unset revert revert-layer", value);
+        let is_reset = has("initial unset revert revert-layer", value) && followed.contains(name);
         if is_broken || is_reset {
             let short: String = value.chars().take(40).collect();
             let what = match name {
@@ -474,12 +478,12 @@ struct Matched<'a, 'input>(Node<'a, 'input>, &'a Budget);
 impl Element for Matched<'_, '_> {
     fn parent_element(&self) -> Option<Self> {
         let parent = self.0.parent_element()?;
-        self.1.spend_steps(STEPS[0]).then_some(Matched(parent, self.1))
+        self.1.spend_steps(STEPS[1]).then_some(Matched(parent, self.1))
     }
 
     fn prev_sibling_element(&self) -> Option<Self> {
         let sibling = self.0.prev_sibling_element()?;
-        self.1.spend_steps(STEPS[0]).then_some(Matched(sibling, self.1))
+        self.1.spend_steps(STEPS[1]).then_some(Matched(sibling, self.1))
     }
 
     fn has_local_name(&self, name: &str) -> bool {

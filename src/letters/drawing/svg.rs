@@ -12,10 +12,10 @@ use kurbo::{Affine, BezPath, PathEl, Point, Shape};
 use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
-use super::super::curves::polylines;
+use super::super::curves::{polylines, subpaths};
 use super::super::smooth::simplified;
 use super::gradient::{Gradient, Paint, affine};
-use super::layers::{Area, Cut, Painted, covers_page};
+use super::layers::{Cut, Painted, Scale, covers_page};
 use super::plain::{SIGN_X, plain};
 use super::shown::{Page, Shown};
 use super::style::{Named, styled};
@@ -89,24 +89,20 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
     let larger = width.max(height);
-    let mut walk = Walk {
-        cuts: Vec::new(),
-        gradients: Vec::new(),
-        signs: BTreeSet::new(),
-        size: larger,
-        budget: &budget,
-    };
+    let scale = Scale { size: larger, budget: &budget };
+    let (gradients, signs_seen) = (Vec::new(), BTreeSet::new());
+    let mut walk = Walk { cuts: Vec::new(), gradients, signs_seen, scale };
     let value = |name: &str| styled.value(document.root_element(), name);
     let absolute = |name: &str| value(name).is_some_and(|value| !value.ends_with('%'));
     let has_edge = value("viewBox").is_some() || absolute("width") && absolute("height");
     let mut cuts = Vec::new();
     if has_edge && value("overflow") != Some("visible") {
         let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
-        walk.cut(Cut::Page(Area::new(&page, false, larger, &budget)), &mut cuts);
+        walk.cut(Cut::Page(scale.area(&page, false)), &mut cuts);
     }
     let mut painted = Vec::new();
     walk.group(tree.root(), Affine::IDENTITY, &cuts, 1.0, &mut painted);
-    let seen = walk.signs.iter().filter_map(|index| signs.get(*index).copied());
+    let seen = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
     let name = |node: roxmltree::Node<'_, '_>| format!("<{}>", node.tag_name().name());
     let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|node| name(*node) == "<text>");
     if let Some(text) = texts.first() {
@@ -115,7 +111,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
         return Err(Error::input("", found, "paths in place of text", TEXT).at(file, line));
     }
     others.into_iter().for_each(|node| named.add(name(node), node));
-    let page = Page::new(&painted, &walk.cuts, &walk.gradients, [width, height], &budget);
+    let page = Page::new(&painted, &walk.cuts, &walk.gradients, [width, height], scale);
     budget.check()?;
     let (mut items, mut left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
     for (index, mut item) in painted.into_iter().enumerate() {
@@ -232,11 +228,8 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
 struct Walk<'a> {
     cuts: Vec<Cut<'a>>,
     gradients: Vec<Gradient>,
-    /// The signs that are seen.
-    signs: BTreeSet<usize>,
-    /// The page's larger side.
-    size: f64,
-    budget: &'a Budget,
+    signs_seen: BTreeSet<usize>,
+    scale: Scale<'a>,
 }
 
 impl<'a> Walk<'a> {
@@ -258,26 +251,26 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        let (size, budget) = (self.size, self.budget);
+        let scale = self.scale;
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.abs_transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
             let mut parts = Vec::new();
             self.group(clip.root(), placed * affine(clip.transform()), &[], 1.0, &mut parts);
-            let layers = parts.iter().filter_map(|part| part.fill_layer(0, size, budget));
+            let layers = parts.iter().filter_map(|part| part.fill_layer(0, scale));
             self.cut(Cut::Clip(layers.collect()), &mut cuts);
         }
         for mask in std::iter::successors(group.mask(), |mask| mask.mask()) {
             let mut parts = Vec::new();
             self.group(mask.root(), placed, &[], 1.0, &mut parts);
-            let layers = parts.iter().flat_map(|part| {
-                [part.fill_layer(0, size, budget), part.stroke_layer(0, size, budget)]
-            });
+            let layers = parts
+                .iter()
+                .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
             let rect = mask.rect();
             let [x0, y0, x1, y1] =
                 [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
             let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
-            let edge = Area::new(&(Affine::FLIP_Y * placed * edge), false, size, budget);
+            let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
             let by_alpha = mask.kind() == usvg::MaskType::Alpha;
             self.cut(Cut::Mask(layers.flatten().collect(), by_alpha, edge), &mut cuts);
         }
@@ -302,7 +295,7 @@ impl<'a> Walk<'a> {
     ) -> Option<Painted> {
         let first = path.data().points().first().copied().unwrap_or_default();
         if first.x == SIGN_X {
-            self.signs.insert(first.y as usize);
+            self.signs_seen.insert(first.y as usize);
             return None;
         }
         let placed = Affine::FLIP_Y * base * affine(path.abs_transform());
@@ -430,24 +423,6 @@ fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> Bez
         }
     }
     kept
-}
-
-/// The subpaths of a path: where each begins, and its other elements. After one that is closed the
-/// next begins at the same place.
-fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
-    let mut found: Vec<(Point, Vec<PathEl>)> = Vec::new();
-    for element in path.elements() {
-        match (*element, found.last_mut()) {
-            (PathEl::MoveTo(p), _) => found.push((p, Vec::new())),
-            (element, Some((first, elements))) if elements.last() == Some(&PathEl::ClosePath) => {
-                let first = *first;
-                found.push((first, vec![element]));
-            }
-            (element, Some((_, elements))) => elements.push(element),
-            (_, None) => {}
-        }
-    }
-    found
 }
 
 /// Whether a fill is a rectangle over the whole page.

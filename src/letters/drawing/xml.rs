@@ -19,10 +19,6 @@ const MOST_WITHIN: usize = 256;
 
 /// Takes the entities of a document off a budget; `refuse` makes an error of what was found instead
 /// of entities that stay small.
-///
-/// # Errors
-///
-/// Those of the budget and of `refuse`.
 pub(super) fn check_entities(
     xml: &str,
     budget: &Budget,
@@ -58,10 +54,6 @@ pub(super) fn check_entities(
 }
 
 /// Takes the attributes and namespaces of a document off a budget.
-///
-/// # Errors
-///
-/// Those of the budget.
 pub(super) fn check_tags(xml: &str, budget: &Budget) -> Result<()> {
     let mut prefixes = HashSet::new();
     let (mut n_tags, mut n_declared) = (0_usize, 0_usize);
