@@ -4,7 +4,7 @@
 //! has the tangent of the circle through it and its neighbors, and two vertices are joined by a
 //! cubic with these tangents (Hermite), cut into short moves.
 
-use super::vector::{ahead, direction, dot};
+use super::vector::{ahead, counts, direction, dot, legs};
 use noctograph_core::geometry::distance;
 
 /// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up
@@ -23,8 +23,8 @@ const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 /// A run of points with its curves; a closed one stays closed, and all its points stay on it.
 pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
-    let along: Vec<[f64; 2]> = points.windows(2).map(|leg| direction(leg[0], leg[1])).collect();
-    let lengths: Vec<f64> = points.windows(2).map(|leg| distance(leg[0], leg[1])).collect();
+    let along: Vec<[f64; 2]> = legs(points).map(|[from, to]| direction(from, to)).collect();
+    let lengths: Vec<f64> = legs(points).map(|[from, to]| distance(from, to)).collect();
     if n < 2 || lengths.contains(&0.0) {
         return points.to_vec();
     }
@@ -65,15 +65,12 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
             let pieces = (turn / STEP_RAD - 1e-6).ceil();
             // With tangents of this length its middle is that of an arc.
             let reach = lengths[leg] / libm::pow(libm::cos(0.25 * turn), 2.0);
-            let mut k = 1.0;
-            while k < pieces {
-                let t = k / pieces;
+            for t in counts(pieces).skip(1).map(|k| k / pieces) {
                 let (rise, from_rise, to_rise) =
                     (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
                 let at = ahead(from, chord, rise * lengths[leg]);
                 let at = ahead(at, begin, from_rise * reach);
                 curve.push(ahead(at, end, to_rise * reach));
-                k += 1.0;
             }
         }
         curve.push(to);

@@ -1,6 +1,6 @@
 //! Curves: Bézier paths become polylines.
 
-use kurbo::{BezPath, PathEl};
+use kurbo::{BezPath, PathEl, Point};
 
 /// Polylines along each subpath, no farther from the curve than `tolerance`; a closed one repeats
 /// its first point. `None` for more than `max_points`, or a point that is not finite.
@@ -36,6 +36,24 @@ pub(super) fn polylines(
     });
     lines.retain(|line| line.len() > 1);
     (n_points <= max_points).then_some(lines)
+}
+
+/// The subpaths of a path: where each begins, and its other elements. After one that is closed the
+/// next begins at the same place.
+pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
+    let mut found: Vec<(Point, Vec<PathEl>)> = Vec::new();
+    for element in path.elements() {
+        match (*element, found.last_mut()) {
+            (PathEl::MoveTo(p), _) => found.push((p, Vec::new())),
+            (element, Some((first, elements))) if elements.last() == Some(&PathEl::ClosePath) => {
+                let first = *first;
+                found.push((first, vec![element]));
+            }
+            (element, Some((_, elements))) => elements.push(element),
+            (_, None) => {}
+        }
+    }
+    found
 }
 
 #[cfg(test)]

@@ -31,12 +31,45 @@ const SMALLER: &str = "name a smaller font file";
 pub struct Font {
     name: String,
     trace: Trace,
-    face: Arc<Face>,
+    pub(super) face: Arc<dyn Face + Send + Sync>,
 }
 
-enum Face {
-    Strokes(StrokeFont),
-    Outlines(Typeface),
+/// The characters of a font: strokes as they are stored, or a typeface.
+pub(super) trait Face {
+    /// Its characters, in the order of their codes.
+    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_>;
+
+    /// A character's strokes; `None` where it is missing.
+    fn shape(&self, character: char) -> Option<Arc<Shape>>;
+
+    fn has(&self, character: char) -> bool {
+        self.shape(character).is_some()
+    }
+
+    fn fit(&self) -> Fit {
+        Fit::Proportional
+    }
+
+    /// A letter with one more combining mark; `None` for a font that has no such mark, or shapes
+    /// them itself.
+    fn marked(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
+        None
+    }
+
+    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
+    fn line(&self, _line: &str, _space: f64) -> Option<Line> {
+        None
+    }
+
+    /// Kerning of two characters, in cap heights.
+    fn kern(&self, _pair: [char; 2]) -> f64 {
+        0.0
+    }
+
+    /// Checks that all characters so far were drawn within the budget.
+    fn check_work(&self) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Font {
@@ -49,12 +82,12 @@ impl Font {
     /// where it cannot be read.
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
-        let face = match check_name("letters.font", name)? {
-            Kind::Ours(text) => Face::Strokes(StrokeFont::parse(text, name)?),
-            Kind::Strokes => Face::Strokes(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
-            Kind::Outlines => Face::Outlines(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
+        let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
+            Kind::Ours(text) => Arc::new(StrokeFont::parse(text, name)?),
+            Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
+            Kind::Outlines => Arc::new(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
         };
-        Ok(Self { name: name.to_owned(), trace, face: Arc::new(face) })
+        Ok(Self { name: name.to_owned(), trace, face })
     }
 
     /// The name by which it was opened.
@@ -71,10 +104,7 @@ impl Font {
     /// Its characters, in the order of their codes.
     #[must_use]
     pub fn characters(&self) -> String {
-        match &*self.face {
-            Face::Strokes(font) => font.characters().collect(),
-            Face::Outlines(face) => face.characters().collect(),
-        }
+        self.face.characters().collect()
     }
 
     /// Draws a character into a cell; `None` where the font lacks it.
@@ -83,16 +113,16 @@ impl Font {
     /// height, keep their proportions and are centered in it.
     #[must_use]
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
-        Some(self.shape(character)?.glyph(character, cell, self.fit()))
+        Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
 
     /// Width of the cell that [`super::write()`] gives a character, by its cap height; `None` where
     /// the font lacks it, and for a box font, whose cells may have any width.
     #[must_use]
     pub fn aspect(&self, character: char) -> Option<f64> {
-        match self.fit() {
+        match self.face.fit() {
             Fit::Box => None,
-            Fit::Proportional => Some(self.shape(character)?.cell().1),
+            Fit::Proportional => Some(self.face.shape(character)?.cell().1),
         }
     }
 
@@ -100,7 +130,7 @@ impl Font {
     /// none.
     #[must_use]
     pub fn lost(&self, character: char) -> f64 {
-        self.shape(character).map_or(0.0, |shape| shape.lost)
+        self.face.shape(character).map_or(0.0, |shape| shape.lost)
     }
 
     /// Checks that the characters so far were drawn in no more work than a face may take; those
@@ -110,68 +140,12 @@ impl Font {
     ///
     /// [`Error::Input`] with the limit.
     pub fn check_work(&self) -> Result<()> {
-        match &*self.face {
-            Face::Strokes(_) => Ok(()),
-            Face::Outlines(face) => face.check_work(),
-        }
-    }
-
-    /// Whether it has a character.
-    pub(super) fn has(&self, character: char) -> bool {
-        match &*self.face {
-            Face::Strokes(font) => font.shape(character).is_some(),
-            Face::Outlines(face) => face.has(character),
-        }
+        self.face.check_work()
     }
 
     /// Whether it has a character, or its capital.
     pub(super) fn draws(&self, character: char) -> bool {
-        self.has(character) || capital(character).is_some_and(|capital| self.has(capital))
-    }
-
-    pub(super) fn fit(&self) -> Fit {
-        match &*self.face {
-            Face::Strokes(font) => font.fit,
-            Face::Outlines(_) => Fit::Proportional,
-        }
-    }
-
-    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        match &*self.face {
-            Face::Strokes(font) => font.shape(character),
-            Face::Outlines(face) => face.shape(character),
-        }
-    }
-
-    /// A letter with one more combining mark; `None` for a font that has no such mark, or shapes
-    /// them itself.
-    pub(super) fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
-        match &*self.face {
-            Face::Strokes(font) => font.marked(base, mark),
-            Face::Outlines(_) => None,
-        }
-    }
-
-    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
-    pub(super) fn line(&self, line: &str, space: f64) -> Option<Line> {
-        match &*self.face {
-            Face::Strokes(_) => None,
-            Face::Outlines(face) => Some(face.line(line, space)),
-        }
-    }
-
-    /// Kerning of two characters, in cap heights.
-    pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
-        match &*self.face {
-            Face::Strokes(_) => 0.0,
-            Face::Outlines(face) => face.kern(pair),
-        }
-    }
-}
-
-impl PartialEq for Font {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name && self.trace == other.trace
+        [Some(character), capital(character)].into_iter().flatten().any(|c| self.face.has(c))
     }
 }
 

@@ -6,11 +6,9 @@
 
 use std::ops::Range;
 
-use unicode_bidi::BidiInfo;
-
 use super::font::Font;
 use super::options::LetterOptions;
-use super::shaping::is_mark;
+use super::shaping::{is_mark, visual_runs};
 use noctograph_core::error::Result;
 
 /// A font and its substitutes.
@@ -36,7 +34,7 @@ impl Fonts {
 
     /// The longest stroke of its typeface that a drawn character lost.
     pub(super) fn lost(&self, character: char) -> f64 {
-        self.0.iter().find(|font| font.has(character)).map_or(0.0, |font| font.lost(character))
+        self.0.iter().find(|font| font.face.has(character)).map_or(0.0, |font| font.lost(character))
     }
 
     /// The parts of a line in one font each, as it is read. What no font has is in the first.
@@ -47,7 +45,7 @@ impl Fonts {
             let stays = |font: usize| {
                 // Spaces, marks and signs go with the letters before them.
                 let goes_along = character == ' ' || is_mark(character);
-                goes_along || !character.is_alphabetic() && self.0[font].has(character)
+                goes_along || !character.is_alphabetic() && self.0[font].face.has(character)
             };
             let has = |font: &Font| character != ' ' && font.draws(character);
             let first = self.0.iter().position(has).unwrap_or(0);
@@ -66,21 +64,16 @@ impl Fonts {
     /// The same from left to right, and whether each is read from right to left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
-        let info = BidiInfo::new(line, None);
         let mut ordered = Vec::new();
-        for paragraph in &info.paragraphs {
-            let (levels, runs) = info.visual_runs(paragraph, paragraph.range.clone());
-            for run in runs {
-                let within = parts.iter().filter_map(|(font, part)| {
-                    let shared = part.start.max(run.start)..part.end.min(run.end);
-                    (shared.start < shared.end).then_some((*font, shared))
-                });
-                let leftward = levels[run.start].is_rtl();
-                let mut within: Vec<(Part<'_>, bool)> = within.map(|it| (it, leftward)).collect();
-                if leftward {
-                    within.reverse();
-                }
-                ordered.extend(within);
+        for (run, leftward) in visual_runs(line) {
+            let within = parts.iter().filter_map(|(font, part)| {
+                let shared = part.start.max(run.start)..part.end.min(run.end);
+                (shared.start < shared.end).then_some(((*font, shared), leftward))
+            });
+            let begin = ordered.len();
+            ordered.extend(within);
+            if leftward {
+                ordered[begin..].reverse();
             }
         }
         ordered
@@ -89,8 +82,8 @@ impl Fonts {
 
 #[cfg(test)]
 mod tests {
+    use super::super::face_tests::small_face;
     use super::super::layout::write;
-    use super::super::shaping::tests::small_face;
     use super::*;
     use crate::Strokes;
 

@@ -131,23 +131,9 @@ impl PathSink for Pen {
     }
 }
 
-/// A face of these tables.
-#[cfg(test)]
-pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
-    let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
-    let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
-    let mut file = [&[0, 1, 0, 0][..], &n_tables, &[0; 6]].concat();
-    let mut at = 12 + 16 * tables.len();
-    for (tag, table) in tables {
-        file.extend([&tag[..], &[0; 4], &number(at), &number(table.len())].concat());
-        at += table.len();
-    }
-    tables.iter().for_each(|(_, table)| file.extend(table));
-    file
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::face_tests::{face_of, words};
     use super::*;
 
     /// Of A, which calls subroutines without end, H in lines and O in curves.
@@ -184,7 +170,7 @@ mod tests {
             glyf.extend([0xff, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]);
             for part in 0..10 {
                 let flags: u16 = if part < 9 { 0x22 } else { 2 };
-                glyf.extend([flags, level + 1, 0].into_iter().flat_map(u16::to_be_bytes));
+                glyf.extend(words([flags, level + 1, 0]));
             }
             loca.push(u32::try_from(glyf.len()).unwrap());
         }

@@ -35,16 +35,16 @@ const SINGLE_LINE: &str = "simplex";
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
-    let hint = "name the word to write";
     if word.trim().is_empty() {
+        let hint = "name the word to write";
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
     let n_characters = word.chars().count();
     if n_characters > MAX_LETTERS {
-        return Err(Error::input(
+        return Err(input_error!(
             "word",
-            format!("{n_characters} characters"),
-            format!("at most {MAX_LETTERS}"),
+            "{n_characters} characters",
+            "at most {MAX_LETTERS}",
             "split the text into several words; one flight cannot write so many",
         ));
     }
@@ -117,13 +117,13 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 /// A part of a line in characters that its font has, with so many characters before it.
 fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
     let known = |character: char| {
-        character == ' ' || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
+        character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
     let lacks = |index: usize, letter: char| {
         let single = Font::open(SINGLE_LINE, font.trace()).ok();
         let hint = if is_shaped(part) {
             format!("name a typeface of this script in letters.fallback: {} has none", font.name())
-        } else if single.is_some_and(|single| single.shape(letter).is_some()) {
+        } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
             format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
         } else {
             "name a typeface that has it in letters.fallback, such as one of the Noto fonts"
@@ -131,24 +131,35 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         };
         let characters = font.characters();
         let wanted = match characters.chars().count() {
-            ..=LISTED => {
-                format!("one of {}", characters.chars().filter(|c| known(*c)).collect::<String>())
-            }
+            ..=LISTED => format!("one of {}", characters.replace(|c| !known(c), "")),
             _ => format!("a letter of the font {}", font.name()),
         };
         Error::Letter { position: before + index + 1, letter, wanted, hint }
     };
     if is_shaped(part)
-        && let Some(line) = font.line(part, SPACE)
+        && let Some(line) = font.face.line(part, SPACE)
     {
         let index = |byte: usize| part[..byte].chars().count();
+        let place = |byte: usize| format!("word, position {}", before + index(byte) + 1);
+        let name = font.name();
         return match line {
             Ok(_) => Ok(part.to_owned()),
             Err(Unset::Missing(byte)) => {
                 Err(lacks(index(byte), part[byte..].chars().next().unwrap_or(' ')))
             }
-            Err(Unset::Unshaped(byte)) => Err(unshaped(before + index(byte), font.name())),
-            Err(Unset::TooLarge(byte, n)) => Err(too_large(before + index(byte), n)),
+            Err(Unset::Unshaped(byte)) => Err(input_error!(
+                place(byte),
+                "a word that the rules of {name} make endless",
+                "letters that end",
+                "write it with another font, or fewer of its letters in a row",
+            )),
+            // Letters that touch are traced as one outline.
+            Err(Unset::TooLarge(byte, n)) => Err(input_error!(
+                place(byte),
+                "{n} letters in a row that touch each other",
+                "fewer: they are one outline, of at most {MAX_POINTS} points",
+                "put a space or a line end among them",
+            )),
         };
     }
     let drawn = part.chars().enumerate().map(|(index, typed)| {
@@ -156,23 +167,6 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         drawn.ok_or_else(|| lacks(index, typed))
     });
     drawn.collect()
-}
-
-/// The error of a word of which the font's rules make too much.
-fn unshaped(index: usize, font: &str) -> Error {
-    let found = format!("a word that the rules of {font} make endless");
-    let hint = "write it with another font, or fewer of its letters in a row";
-    Error::input(format!("word, position {}", index + 1), found, "letters that end", hint)
-}
-
-/// The error of letters that touch, which are traced as one outline.
-fn too_large(index: usize, n: usize) -> Error {
-    input_error!(
-        format!("word, position {}", index + 1),
-        "{n} letters in a row that touch each other",
-        "fewer: they are one outline, of at most {MAX_POINTS} points",
-        "put a space or a line end among them",
-    )
 }
 
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
@@ -190,7 +184,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
 }
 
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
-    let is_box = fonts.main().fit() == Fit::Box;
+    let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
     let (cells, _) = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let end = |cell: &Placed| cell.at_m + cell.width_m;
@@ -221,7 +215,7 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f6
     let (mut all, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        let space_m = match fonts.main().fit() {
+        let space_m = match fonts.main().face.fit() {
             Fit::Box => options.box_width_m() + options.box_gap_m(),
             Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
         };
@@ -240,8 +234,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f6
 
 /// The same in one font.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
-    let shaped = is_shaped(line).then(|| font.line(line, SPACE)).flatten();
-    match (font.fit(), shaped) {
+    let shaped = is_shaped(line).then(|| font.face.line(line, SPACE)).flatten();
+    match (font.face.fit(), shaped) {
         (_, Some(letters)) => {
             let (letters, size_m) =
                 (letters.expect("the text was made drawable"), options.cap_height_m);
@@ -276,7 +270,7 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
     let cell = |(index, character)| {
-        let shape = font.shape(character).filter(|_| character != ' ');
+        let shape = font.face.shape(character).filter(|_| character != ' ');
         let at_m = (width_m + gap_m) * index as f64;
         Placed { character, shape, at_m, width_m, fit: Fit::Box }
     };
@@ -295,13 +289,13 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape
-            && let Some(marked) = font.marked(base, character)
+            && let Some(marked) = font.face.marked(base, character)
         {
             *last = placed(last.character, last_pen, marked, size_m);
             continue;
         }
-        pen += before.map_or(0.0, |before| font.kern([before, character]));
-        let shape = font.shape(character);
+        pen += before.map_or(0.0, |before| font.face.kern([before, character]));
+        let shape = font.face.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
         last_pen = pen;
         cells.extend(

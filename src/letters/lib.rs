@@ -13,6 +13,8 @@ mod arcs;
 mod center_line;
 mod curves;
 mod drawing;
+#[cfg(test)]
+mod face_tests;
 mod font;
 mod fonts;
 mod glyph;

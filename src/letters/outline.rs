@@ -1,5 +1,6 @@
 //! Outline: closed contours, filled by the nonzero rule as typefaces are.
 
+use super::vector::{between, counts, cross, minus};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance};
 
@@ -27,7 +28,7 @@ pub(super) struct Filled<'a> {
 impl<'a> Filled<'a> {
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
-        let edges: Vec<_> = edges(contours).collect();
+        let edges: Vec<_> = contours.iter().flat_map(|contour| edges(contour)).collect();
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
         let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
@@ -72,8 +73,7 @@ impl<'a> Filled<'a> {
 
     /// Adds where edges cross a leg, as shares of its length; some of them more than once.
     pub(super) fn crossings(&self, [from, to]: [[f64; 2]; 2], shares: &mut Vec<f64>) {
-        let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-        let along = [to[0] - from[0], to[1] - from[1]];
+        let along = minus(to, from);
         let (first, last) = (self.bin(from[1].min(to[1])), self.bin(from[1].max(to[1])));
         let n: usize = self.bins[first..=last].iter().map(|bin| bin.len() + 10).sum();
         if !self.budget.spend_steps(STEPS * n) {
@@ -81,12 +81,11 @@ impl<'a> Filled<'a> {
         }
         for place in self.bins[first..=last].iter().flatten() {
             let [a, b] = self.edges[*place as usize];
-            let edge = [b[0] - a[0], b[1] - a[1]];
-            let (area, off) = (cross(along, edge), [a[0] - from[0], a[1] - from[1]]);
+            let edge = minus(b, a);
+            let (area, off) = (cross(along, edge), minus(a, from));
             let (share, on_edge) = (cross(off, edge) / area, cross(off, along) / area);
-            let slack = 1e-9;
-            if (-slack..=1.0 + slack).contains(&share) && (-slack..=1.0 + slack).contains(&on_edge)
-            {
+            let on_leg = |share: &f64| (-1e-9..=1.0 + 1e-9).contains(share);
+            if on_leg(&share) && on_leg(&on_edge) {
                 shares.push(share.clamp(0.0, 1.0));
             }
         }
@@ -98,34 +97,22 @@ impl<'a> Filled<'a> {
     }
 }
 
-/// All edges, each contour's last to its first included.
-fn edges(contours: &[Contour]) -> impl Iterator<Item = [[f64; 2]; 2]> {
-    contours.iter().flat_map(|contour| {
-        (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
-    })
+/// The edges of a contour, its last point to its first included.
+fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
+    (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
 }
 
 /// The rim of the ink: runs of samples along the contours where there is ink on one side only;
 /// contours within the ink are left out. Samples are at most `spacing` apart. Closed runs repeat
 /// their first point.
 pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
-    let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
-    let spacing = spacing.max(length / MAX_SAMPLES);
+    let spacing = spacing.max(length(contours) / MAX_SAMPLES);
     let mut runs = Vec::new();
     for contour in contours {
         let mut samples: Vec<[f64; 2]> = Vec::new();
-        for [a, b] in edges(std::slice::from_ref(contour)) {
-            let length = distance(a, b);
-            if length == 0.0 {
-                continue;
-            }
-            let n_pieces = (length / spacing).ceil().max(1.0);
-            let mut k = 0.0;
-            while k < n_pieces {
-                let t = k / n_pieces;
-                samples.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
-                k += 1.0;
-            }
+        for [a, b] in edges(contour).filter(|[a, b]| a != b) {
+            let n_pieces = (distance(a, b) / spacing).ceil().max(1.0);
+            samples.extend(counts(n_pieces).map(|k| between(a, b, k / n_pieces)));
         }
         if samples.len() < 3 {
             continue;
@@ -144,27 +131,29 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
             runs.push(samples);
             continue;
         };
-        let mut run: Vec<[f64; 2]> = Vec::new();
-        for index in first_gap..=first_gap + samples.len() {
-            if kept[index % samples.len()] {
-                if run.is_empty() {
-                    run.push(at(index));
-                }
-                run.push(at(index + 1));
-            } else if !run.is_empty() {
-                runs.push(std::mem::take(&mut run));
-            }
+        let n = samples.len();
+        let legs: Vec<usize> = (first_gap..first_gap + n).map(|leg| leg % n).collect();
+        for run in legs.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
+            runs.push(run.iter().copied().chain([run[run.len() - 1] + 1]).map(at).collect());
         }
     }
     runs
 }
 
+fn length(contours: &[Contour]) -> f64 {
+    contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
+}
+
+/// The area within a closed contour, negative where it runs clockwise.
+pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
+    edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
+}
+
 /// Mean width of an outline's strokes: twice its area by its length.
 pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
-    let cross = |[a, b]: [[f64; 2]; 2]| 0.5 * (a[0] * b[1] - a[1] * b[0]);
-    let area: f64 = edges(contours).map(cross).sum();
-    let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
-    2.0 * area.abs() / length.max(f64::MIN_POSITIVE)
+    let edges = contours.iter().flat_map(|contour| edges(contour));
+    let area: f64 = edges.map(|[a, b]| 0.5 * cross(a, b)).sum();
+    2.0 * area.abs() / length(contours).max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

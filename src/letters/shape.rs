@@ -1,5 +1,6 @@
 //! Shape: the strokes of a character before it has a place or a size.
 
+use super::vector::legs;
 use super::{Cell, Glyph, Move};
 use noctograph_core::geometry::bounds;
 
@@ -60,8 +61,7 @@ impl Shape {
                 let place = |[x, y]: [f64; 2]| {
                     [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
                 };
-                let moves = self.runs.iter().flat_map(|run| legs(run, place));
-                moves.collect()
+                self.runs.iter().flat_map(|run| moves(run, place)).collect()
             }
             Fit::Proportional => {
                 let [left, _, right, _] = self.ink();
@@ -78,27 +78,24 @@ impl Shape {
 
 /// The moves of lit runs: the pen goes to the first, and from each to the next, in the dark.
 pub(super) fn pen_moves(runs: &[Run], place: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<Move> {
-    let mut moves: Vec<Move> = Vec::new();
+    let mut all: Vec<Move> = Vec::new();
     for run in runs {
         let to_m = place(run.points[0]);
-        let from_m = moves.last().map_or(to_m, |last| last.to_m);
-        if moves.is_empty() || from_m != to_m {
-            moves.push(Move { from_m, to_m, lit: false, pace: 1.0 });
+        let from_m = all.last().map_or(to_m, |last| last.to_m);
+        if all.is_empty() || from_m != to_m {
+            all.push(Move { from_m, to_m, lit: false, pace: 1.0 });
         }
-        moves.extend(legs(run, &place));
+        all.extend(moves(run, &place));
     }
-    moves
+    all
 }
 
-fn legs(run: &Run, place: impl Fn([f64; 2]) -> [f64; 2]) -> impl Iterator<Item = Move> {
+fn moves(run: &Run, place: impl Fn([f64; 2]) -> [f64; 2]) -> impl Iterator<Item = Move> {
     let lit = run.lit;
-    let step = move |[from, to]: [[f64; 2]; 2]| Move {
-        from_m: place(from),
-        to_m: place(to),
-        lit,
-        pace: 1.0,
-    };
-    run.points.windows(2).map(move |leg| step([leg[0], leg[1]]))
+    legs(&run.points).map(move |leg| {
+        let [from_m, to_m] = leg.map(&place);
+        Move { from_m, to_m, lit, pace: 1.0 }
+    })
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! a ladder that moves no point farther than the error allows. Bending is penalized, so straight
 //! lines stay straight.
 
+use super::vector::{between, counts};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};
 
 /// Ladder of λ, from stiff to loose.
@@ -37,16 +38,14 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
     let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS as f64);
     let mut points = Vec::new();
-    let (mut leg, mut k) = (0, 0.0);
-    while k < n_pieces && line.len() > 1 {
+    let mut leg = 0;
+    for k in counts(if line.len() > 1 { n_pieces } else { 0.0 }) {
         let at = length * k / n_pieces;
         while leg + 2 < line.len() && along[leg + 1] < at {
             leg += 1;
         }
         let share = (at - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
-        let (from, to) = (line[leg], line[leg + 1]);
-        points.push([0, 1].map(|axis| from[axis] + share.min(1.0) * (to[axis] - from[axis])));
-        k += 1.0;
+        points.push(between(line[leg], line[leg + 1], share.min(1.0)));
     }
     points.push(last);
     points

@@ -7,9 +7,9 @@
 
 use kurbo::{BezPath, PathEl, Shape as _};
 
-use super::curves::polylines;
+use super::curves::{polylines, subpaths};
 use super::vector::{direction, dot};
-use noctograph_core::geometry::distance;
+use noctograph_core::geometry::polyline_length_m;
 
 /// Characters of straight strokes: of a face of outlines, none of them has a contour without area.
 /// In a script face the letters may be curves.
@@ -23,7 +23,7 @@ const BACK: f64 = -0.999;
 
 /// Whether most of some outlines have a contour without area.
 pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
-    let has_thin = |path: &&BezPath| contours(path).iter().any(is_thin);
+    let has_thin = |path: &&BezPath| contours(path).any(|contour| is_thin(&contour));
     2 * paths.iter().filter(has_thin).count() > paths.len()
 }
 
@@ -58,17 +58,12 @@ pub(super) fn strokes(
 }
 
 /// The contours of a path, without the edges that close them.
-fn contours(path: &BezPath) -> Vec<BezPath> {
-    let mut found: Vec<BezPath> = Vec::new();
-    for element in path.elements() {
-        match (element, found.last_mut()) {
-            (PathEl::MoveTo(_), _) => found.push(BezPath::from_vec(vec![*element])),
-            (PathEl::ClosePath, _) | (_, None) => {}
-            (element, Some(contour)) => contour.push(*element),
-        }
-    }
-    found.retain(|contour| contour.elements().len() > 1);
-    found
+fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
+    let contours = subpaths(path).into_iter().map(|(first, mut elements)| {
+        elements.retain(|element| *element != PathEl::ClosePath);
+        BezPath::from_vec([&[PathEl::MoveTo(first)][..], &elements].concat())
+    });
+    contours.filter(|contour| contour.elements().len() > 1)
 }
 
 /// A line that is drawn there and back, once: from one of its two turns to the other. Any other
@@ -79,19 +74,16 @@ fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         around.pop();
     }
     let n = around.len();
-    let turns: Vec<usize> = (0..n)
-        .filter(|index| {
-            let (before, at, after) =
-                (around[(index + n - 1) % n], around[*index], around[(index + 1) % n]);
-            dot(direction(before, at), direction(at, after)) < BACK
-        })
-        .collect();
+    let turns_back = |index: &usize| {
+        let [before, at, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
+        dot(direction(before, at), direction(at, after)) < BACK
+    };
+    let turns: Vec<usize> = (0..n).filter(turns_back).collect();
     let [from, to] = turns[..] else { return line };
     let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
-    let length =
-        |line: &[[f64; 2]]| line.windows(2).map(|leg| distance(leg[0], leg[1])).sum::<f64>();
+    let [length, way_back] = [there, &back].map(polyline_length_m);
     // An open line may turn back for a part of its way; it is no line there and back.
-    let is_same = (length(there) - length(&back)).abs() <= 0.01 * length(there);
+    let is_same = (length - way_back).abs() <= 0.01 * length;
     if is_same { there.to_vec() } else { line }
 }
 

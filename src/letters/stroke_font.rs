@@ -19,8 +19,10 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::rounded;
+use super::font::Face;
 use super::shape::{Fit, Run, Shape};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::Result;
+use noctograph_core::input_error;
 
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
@@ -34,27 +36,15 @@ const MAX_FONT_POINTS: usize = 1_000_000;
 /// Height of a small letter by that of a capital: marks are drawn for it.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
-/// Combining marks, each with the sign of its shape; a font has others by their code.
-const MARKS: [(char, char); 13] = [
-    ('\u{300}', '`'),
-    ('\u{301}', '´'),
-    ('\u{302}', 'ˆ'),
-    ('\u{303}', '˜'),
-    ('\u{304}', '¯'),
-    ('\u{306}', '˘'),
-    ('\u{307}', '˙'),
-    ('\u{308}', '¨'),
-    ('\u{30a}', '˚'),
-    ('\u{30b}', '˝'),
-    ('\u{30c}', 'ˇ'),
-    ('\u{327}', '¸'),
-    ('\u{328}', '˛'),
-];
+/// Combining marks, and the signs of their shapes; a font has others by their code.
+const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
+    \u{30c}\u{327}\u{328}";
+const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 
 /// A single-line font.
 #[derive(Debug)]
 pub(super) struct StrokeFont {
-    pub(super) fit: Fit,
+    fit: Fit,
     letters: BTreeMap<char, Arc<Shape>>,
     n_points: usize,
 }
@@ -67,54 +57,27 @@ impl StrokeFont {
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
         for (number, line) in lines {
-            let read = match line.strip_prefix("cap ") {
-                Some(height) if font.letters.is_empty() => {
-                    height.parse().ok().filter(|cap: &f64| (1e-3..=1e6).contains(cap)).map(|cap| {
-                        units = cap;
-                        font.fit = Fit::Proportional;
-                    })
+            let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
+                Some(height) => {
+                    font.fit = Fit::Proportional;
+                    units = height.parse().unwrap_or(f64::NAN);
+                    (1e-3..=1e6).contains(&units).then_some(())
                 }
-                _ => font.parse_letter(line, units),
+                None => font.parse_letter(line, units),
             };
             read.ok_or_else(|| {
-                let wanted = format!(
-                    "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
-                     points, {MAX_FONT_POINTS} in all"
-                );
-                let hint = "compare with fonts/ae483.strokes and fonts/simplex.strokes";
                 let found: String = line.chars().take(60).collect();
-                Error::input("", format!("`{found}`"), wanted, hint).at(file, number as u64)
+                let error = input_error!(
+                    "",
+                    "`{found}`",
+                    "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
+                     points, {MAX_FONT_POINTS} in all",
+                    "compare with fonts/ae483.strokes and fonts/simplex.strokes",
+                );
+                error.at(file, number as u64)
             })?;
         }
         Ok(font)
-    }
-
-    /// The characters that the font can draw.
-    pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        self.letters.keys().copied()
-    }
-
-    /// A character's strokes; `None` where the font lacks it, and cannot compose it of a letter and
-    /// its marks.
-    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let sign = MARKS.iter().find(|(mark, _)| *mark == character).map(|(_, sign)| sign);
-        self.letters.get(sign.unwrap_or(&character)).cloned().or_else(|| {
-            let mut parts = std::iter::once(character).nfd();
-            let base = parts.next().filter(|base| *base != character)?;
-            let base = match base {
-                'i' => 'ı',
-                'j' => 'ȷ',
-                base => base,
-            };
-            let base = self.letters.get(&base)?.clone();
-            parts.try_fold(base, |base, mark| self.marked(&base, mark))
-        })
-    }
-
-    /// A letter with one more combining mark; `None` where the font lacks the mark.
-    pub(super) fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
-        let mark = self.shape(mark)?;
-        Some(Arc::new(compose(base, &mark, [0.0; 2])))
     }
 
     /// `None` for a line of another form.
@@ -152,6 +115,37 @@ impl StrokeFont {
             return None;
         }
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
+    }
+}
+
+impl Face for StrokeFont {
+    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
+        Box::new(self.letters.keys().copied())
+    }
+
+    /// What it lacks is composed of a letter and its marks.
+    fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let mut signs = MARKS.chars().zip(SIGNS.chars());
+        let sign = signs.find(|(mark, _)| *mark == character).map_or(character, |(_, sign)| sign);
+        self.letters.get(&sign).cloned().or_else(|| {
+            let mut parts = std::iter::once(character).nfd();
+            let base = parts.next().filter(|base| *base != character)?;
+            let base = match base {
+                'i' => 'ı',
+                'j' => 'ȷ',
+                base => base,
+            };
+            let base = self.letters.get(&base)?.clone();
+            parts.try_fold(base, |base, mark| self.marked(&base, mark))
+        })
+    }
+
+    fn fit(&self) -> Fit {
+        self.fit
+    }
+
+    fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
+        Some(Arc::new(compose(base, &*self.shape(mark)?, [0.0; 2])))
     }
 }
 

@@ -21,6 +21,7 @@ use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
+use super::font::Face;
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
@@ -28,7 +29,7 @@ use super::shaping::{Placed, Unset, shaped};
 use super::stored;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
-use noctograph_core::geometry::{distance, polyline_length_m};
+use noctograph_core::geometry::distance;
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -134,29 +135,8 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// Its characters in the Basic Multilingual Plane, and emoji.
-    pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        let all =
-            ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
-        all.filter(|c| self.glyph(*c).is_some())
-    }
-
-    pub(super) fn has(&self, character: char) -> bool {
-        self.glyph(character).is_some()
-    }
-
     fn glyph(&self, character: char) -> Option<GlyphId> {
         self.face.charmap().map_unicode(character)
-    }
-
-    /// A character's strokes; `None` where the face lacks it.
-    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let glyph = self.glyph(character)?;
-        if character.is_whitespace() {
-            let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
-            return Some(Arc::new(Shape { advance, ..Shape::default() }));
-        }
-        self.joined(&[(glyph, [0; 2])])
     }
 
     /// The strokes of glyphs together.
@@ -166,23 +146,19 @@ impl Typeface {
         shapes.entry(parts.to_vec()).or_insert_with(|| shape().map(Arc::new)).clone()
     }
 
-    /// A line of letters that are shaped, from left to right.
-    ///
-    /// # Errors
-    ///
-    /// [`Unset`].
-    pub(super) fn line(&self, line: &str, space: f64) -> Line {
+    /// The letters of a line, shaped.
+    pub(super) fn set(&self, line: &str, space: f64) -> Line {
         let unit = self.advance(1.0);
         let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let mut glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
-        let side = |placed: &Placed| {
+        let glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
+        let sides = |placed: &Placed| {
             let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
             let bounds = path.control_box();
             Some([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.at[0])))
         };
-        let mut sided: Vec<([f64; 2], Placed)> =
-            glyphs.drain(..).filter_map(|placed| Some((side(&placed)?, placed))).collect();
+        let sided = glyphs.into_iter().filter_map(|placed| Some((sides(&placed)?, placed)));
+        let mut sided: Vec<([f64; 2], Placed)> = sided.collect();
         sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
         for ([left, right], placed) in sided {
@@ -209,18 +185,8 @@ impl Typeface {
         joined.collect()
     }
 
-    /// Checks that all characters so far were traced within the face's budget.
-    pub(super) fn check_work(&self) -> Result<()> {
-        self.traced().budget.check()
-    }
-
     fn traced(&self) -> MutexGuard<'_, Traced> {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-    }
-
-    /// Kerning of two characters in the table `kern`, in cap heights between center lines.
-    pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
-        self.advance(self.kern_units(pair).unwrap_or(0) as f32)
     }
 
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
@@ -243,9 +209,8 @@ impl Typeface {
         }
         if self.is_stored {
             let lines = stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
-            let runs: Vec<Run> =
-                lines.into_iter().map(|points| Run { lit: true, points }).collect();
-            return (!runs.is_empty()).then_some(Shape { advance, runs, lost: 0.0 });
+            let runs = lines.into_iter().map(|points| Run { lit: true, points }).collect();
+            return Some(Shape { advance, runs, lost: 0.0 }).filter(|shape| !shape.runs.is_empty());
         }
         let contours = self.contours(parts, budget)?;
         let mut lost = 0.0;
@@ -274,9 +239,8 @@ impl Typeface {
     /// Whether a glyph is an area and no stroke: thicker than the face's letters, and short for its
     /// thickness.
     fn is_area(&self, found: &CenterLines) -> bool {
-        let length: f64 = found.lines.iter().map(|line| polyline_length_m(line)).sum();
         let is_thick = !self.has_stems || found.thickest > THICK * self.half_width;
-        is_thick && length < 2.0 * LONG * found.thickest
+        is_thick && found.length() < 2.0 * LONG * found.thickest
     }
 
     /// Font units in cap heights between center lines.
@@ -307,7 +271,43 @@ impl Typeface {
             path.extend(part);
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
-        (size(&path) <= MAX_COORDINATE).then_some(path)
+        let bounds = path.control_box();
+        let mut sides = [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter();
+        sides.all(|side| side.abs() <= MAX_COORDINATE).then_some(path)
+    }
+}
+
+impl Face for Typeface {
+    /// Those in the Basic Multilingual Plane, and emoji.
+    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
+        let all = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
+        Box::new(all.filter(|c| !c.is_whitespace() && self.has(*c)))
+    }
+
+    fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let glyph = self.glyph(character)?;
+        if character.is_whitespace() {
+            let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
+            return Some(Arc::new(Shape { advance, ..Shape::default() }));
+        }
+        self.joined(&[(glyph, [0; 2])])
+    }
+
+    fn has(&self, character: char) -> bool {
+        self.glyph(character).is_some()
+    }
+
+    fn line(&self, line: &str, space: f64) -> Option<Line> {
+        Some(self.set(line, space))
+    }
+
+    /// By the table `kern`, between center lines.
+    fn kern(&self, pair: [char; 2]) -> f64 {
+        self.advance(self.kern_units(pair).unwrap_or(0) as f32)
+    }
+
+    fn check_work(&self) -> Result<()> {
+        self.traced().budget.check()
     }
 }
 
@@ -316,12 +316,6 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
     let id = face.glyph_id(character);
     id.0 != 0 && face.outline(id).is_some()
-}
-
-/// Largest coordinate of a path.
-fn size(path: &BezPath) -> f64 {
-    let bounds = path.control_box();
-    [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter().map(f64::abs).fold(0.0, f64::max)
 }
 
 /// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper

@@ -2,7 +2,7 @@
 //! lines are extended straight until they meet.
 
 use super::super::outline::Filled;
-use super::super::vector::{ahead, dot, mean};
+use super::super::vector::{ahead, cross, dot, legs, mean, minus};
 use super::axis::{Axis, Branch};
 use super::limbs::{Arm, Connection, Knot, Limb, chain};
 use noctograph_core::geometry::distance;
@@ -219,16 +219,12 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
 
 /// The point where an arm, extended straight, first meets a line.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let [ux, uy] = [-arm.away[0], -arm.away[1]];
-    let hits = line.windows(2).filter_map(|leg| {
-        let ([px, py], [dx, dy]) = (minus(leg[0], arm.from), minus(leg[1], leg[0]));
-        let cross = ux * dy - uy * dx;
-        let (t, s) = ((px * dy - py * dx) / cross, (px * uy - py * ux) / cross);
+    let onward = arm.away.map(|x| -x);
+    let hits = legs(line).filter_map(|[from, to]| {
+        let (off, leg) = (minus(from, arm.from), minus(to, from));
+        let area = cross(onward, leg);
+        let (t, s) = (cross(off, leg) / area, cross(off, onward) / area);
         (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)
     });
-    hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, [ux, uy], t))
-}
-
-fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] - b[0], a[1] - b[1]]
+    hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, onward, t))
 }

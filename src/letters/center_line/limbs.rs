@@ -3,7 +3,7 @@
 use noctograph_core::geometry::{arc_lengths, distance};
 use noctograph_core::statistics::median;
 
-use super::super::vector::direction;
+use super::super::vector::{ahead, direction, minus};
 
 /// A branch is used from where its radius has fallen to this multiple of its median radius.
 const SETTLED: f64 = 1.06;
@@ -60,12 +60,17 @@ impl Limb {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
-    pub(super) fn trim(&mut self, limb: usize, tail: bool, radius: f64) -> Arm {
+    /// Turns its tail to the front, or back.
+    fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();
             self.radii.reverse();
         }
+    }
+
+    /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
+    pub(super) fn trim(&mut self, limb: usize, tail: bool, radius: f64) -> Arm {
+        self.turn(tail);
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
@@ -82,38 +87,23 @@ impl Limb {
         let away = direction(from, self.points[last]);
         self.points.drain(..first);
         self.radii.drain(..first);
-        if tail {
-            self.points.reverse();
-            self.radii.reverse();
-        }
+        self.turn(tail);
         Arm { limb, tail, from, away, radius: usual }
     }
 
     /// Turns a straight limb about its other end, so that it leads to `to` instead of `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
-        if tail {
-            self.points.reverse();
-        }
-        let mut before = from;
-        let mut length = 0.0;
-        let along = self.points.iter().map(|point| {
-            length += distance(before, *point);
-            before = *point;
-            length
-        });
-        let along: Vec<f64> = along.collect();
+        self.turn(tail);
+        let along = arc_lengths(&[&[from][..], &self.points].concat());
+        let length = along[along.len() - 1];
         let chord = self.points.last().map_or(0.0, |last| distance(from, *last));
         if chord >= STRAIGHT * length {
-            for (point, along) in self.points.iter_mut().zip(along) {
+            for (point, along) in self.points.iter_mut().zip(&along[1..]) {
                 let share = 1.0 - along / length.max(f64::MIN_POSITIVE);
-                for axis in 0..2 {
-                    point[axis] += share * (to[axis] - from[axis]);
-                }
+                *point = ahead(*point, minus(to, from), share);
             }
         }
-        if tail {
-            self.points.reverse();
-        }
+        self.turn(tail);
     }
 }
 

@@ -7,6 +7,7 @@
 
 use super::outline::{Contour, Filled, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
+use super::vector::legs;
 use axis::Axis;
 use limbs::Knot;
 use noctograph_core::files::Budget;
@@ -41,7 +42,7 @@ const LOST: f64 = 3.0;
 const DOT: f64 = 0.01 / 21.0;
 
 /// Center lines, and the median half width of the strokes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
     pub(super) half_width: f64,
@@ -50,6 +51,12 @@ pub(super) struct CenterLines {
     /// Longest part of the medial axis whose ink no line touches, where it is too long for a
     /// corner: a stroke of the face that was lost. In cap heights; 0: none.
     pub(super) lost: f64,
+}
+
+impl CenterLines {
+    pub(super) fn length(&self) -> f64 {
+        self.lines.iter().map(|line| polyline_length_m(line)).sum()
+    }
 }
 
 /// Steps of the triangulation for each node, of smoothing a point with nine stiffnesses, and of the
@@ -62,7 +69,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let rim = rim(contours, &ink, spacing);
     if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
-        return CenterLines { lines: Vec::new(), half_width: 0.0, thickest: 0.0, lost: 0.0 };
+        return CenterLines::default();
     }
     let mut axis = Axis::new(&rim, &ink);
     let parts = parts(&axis.neighbors);
@@ -108,16 +115,15 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 
 /// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
 fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
-    let legs: Vec<[[f64; 2]; 2]> =
-        lines.iter().flat_map(|line| line.windows(2).map(|leg| [leg[0], leg[1]])).collect();
+    let legs: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
     let untouched = |node: usize| {
         legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
     };
     let untouched: Vec<bool> = (0..whole.len()).map(untouched).collect();
-    let untouched = &untouched;
-    let kept =
-        |node: usize| whole[node].iter().copied().filter(move |n| untouched[node] && untouched[*n]);
-    let links: Vec<Vec<usize>> = (0..whole.len()).map(|node| kept(node).collect()).collect();
+    let mut links = whole.to_vec();
+    for (node, links) in links.iter_mut().enumerate() {
+        links.retain(|other| untouched[node] && untouched[*other]);
+    }
     let length = |part: &Vec<usize>| {
         let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
         0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
@@ -131,22 +137,17 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut seen = vec![false; neighbors.len()];
     let mut parts = Vec::new();
     for start in 0..neighbors.len() {
-        if seen[start] {
-            continue;
-        }
+        let mut part = if seen[start] { Vec::new() } else { vec![start] };
         seen[start] = true;
-        let mut part = vec![start];
         let mut next = 0;
         while next < part.len() {
-            for node in &neighbors[part[next]] {
-                if !seen[*node] {
-                    seen[*node] = true;
-                    part.push(*node);
-                }
-            }
+            let links = &neighbors[part[next]];
+            part.extend(links.iter().filter(|node| !std::mem::replace(&mut seen[**node], true)));
             next += 1;
         }
-        parts.push(part);
+        if !part.is_empty() {
+            parts.push(part);
+        }
     }
     parts
 }

@@ -9,8 +9,9 @@ use std::cell::OnceCell;
 
 use crate::center_line::{CenterLines, center_lines, outlines};
 use crate::outline::{Contour, Filled, mean_stroke_width};
+use crate::vector::legs;
 use noctograph_core::files::Budget;
-use noctograph_core::geometry::{bounds, polyline_length_m, segment_distance};
+use noctograph_core::geometry::{bounds, segment_distance};
 use noctograph_core::statistics::median;
 
 /// Mean width of a line, by the larger side of its patch.
@@ -101,12 +102,10 @@ impl<'a> Patch<'a> {
     }
 
     fn penned_along(&self, center: &CenterLines) -> f64 {
-        let length: f64 = center.lines.iter().map(|line| polyline_length_m(line)).sum();
-        if length < 2.0 * LONG * center.thickest {
-            return 0.0;
-        }
-        let legs = || center.lines.iter().flat_map(|line| line.windows(2));
-        if !self.budget.spend_steps(STEPS * legs().count() * (GRID * GRID) as usize) {
+        let legs = || center.lines.iter().flat_map(|line| legs(line));
+        if center.length() < 2.0 * LONG * center.thickest
+            || !self.budget.spend_steps(STEPS * legs().count() * (GRID * GRID) as usize)
+        {
             return 0.0;
         }
         let ink = Filled::new(&self.contours, self.budget);
@@ -117,8 +116,7 @@ impl<'a> Patch<'a> {
                 from + (to - from) * (f64::from(k) + 0.5) / f64::from(GRID)
             };
             let place = [along(x, left, right), along(y, bottom, top)];
-            let penned =
-                legs().any(|leg| segment_distance(place, [leg[0], leg[1]]) <= center.half_width);
+            let penned = legs().any(|leg| segment_distance(place, leg) <= center.half_width);
             let inked = ink.holds(place);
             both += u32::from(penned && inked);
             any += u32::from(penned || inked);
@@ -154,20 +152,17 @@ pub(super) fn lines(patches: Vec<Patch<'_>>, larger_px: f64) -> Vec<Vec<[f64; 2]
         beside.len() >= LETTERS && beside.iter().any(|other| other.penned() > PENNED[0])
     };
     let letters: Vec<bool> = patches.iter().map(is_letter).collect();
-    let pen_px = |is_of: &dyn Fn(&Patch<'_>, bool) -> bool| {
-        let of =
-            patches.iter().zip(&letters).filter(|(patch, is_letter)| is_of(patch, **is_letter));
-        median(of.map(|(patch, _)| patch.pen_px()[0])).unwrap_or(0.0)
-    };
-    let pen = pen_px(&|patch, _| patch.is_thin());
-    let letter_pen = pen_px(&|_, is_letter| is_letter);
+    let thin = patches.iter().filter(|patch| patch.is_thin());
+    let pen = median(thin.map(|patch| patch.pen_px()[0])).unwrap_or(0.0);
+    let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);
+    let letter_pen = median(written.map(|(patch, _)| patch.pen_px()[0])).unwrap_or(0.0);
     let mut lines = Vec::new();
     for (patch, is_letter) in patches.iter().zip(&letters) {
         let is_line = |center: &CenterLines| {
             let thickest = patch.pen_px()[1];
-            let length: f64 = center.lines.iter().map(|line| polyline_length_m(line)).sum();
             let is_point = size(patch.bounds) < POINT * larger_px;
-            let is_dot = length < center.thickest && thickest <= DOTS * letter_pen.max(pen);
+            let is_dot =
+                center.length() < center.thickest && thickest <= DOTS * letter_pen.max(pen);
             let is_single = patch.contours.len() == 1 && center.lines.len() == 1;
             patch.is_thin()
                 || is_single && patch.penned() > PENNED[0]

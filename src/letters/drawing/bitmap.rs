@@ -16,14 +16,16 @@ use super::areas::{self, Patch};
 use super::gradient::Paint;
 use super::ink::{Field, RIM, plain_paper};
 use super::inlays::inlays;
-use super::levels::{around, contours, level};
+use super::levels::{contours, level};
+use super::paper::Edges;
 use super::photograph::edges;
 use super::qr;
 use super::sheet::{self, Corners, Map};
 use super::{ColoredLine, MAX_POINTS};
 use crate::Picture;
 use crate::options::{LetterOptions, Trace};
-use crate::outline::{Contour, Filled, mean_stroke_width};
+use crate::outline::{Contour, Filled, area, mean_stroke_width};
+use crate::vector::{between, legs};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
@@ -96,150 +98,124 @@ pub(super) fn read(
     size: impl Fn([f64; 4]) -> Result<f64>,
     file: &str,
 ) -> Result<Traced> {
-    let hint = "photograph the drawing in even light, or draw with a darker pen";
     let budget = Budget::of(file, "make the picture smaller, or draw less");
     let (picture, shrunk) = upright(bytes, &budget, file)?;
     let (picture, mut field, sheet) = match paper(&picture, shrunk, options, file)? {
         Some((sheet, field, corners)) => (sheet, field, Some(corners)),
         None => {
-            let field = Field::of(&picture);
+            let field = Field::of(&picture, Edges::Soft);
             (picture, field, None)
         }
     };
-    let in_file = match &sheet {
-        Some(corners) => sheet::back(corners, picture.dimensions()),
-        None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
+    // A photograph by its edges.
+    let photograph = |edges: Vec<Vec<[f64; 2]>>| Traced {
+        lines: edges.into_iter().map(|line| (line, Paint::Plain([0; 3]))).collect(),
+        detail: options.detail.unwrap_or(PHOTOGRAPH),
+        picture: Picture::Photograph,
+        warnings: Vec::new(),
+        corners_px: sheet,
+        in_file: match &sheet {
+            Some(corners) => sheet::back(corners, picture.dimensions()),
+            None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
+        },
     };
+    let longer = picture.width().max(picture.height());
     let mut found = field.threshold();
     // How far the picture is on the way to a photograph: 1 and more, it is one. A sheet is none,
     // and a picture of few pixels is mostly blur.
-    let is_whole = sheet.is_none() && picture.width().max(picture.height()) >= SMALL;
+    let is_whole = sheet.is_none() && longer >= SMALL;
     let photographic = found.filter(|_| is_whole).map_or(0.0, |(threshold, strong)| {
         (field.texture(threshold) / TEXTURE).max(field.tones(strong) / TONES)
     });
-    let is_near = photographic > NEARLY;
-    let is_photograph = match options.picture {
-        Picture::Auto => photographic > 1.0,
-        Picture::Drawing => false,
-        Picture::Photograph => true,
-    };
-    if is_photograph {
-        return Ok(photograph(edges(&picture), options, sheet, in_file));
+    let is_auto = options.picture == Picture::Auto;
+    if options.picture == Picture::Photograph || is_auto && photographic > 1.0 {
+        return Ok(photograph(edges(&picture)));
     }
     if field.is_shaded && sheet.is_none() {
-        field = Field::in_shadow(&picture);
+        field = Field::of(&picture, Edges::Sharp);
         found = field.threshold();
     }
-    let Some((_, strong)) = found else {
+    let blank = || {
         let found = "a picture without lines that stand out from its paper";
-        return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
+        let hint = "photograph the drawing in even light, or draw with a darker pen";
+        Error::input(file, found, "a drawing, handwriting or a logo", hint)
     };
+    let (_, strong) = found.ok_or_else(blank)?;
     #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-    let least = speck(f64::from(picture.width().max(picture.height()))) as usize;
-    let (is_ruled, n_across) = field.find(strong, least);
+    let (is_ruled, n_across) = field.find(strong, speck(f64::from(longer)) as usize);
     let (patches, n_cut) = field.patches(sheet.is_some());
     if patches.is_empty() {
-        let found = "a picture without lines that stand out from its paper";
-        return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
+        return Err(blank());
     }
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let scale = size(extent)?;
-    let patches =
-        patches.into_iter().map(|patch| Patch::new(patch, [larger, 1.0 / scale], &budget));
-    let patches: Vec<Patch<'_>> = patches.collect();
-    let lines: Vec<Vec<[f64; 2]>> = match options.trace {
+    let patch = |contours| Patch::new(contours, [larger, 1.0 / scale], &budget);
+    let traced = |patches: Vec<Patch<'_>>| match options.trace {
         Trace::CenterLine => areas::lines(patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
-    let mut colored: Vec<ColoredLine> = lines
-        .into_iter()
-        .map(|line| {
-            let color = field.hue(&line);
-            (line, Paint::Plain(color))
-        })
-        .collect();
+    let lines = traced(patches.into_iter().map(patch).collect());
+    let hues: Vec<Paint> = lines.iter().map(|line| Paint::Plain(field.hue(line))).collect();
+    let mut lines: Vec<ColoredLine> = lines.into_iter().zip(hues).collect();
     let (inlays, too_many_inlays) = inlays(&field);
     for (contours, color) in inlays {
         let color = Paint::Plain(saturated(color, CHROMA));
-        for patch in nested(contours, speck(larger)) {
-            let patch = Patch::new(patch, [larger, 1.0 / scale], &budget);
-            let lines = match options.trace {
-                Trace::CenterLine => areas::lines(vec![patch], larger),
-                Trace::Outline => patch.rim().collect(),
-            };
-            colored.extend(lines.into_iter().map(|line| (line, color)));
+        for contours in nested(contours, speck(larger)) {
+            lines.extend(traced(vec![patch(contours)]).into_iter().map(|line| (line, color)));
         }
     }
     budget.check()?;
-    colored.retain(|(line, _)| line.len() > 1);
-    if colored.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
+    lines.retain(|(line, _)| line.len() > 1);
+    if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
-    let n_dots = colored.iter().filter(|(line, _)| polyline_length_m(line) < DOT * larger).count();
-    let is_night = field.is_light && n_dots > DOTS && 2 * n_dots > colored.len();
-    if is_night && options.picture == Picture::Auto {
+    let n_dots = lines.iter().filter(|(line, _)| polyline_length_m(line) < DOT * larger).count();
+    let is_night = field.is_light && n_dots > DOTS && 2 * n_dots > lines.len();
+    if is_night && is_auto {
         let edges = edges(&picture);
         let length: f64 = edges.iter().map(|edge| polyline_length_m(edge)).sum();
         if length > ROOFS * f64::from(picture.width()) {
-            return Ok(photograph(edges, options, sheet, in_file));
+            return Ok(photograph(edges));
         }
     }
-    let ruled = "pale lines across the picture are not drawn: they look like the paper's rulings";
-    let found_sheet = sheet.filter(|_| options.corners_px.is_none()).map(|corners| {
-        let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
-        format!("drawn is the sheet of paper with its corners at {corners} (letters.corners_px)")
-    });
-    let code = |module_px: f64| {
+    let mut warnings = Vec::new();
+    if let Some(module_px) = qr::module_px(&field) {
         let module_mm = 1e3 * module_px * scale * options.cap_height_m;
-        format!(
+        warnings.push(format!(
             "a QR code of modules of {module_mm:.0} mm: a phone reads it only if they are filled, in \
              lines as wide as the lamp, and each lies within {:.0} mm of its place; the drone draws \
              them by lines along them, so write its address instead",
             READ * module_mm
-        )
-    };
-    let photo =
-        "this looks much like a photograph: letters.picture = \"photograph\" draws its edges";
-    let is_offered = (is_near || is_night) && options.picture == Picture::Auto;
+        ));
+    }
+    let mut warn = |is: bool, text: &str| warnings.extend(is.then(|| text.to_owned()));
+    warn(
+        is_auto && (photographic > NEARLY || is_night),
+        "this looks much like a photograph: letters.picture = \"photograph\" draws its edges",
+    );
     let n_cut = n_cut + n_across;
-    let said = [
-        qr::module_px(&field).map(code),
-        is_offered.then(|| photo.to_owned()),
-        (n_cut > 0).then(|| {
-            format!(
-                "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies \
-                 around the paper; leave a margin around the drawing"
-            )
-        }),
-        too_many_inlays.then(|| {
-            "what has another color within an area is not drawn: there are too many of it"
-                .to_owned()
-        }),
-        is_ruled.then(|| ruled.to_owned()),
-        found_sheet,
-    ];
-    Ok(Traced {
-        lines: colored,
-        detail: options.detail.unwrap_or(1.0),
-        picture: Picture::Drawing,
-        warnings: said.into_iter().flatten().collect(),
-        corners_px: sheet,
-        in_file,
-    })
-}
-
-/// A photograph by its edges.
-fn photograph(
-    edges: Vec<Vec<[f64; 2]>>,
-    options: &LetterOptions,
-    corners_px: Option<Corners>,
-    in_file: Map,
-) -> Traced {
-    let edges = edges.into_iter().map(|line| (line, Paint::Plain([0; 3])));
-    let (lines, detail) = (edges.collect(), options.detail.unwrap_or(PHOTOGRAPH));
-    let (picture, warnings) = (Picture::Photograph, Vec::new());
-    Traced { lines, detail, picture, warnings, corners_px, in_file }
+    let cut = format!(
+        "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
+         paper; leave a margin around the drawing"
+    );
+    warn(n_cut > 0, &cut);
+    warn(
+        too_many_inlays,
+        "what has another color within an area is not drawn: there are too many of it",
+    );
+    warn(
+        is_ruled,
+        "pale lines across the picture are not drawn: they look like the paper's rulings",
+    );
+    if let Some(corners) = sheet.filter(|_| options.corners_px.is_none()) {
+        let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
+        warnings.push(format!(
+            "drawn is the sheet of paper with its corners at {corners} (letters.corners_px)"
+        ));
+    }
+    let (detail, picture) = (options.detail.unwrap_or(1.0), Picture::Drawing);
+    Ok(Traced { lines, detail, picture, warnings, ..photograph(Vec::new()) })
 }
 
 /// The sheet of paper in a picture seen square on, its ink, and its corners in the pixels of the
@@ -260,7 +236,7 @@ fn paper(
             return Err(Error::input(format!("{file}: corners"), found, wanted, hint));
         }
         let sheet = sheet::square_on(picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
-        let field = Field::of(&sheet);
+        let field = Field::of(&sheet, Edges::Soft);
         return Ok(Some((sheet, field, corners)));
     }
     if options.picture == Picture::Photograph || plain_paper(picture).is_some() {
@@ -268,7 +244,7 @@ fn paper(
     }
     let Some(corners) = sheet::corners(picture) else { return Ok(None) };
     let sheet = sheet::square_on(picture, &corners);
-    let field = Field::in_shadow(&sheet);
+    let field = Field::of(&sheet, Edges::Sharp);
     let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
     Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
 }
@@ -281,12 +257,11 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
         Error::input(file, found, wanted, "choose another file, or make it smaller")
     };
     // Phones and programs give files the ending of another kind.
-    let kinds = [(4, &b"ftyp"[..], "heic"), (0, b"%PDF", "pdf")];
-    if let Some((.., kind)) = kinds
-        .iter()
-        .find(|(at, sign, _)| bytes.get(*at..).is_some_and(|rest| rest.starts_with(sign)))
-    {
-        return Err(super::foreign(kind, file));
+    if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
+        return Err(super::foreign("heic", file));
+    }
+    if bytes.starts_with(b"%PDF") {
+        return Err(super::foreign("pdf", file));
     }
     let reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| refuse(&e))?;
@@ -316,15 +291,12 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
 
 /// A transparent picture on a ground from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
-    let mut n_opaque = 0.0;
-    let mut n_lost = [0.0; GROUNDS.len()];
-    for pixel in picture.pixels().filter(|pixel| pixel.0[3] > 127) {
-        n_opaque += 1.0;
-        for (ground, n) in GROUNDS.iter().zip(&mut n_lost) {
-            let is_lost = pixel.0[..3].iter().all(|value| value.abs_diff(*ground) < APART);
-            *n += f64::from(u8::from(is_lost));
-        }
-    }
+    let opaque = || picture.pixels().filter(|pixel| pixel.0[3] > 127);
+    let n_opaque = opaque().count() as f64;
+    let n_lost = GROUNDS.map(|ground| {
+        let is_lost = |value: &u8| value.abs_diff(ground) < APART;
+        opaque().filter(|pixel| pixel.0[..3].iter().all(is_lost)).count() as f64
+    });
     let all = f64::from(picture.width()) * f64::from(picture.height());
     let has_paper = n_opaque > PAPER * all && n_lost[0] > PAPER * n_opaque;
     let stands_out = (0..GROUNDS.len()).find(|k| n_lost[*k] <= LOST * n_opaque);
@@ -372,16 +344,15 @@ impl Field {
             };
             patches.retain(|patch| !is_foreign(patch));
         }
-        let n_left_out = n_all - patches.len();
-        (patches, n_left_out)
+        let n_cut = n_all - patches.len();
+        (patches, n_cut)
     }
 
     /// Whether there is ink all along a contour, on both sides of it.
     fn is_inked(&self, contour: &Contour) -> bool {
         let least = contour.iter().map(|[x, y]| {
-            let at = pixel(-y, self.height) * self.width + pixel(*x, self.width);
-            let near = around(at, self.width, self.height, 2).map(|at| self.contrast[at]);
-            near.fold(1.0, f64::min)
+            let at = self.pixel([*x, *y]);
+            self.around(at, 2).map(|at| self.contrast[at]).fold(1.0, f64::min)
         });
         median(least).is_some_and(|least| least > INKED)
     }
@@ -390,18 +361,17 @@ impl Field {
     fn along_rim(&self, contour: &Contour) -> f64 {
         let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
         let at_rim = |[x, y]: [f64; 2]| x < 1.0 || x > right || -y < 1.0 || -y > bottom;
-        let legs = contour.iter().zip(contour.iter().skip(1));
-        legs.filter(|(a, b)| at_rim(**a) && at_rim(**b)).map(|(a, b)| distance(*a, *b)).sum()
+        let legs = legs(contour).filter(|[a, b]| at_rim(*a) && at_rim(*b));
+        legs.map(|[a, b]| distance(a, b)).sum()
     }
 
     /// The hue of the ink along a line at full saturation; black where it is gray.
     fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
         let mut sum = [0.0; 3];
         let [mut n, mut contrast] = [0.0; 2];
-        for leg in line.windows(2) {
+        for [from, to] in legs(line) {
             for share in [0.0, 0.25, 0.5, 0.75] {
-                let [x, y] = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
-                let at = pixel(-y, self.height) * self.width + pixel(x, self.width);
+                let at = self.pixel(between(from, to, share));
                 if self.ink[at] > RIM {
                     (0..3).for_each(|i| sum[i] += self.color[at][i]);
                     contrast += self.contrast[at];
@@ -409,10 +379,15 @@ impl Field {
                 }
             }
         }
-        saturated(
-            sum.map(|value| value / f64::max(n, 1.0)),
-            (CHROMA * contrast / f64::max(n, 1.0)).max(GRAY),
-        )
+        let n = f64::max(n, 1.0);
+        saturated(sum.map(|value| value / n), (CHROMA * contrast / n).max(GRAY))
+    }
+
+    /// The pixel at a place, which is not in the margin.
+    #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
+    fn pixel(&self, [x, y]: [f64; 2]) -> usize {
+        let of = |place: f64, side: usize| (place.round().max(1.0) as usize).min(side - 2);
+        of(-y, self.height) * self.width + of(x, self.width)
     }
 }
 
@@ -455,16 +430,4 @@ fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
 /// Least area of a patch, by the longer side of its picture in pixels.
 fn speck(side: f64) -> f64 {
     (SPECK * side * SPECK * side).max(2.0)
-}
-
-/// The area within a closed contour, negative where it runs clockwise.
-fn area(contour: &Contour) -> f64 {
-    let legs = contour.iter().zip(contour.iter().cycle().skip(1));
-    legs.map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
-}
-
-/// The pixel of the field at a place, which is not in its margin.
-#[expect(clippy::cast_possible_truncation, reason = "within the picture")]
-fn pixel(place: f64, side: usize) -> usize {
-    (place.round().max(1.0) as usize).min(side - 2)
 }

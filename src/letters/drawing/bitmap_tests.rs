@@ -1,6 +1,7 @@
 //! Pictures: ink on paper under any light, areas, photographs.
 
 use super::super::Picture;
+use super::picture_tests::{Canvas, icon, line, polygon, traced};
 use super::tests::{lit, on_canvas};
 use super::*;
 
@@ -25,30 +26,16 @@ const NOOR: &[&[[f32; 2]]] = &[
     &[[0.8, 0.7], [0.8, 0.3], [0.92, 0.38], [0.8, 0.5], [0.92, 0.7]],
 ];
 
+/// Points in pixels.
+fn scaled(points: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    points.iter().map(|[x, y]| [x * SIZE[0] as f32, y * SIZE[1] as f32]).collect()
+}
+
 /// The drawing in black on white.
 fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
-    let [width, height] = SIZE;
-    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
-    pixmap.fill(tiny_skia::Color::WHITE);
-    let stroke = tiny_skia::Stroke {
-        width: pen_px,
-        line_cap: tiny_skia::LineCap::Round,
-        line_join: tiny_skia::LineJoin::Round,
-        ..tiny_skia::Stroke::default()
-    };
-    let mut paint = tiny_skia::Paint::default();
-    paint.set_color_rgba8(20, 20, 25, 255);
-    for line in lines {
-        let mut path = tiny_skia::PathBuilder::new();
-        for (index, [x, y]) in line.iter().enumerate() {
-            let (x, y) = (x * width as f32, y * height as f32);
-            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-        }
-        let path = path.finish().unwrap();
-        pixmap.stroke_path(&path, &paint, &stroke, tiny_skia::Transform::identity(), None);
-    }
-    let rgb = pixmap.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
-    image::RgbImage::from_raw(width, height, rgb).unwrap()
+    let mut canvas = Canvas::new(SIZE, [255; 3]);
+    lines.iter().for_each(|points| canvas.draw(&line(&scaled(points)), [20, 20, 25], pen_px));
+    canvas.picture()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "levels")]
@@ -136,23 +123,12 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let clean = sheet(lines, pen_px);
         let mut picture = clean.clone();
         taken(&mut picture);
-        let mut file = Vec::new();
         let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
-        picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-        let size = |_: [f64; 4]| Ok(1.0 / f64::from(SIZE[1]));
-        let found = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap().lines;
-        let mut flown = Vec::new();
-        for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
-            let n = distance(leg[0], leg[1]).ceil().max(1.0);
-            flown.extend((0..1000).map(f64::from).take_while(|k| *k < n).map(|k| {
-                // The lines have a margin of a pixel, and y up.
-                let share = k / n;
-                let at = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
-                [at[0] - 1.0, -at[1] - 1.0]
-            }));
-        }
+        let found = traced(&picture, format).lines;
+        let flown: Vec<[f64; 2]> =
+            found.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 1.0)).collect();
         let dark = clean.enumerate_pixels().filter(|(.., pixel)| pixel.0[0] < 128);
-        let dark: Vec<_> = dark.map(|(x, y, _)| [f64::from(x), f64::from(y)]).collect();
+        let dark: Vec<_> = dark.map(|(x, y, _)| [x, y].map(|x| f64::from(x) + 0.5)).collect();
         let within = 1.5 * f64::from(pen_px);
         let [drawn, meant] = [near(&dark, &flown, within), near(&flown, &dark, within)];
         assert!(drawn >= 0.97 && meant >= 0.97, "{index}: {drawn:.3} drawn, {meant:.3} meant");
@@ -257,44 +233,19 @@ fn a_photograph_is_drawn_by_its_long_edges() {
     assert_ne!(ink, auto, "the kind can be given");
 }
 
-/// A picture of areas in one ink, each by its corners in shares of the picture.
-fn areas(shapes: &[&[[f32; 2]]]) -> image::RgbaImage {
-    let [width, height] = SIZE;
-    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
-    let mut paint = tiny_skia::Paint::default();
-    paint.set_color_rgba8(0, 0, 0, 255);
-    paint.anti_alias = true;
-    for shape in shapes {
-        let mut path = tiny_skia::PathBuilder::new();
-        for (index, [x, y]) in shape.iter().enumerate() {
-            let (x, y) = (x * width as f32, y * height as f32);
-            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-        }
-        path.close();
-        let (path, rule) = (path.finish().unwrap(), tiny_skia::FillRule::Winding);
-        pixmap.fill_path(&path, &paint, rule, tiny_skia::Transform::identity(), None);
-    }
-    image::RgbaImage::from_raw(width, height, pixmap.take()).unwrap()
-}
-
-fn star(x: f32, y: f32, r: f32) -> Vec<[f32; 2]> {
-    let corner = |k: u8| {
-        let r = if k.is_multiple_of(2) { r } else { 0.4 * r };
-        let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
-        [x + r * sin, y - 1.5 * r * cos]
-    };
-    (0..10).map(corner).collect()
-}
-
 #[test]
 fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
-    let triangle: &[[f32; 2]] = &[[0.7, 0.1], [0.8, 0.3], [0.6, 0.3]];
-    let square: &[[f32; 2]] = &[[0.05, 0.1], [0.5, 0.1], [0.5, 0.9], [0.05, 0.9]];
-    let bar: &[[f32; 2]] = &[[0.55, 0.8], [0.95, 0.8], [0.95, 0.83], [0.55, 0.83]];
-    let star = star(0.75, 0.55, 0.1);
+    let mut canvas = Canvas::transparent(SIZE);
+    let shapes: [&[[f32; 2]]; 3] = [
+        &[[0.7, 0.1], [0.8, 0.3], [0.6, 0.3]],
+        &[[0.05, 0.1], [0.5, 0.1], [0.5, 0.9], [0.05, 0.9]],
+        &[[0.55, 0.8], [0.95, 0.8], [0.95, 0.83], [0.55, 0.83]],
+    ];
+    shapes.iter().for_each(|shape| canvas.fill(&polygon(scaled(shape)), [0; 3]));
+    canvas.fill(&icon(3, [360.0, 176.0], 48.0).0, [0; 3]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
-    areas(&[triangle, square, bar, &star]).save(&path).unwrap();
+    canvas.rgba().save(&path).unwrap();
     let strokes = draw(&path, &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
     let lines = lit(&strokes);
     let closed: Vec<f64> = lines
@@ -308,12 +259,13 @@ fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
 
 #[test]
 fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
-    let bar: &[[f32; 2]] = &[[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
-    let black = areas(&[bar]);
+    let mut canvas = Canvas::transparent(SIZE);
+    let bar = [[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
+    canvas.fill(&polygon(scaled(&bar)), [0; 3]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let drawn = |ink: [u8; 3]| {
-        let mut picture = black.clone();
+        let mut picture = canvas.rgba();
         picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
         picture.save(&path).unwrap();
         let strokes = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();

@@ -1,35 +1,20 @@
 //! Strokes of a drawing that are chosen or left out, by number or color.
 
-use super::gradient::Paint;
-use super::{ColoredLine, LetterOptions};
+use super::LetterOptions;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::strokes::SourceStroke;
 
 /// Strokes, and their numbers in the whole drawing, from 1 on.
 pub(super) type Numbered<T> = Vec<(usize, T)>;
 
-/// Names of colors by the hue at which they end, in degrees; the first goes on beyond the last.
-const HUES: [(f64, &str); 9] = [
-    (15.0, "red"),
-    (45.0, "orange"),
-    (70.0, "yellow"),
-    (165.0, "green"),
-    (195.0, "cyan"),
-    (260.0, "blue"),
-    (320.0, "purple"),
-    (345.0, "pink"),
-    (360.0, "red"),
-];
+/// Names of colors, and the hue up to which each but the last goes, in degrees.
+const HUES: [&str; 9] =
+    ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
+const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
 /// Least difference of its channels, of 255, from which a color has a hue; and the levels between
 /// black, gray and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
-
-/// What is named: strokes by number, or by the name of a color.
-enum Named {
-    Numbers(usize, usize),
-    Color(&'static str),
-}
 
 /// The strokes that the options choose, with their numbers.
 pub(super) fn chosen<T>(
@@ -39,18 +24,9 @@ pub(super) fn chosen<T>(
     file: &str,
 ) -> Result<Numbered<T>> {
     let colors: Vec<Option<&str>> = strokes.iter().map(|it| color(it).map(name)).collect();
-    let [wanted, unwanted] = [("ink", &options.ink), ("without", &options.without)]
-        .map(|(key, list)| parse(key, list, &colors));
-    let (wanted, unwanted) = (wanted?, unwanted?);
-    let is_named = |named: &[Named], index: usize| {
-        named.iter().any(|it| match it {
-            Named::Numbers(first, last) => (*first..=*last).contains(&(index + 1)),
-            Named::Color(name) => colors[index] == Some(name),
-        })
-    };
-    let is_chosen = |index: usize| {
-        (wanted.is_empty() || is_named(&wanted, index)) && !is_named(&unwanted, index)
-    };
+    let wanted = named("ink", &options.ink, &colors)?;
+    let unwanted = named("without", &options.without, &colors)?;
+    let is_chosen = |index: usize| (wanted[index] || !wanted.contains(&true)) && !unwanted[index];
     let any = strokes.is_empty() || (0..strokes.len()).any(is_chosen);
     let kept = strokes.into_iter().enumerate().filter(|(index, _)| is_chosen(*index));
     let kept = kept.map(|(index, stroke)| (index + 1, stroke)).collect();
@@ -72,47 +48,33 @@ pub(super) fn all<'a>(
     strokes.map(of).collect()
 }
 
-/// All lines as they lie in their file.
-pub(super) fn all_lines(
-    lines: &[ColoredLine],
-    in_file: impl Fn([f64; 2]) -> [f64; 2],
-) -> Vec<SourceStroke> {
-    all(lines.iter().map(|line| (&line.0, plain_color(line))), in_file)
-}
-
-/// The color of a line that has one.
-pub(super) fn plain_color((_, paint): &ColoredLine) -> Option<[u8; 3]> {
-    match paint {
-        Paint::Plain(color) => Some(*color),
-        Paint::Gradient(_) => None,
-    }
-}
-
-/// A list such as `2,5-7,red`; every part of it has to be in the drawing.
-fn parse(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<Named>> {
+/// Which strokes a list such as `2,5-7,red` names; every part of it has to be in the drawing.
+fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n = colors.len();
-    let part = |text: &str| {
+    let mut named = vec![false; n];
+    for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
-        if let (Ok(first), Ok(last)) = (first.trim().parse(), last.trim().parse::<usize>()) {
-            return (1 <= first && first <= last && last <= n)
-                .then_some(Named::Numbers(first, last));
-        }
-        let named: svgtypes::Color = text.parse().ok()?;
-        let name = name([named.red, named.green, named.blue]);
-        colors.contains(&Some(name)).then_some(Named::Color(name))
-    };
-    let parts = list.split(',').map(str::trim).filter(|text| !text.is_empty());
-    let named = parts.map(|text| {
-        part(text).ok_or_else(|| {
+        let range = first.trim().parse().ok().zip(last.trim().parse().ok());
+        let color = text
+            .parse()
+            .ok()
+            .map(|color: svgtypes::Color| name([color.red, color.green, color.blue]));
+        let is_named = |index: &usize| match range {
+            Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
+            None => color.is_some() && colors[*index] == color,
+        };
+        let part: Vec<usize> = (0..n).filter(is_named).collect();
+        if part.is_empty() {
             let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
             known.sort_unstable();
             known.dedup();
             let wanted = format!("numbers from 1 to {n}, or of the colors {}", known.join(", "));
             let hint = "the drawing of the plan (*.svg) shows the strokes' numbers";
-            Error::input(format!("letters.{key}"), format!("{text:?}"), wanted, hint)
-        })
-    });
-    named.collect()
+            return Err(Error::input(format!("letters.{key}"), format!("{text:?}"), wanted, hint));
+        }
+        part.into_iter().for_each(|index| named[index] = true);
+    }
+    Ok(named)
 }
 
 /// The name of a color: of its hue, or black, gray or white.
@@ -132,11 +94,12 @@ pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
         60.0 * ((r - g) / chroma + 4.0)
     };
     let hue = if hue < 0.0 { hue + 360.0 } else { hue };
-    HUES.iter().find(|(end, _)| hue <= *end).map_or("red", |(_, name)| name)
+    HUES[HUE_ENDS.partition_point(|end| *end < hue)]
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Ink, tests::drawn_in};
     use super::*;
 
     #[test]
@@ -145,20 +108,13 @@ mod tests {
             let color: svgtypes::Color = text.parse().unwrap();
             name([color.red, color.green, color.blue])
         };
-        for own in
-            ["black", "gray", "white", "red", "orange", "yellow", "green", "cyan", "blue", "purple"]
-        {
+        for own in "black gray white red orange yellow green cyan blue purple".split(' ') {
             assert_eq!(named(own), own);
         }
-        for (other, own) in [
-            ("crimson", "red"),
-            ("hotpink", "pink"),
-            ("lime", "green"),
-            ("navy", "blue"),
-            ("gold", "yellow"),
-            ("#00ff80", "green"),
-            ("#0080ff", "blue"),
-        ] {
+        let others = "crimson red hotpink pink lime green navy blue gold yellow #00ff80 green \
+                      #0080ff blue";
+        let words: Vec<&str> = others.split(' ').collect();
+        for (other, own) in words.chunks(2).map(|pair| (pair[0], pair[1])) {
             assert_eq!(named(other), own, "{other}");
         }
     }
@@ -190,16 +146,12 @@ mod tests {
                    <path d='M1 1h9' stroke='lime'/></svg>";
         let json = "{\"strokes\": [[[0, 0], [90, 90]], [[20, 40], [40, 50]], [[9, 9], [1, 9]]],\
                     \"colors\": [[0, 0, 0], [200, 0, 0], [0, 255, 0]]}";
-        let folder = tempfile::tempdir().unwrap();
         for (name, text) in [("a.svg", svg), ("a.json", json)] {
-            let path = folder.path().join(name);
-            std::fs::write(&path, text).unwrap();
             for (ink, without) in [("red", ""), ("2", ""), ("", "black,3")] {
                 let canvas_m = Some([2.0, 1.0]);
                 let (ink, without) = (ink.to_owned(), without.to_owned());
                 let options = LetterOptions { ink, without, canvas_m, ..LetterOptions::default() };
-                let strokes = super::super::draw(&path, &options, super::super::Ink::ByColor);
-                let strokes = strokes.unwrap();
+                let strokes = drawn_in(name, text, &options, Ink::ByColor).unwrap();
                 assert_eq!((strokes.n_strokes(), strokes.colors.len()), (1, 1), "{name}");
                 assert_eq!(strokes.numbers.iter().map(|it| it.0).collect::<Vec<_>>(), [2]);
                 let [left, bottom, right, top] = strokes.bounds_m();

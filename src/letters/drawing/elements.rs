@@ -3,18 +3,18 @@
 
 use std::collections::HashMap;
 
-use usvg::roxmltree::{Node, NodeId};
+use usvg::roxmltree::Node;
 
-use super::style::Attributes;
+use super::style::Styled;
 
 /// Most elements with those of `use`, clips, masks and markers; usvg keeps some 500 bytes of each.
-const MAX_ELEMENTS: usize = 100_000;
+const MAX_ELEMENTS: f64 = 1e5;
 
 /// Most bytes of their attributes.
-const MAX_BYTES: usize = 16 << 20;
+const MAX_BYTES: f64 = (16 << 20) as f64;
 
 /// Most elements within elements, those of `use` included.
-pub(super) const MAX_DEPTH: usize = 128;
+const MAX_DEPTH: usize = 128;
 
 /// Most user units of curves in all, their coordinates added up. usvg outlines every stroke to know
 /// its box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become more of them.
@@ -23,52 +23,43 @@ const MAX_CURVES: f64 = 1e9;
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Checks that the elements of a document cost bounded work.
-///
-/// # Errors
-///
-/// What was found instead.
+/// Checks that the elements of a document cost bounded work; the error is what was found instead.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
-    attributes: &'a HashMap<NodeId, Attributes>,
-    ids: &'a Ids<'a, 'input>,
+    styled: &'a Styled<'a, 'input>,
 ) -> Result<(), String> {
-    let mut counting = Counting { ids, attributes, known: HashMap::new(), marker: Size::default() };
+    let mut counting = Counting { styled, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(root, 0)?;
+    let marker = counting.marker;
     // Each vertex may have a marker, and a path's ends one more each.
-    let n_markers = if counting.marker.elements == 0 { 0 } else { all.vertices + 2 * all.elements };
-    let elements = all.elements.saturating_add(n_markers.saturating_mul(counting.marker.elements));
-    let bytes = all.bytes.saturating_add(n_markers.saturating_mul(counting.marker.bytes));
-    if elements > MAX_ELEMENTS || bytes > MAX_BYTES {
-        let what = if n_markers > 0 { "markers" } else { "<use>, clips and masks" };
+    let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
+    let elements = all.elements + n_markers * marker.elements;
+    if elements > MAX_ELEMENTS || all.bytes + n_markers * marker.bytes > MAX_BYTES {
+        let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
         return Err(format!("{elements} elements, those of {what} counted"));
     }
-    let curves = all.curves + n_markers as f64 * counting.marker.curves;
+    let curves = all.curves + n_markers * marker.curves;
     if curves > MAX_CURVES {
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
     Ok(())
 }
 
-/// What an element becomes.
+/// What an element becomes. Numbers that multiply without end are infinite.
 #[derive(Clone, Copy, Default)]
 struct Size {
-    elements: usize,
-    bytes: usize,
+    elements: f64,
+    bytes: f64,
     /// Vertices of its paths, at most.
-    vertices: usize,
+    vertices: f64,
     /// Elements within each other.
     depth: usize,
     /// Coordinates of its curves, added up.
     curves: f64,
 }
 
-/// Elements by their names.
-pub(super) type Ids<'a, 'input> = HashMap<&'a str, Node<'a, 'input>>;
-
 struct Counting<'a, 'input> {
-    ids: &'a Ids<'a, 'input>,
-    attributes: &'a HashMap<NodeId, Attributes>,
+    styled: &'a Styled<'a, 'input>,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
@@ -77,42 +68,37 @@ struct Counting<'a, 'input> {
 
 impl<'a, 'input> Counting<'a, 'input> {
     fn size(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<Size, String> {
+        let too_deep = || Err(format!("more than {MAX_DEPTH} elements within each other"));
         match self.known.get(&node) {
             Some(Some(size)) => return Ok(*size),
             Some(None) => return Err("elements that use each other without end".into()),
-            None if depth > MAX_DEPTH => return Err(too_deep()),
+            None if depth > MAX_DEPTH => return too_deep(),
             None => {}
         }
         self.known.insert(node, None);
-        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
-        let length = |name| value(own, name).map_or(0, str::len);
+        let styled = self.styled;
+        let length = |name| styled.value(node, name).map_or(0, str::len);
         let mut size = Size {
-            elements: 1,
-            bytes: own.iter().map(|(.., value)| value.len()).sum(),
-            vertices: 10 + (length("d") + length("points")) / 2,
+            elements: 1.0,
+            bytes: styled.attributes(node).map(|(_, value)| value.len()).sum::<usize>() as f64,
+            vertices: (10 + (length("d") + length("points")) / 2) as f64,
             depth: 1,
-            curves: curves(node, own)?,
+            curves: self.curves(node)?,
         };
         let tag = node.tag_name().name();
-        let mut parts: Vec<_> = node.children().filter(Node::is_element).collect();
-        if tag == "use" {
-            let links = own.iter().filter(|(_, name, _)| name == "href");
-            parts.extend(
-                links.filter_map(|(.., link)| self.ids.get(link.trim().strip_prefix('#')?)),
-            );
-        }
-        let linked = ["clip-path", "mask"].iter().filter_map(|name| value(own, name));
-        parts.extend(linked.filter_map(|link| self.ids.get(target(link)?)));
-        for part in parts {
+        let clips = ["clip-path", "mask"].map(|name| styled.target(styled.value(node, name)?));
+        let used = styled.linked(node).filter(|_| tag == "use");
+        let children = node.children().filter(Node::is_element);
+        for part in children.chain(used).chain(clips.into_iter().flatten()) {
             let part = self.size(part, depth + 1)?;
-            size.elements = size.elements.saturating_add(part.elements);
-            size.bytes = size.bytes.saturating_add(part.bytes);
-            size.vertices = size.vertices.saturating_add(part.vertices);
+            size.elements += part.elements;
+            size.bytes += part.bytes;
+            size.vertices += part.vertices;
             size.depth = size.depth.max(part.depth + 1);
             size.curves += part.curves;
         }
         if size.depth > MAX_DEPTH {
-            return Err(too_deep());
+            return too_deep();
         }
         if tag == "marker" {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
@@ -125,41 +111,26 @@ impl<'a, 'input> Counting<'a, 'input> {
         self.known.insert(node, Some(size));
         Ok(size)
     }
-}
 
-pub(super) fn too_deep() -> String {
-    format!("more than {MAX_DEPTH} elements within each other")
-}
-
-/// The coordinates of an element's curves, added up without their signs.
-fn curves(node: Node<'_, '_>, own: &[(&'static str, String, String)]) -> Result<f64, String> {
-    let names: &[&str] = match node.tag_name().name() {
-        "path" => &["d"],
-        "circle" | "ellipse" | "rect" => &["r", "rx", "ry"],
-        _ => &[],
-    };
-    let mut sum = 0.0;
-    for (name, value) in names.iter().filter_map(|name| Some((name, value(own, name)?))) {
-        if ["em", "ex", "%"].iter().any(|unit| value.ends_with(unit)) {
-            return Err(format!("{name} of {value}, wanted user units"));
+    /// The coordinates of an element's curves, added up without their signs.
+    fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
+        let names: &[&str] = match node.tag_name().name() {
+            "path" => &["d"],
+            "circle" | "ellipse" | "rect" => &["r", "rx", "ry"],
+            _ => &[],
+        };
+        let mut sum = 0.0;
+        for name in names {
+            let value = self.styled.value(node, name).unwrap_or("");
+            if ["em", "ex", "%"].iter().any(|unit| value.ends_with(unit)) {
+                return Err(format!("{name} of {value}, wanted user units"));
+            }
+            if *name != "d" || value.contains(CURVES) {
+                sum += magnitudes(value).sum::<f64>();
+            }
         }
-        if *name != "d" || value.contains(CURVES) {
-            sum += magnitudes(value).sum::<f64>();
-        }
+        Ok(sum)
     }
-    Ok(sum)
-}
-
-/// The value of an attribute without a prefix.
-pub(super) fn value<'a>(own: &'a [(&'static str, String, String)], name: &str) -> Option<&'a str> {
-    let found = own.iter().find(|(prefix, other, _)| prefix.is_empty() && other == name);
-    found.map(|(.., value)| &**value)
-}
-
-/// The element that `url(#name)` names.
-pub(super) fn target(value: &str) -> Option<&str> {
-    let (link, _) = value.trim().strip_prefix("url(")?.split_once(')')?;
-    link.trim().trim_matches(['"', '\'']).strip_prefix('#')
 }
 
 /// The numbers of an attribute, without their signs.

@@ -7,6 +7,7 @@
 use kurbo::{Affine, Point};
 use usvg::{BaseGradient, Paint as Server, SpreadMethod, Transform};
 
+use super::super::vector::{counts, legs};
 use super::{MAX_COLORS, MAX_POINTS, too_many};
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
@@ -18,6 +19,16 @@ pub(super) enum Paint {
     Plain([u8; 3]),
     /// By its index.
     Gradient(usize),
+}
+
+impl Paint {
+    /// The color of a paint that has one.
+    pub(super) fn color(self) -> Option<[u8; 3]> {
+        match self {
+            Self::Plain(color) => Some(color),
+            Self::Gradient(_) => None,
+        }
+    }
 }
 
 /// An offset, 0 to 1, and its color (sRGB).
@@ -112,30 +123,24 @@ impl Gradient {
         let mut pieces = Vec::new();
         let (mut piece, mut length) = (vec![line[0]], 0.0);
         let mut color = self.color(ramp, line[0]);
-        for leg in line.windows(2) {
-            let n = n_samples(leg, size);
-            let at = |k: f64| -> [f64; 2] {
-                std::array::from_fn(|i| leg[0][i] + (leg[1][i] - leg[0][i]) * k / n)
-            };
-            let mut k = 0.0;
-            while k < n {
+        for [from, to] in legs(line) {
+            let n = n_samples([from, to], size);
+            let at = |k: f64| [0, 1].map(|i| from[i] + (to[i] - from[i]) * k / n);
+            for k in counts(n) {
                 let here = self.color(ramp, at(k + 0.5));
                 if here != color && length >= SHORTEST * size {
-                    let from = at(k);
-                    if piece[piece.len() - 1] != from {
-                        piece.push(from);
+                    if piece[piece.len() - 1] != at(k) {
+                        piece.push(at(k));
                     }
-                    let ended = std::mem::replace(&mut piece, vec![from]);
-                    pieces.push((ended, color));
+                    pieces.push((std::mem::replace(&mut piece, vec![at(k)]), color));
                     length = 0.0;
                 }
                 if length == 0.0 {
                     color = here;
                 }
-                length += distance(leg[0], leg[1]) / n;
-                k += 1.0;
+                length += distance(from, to) / n;
             }
-            piece.push(leg[1]);
+            piece.push(to);
         }
         pieces.push((piece, color));
         pieces
@@ -148,8 +153,8 @@ pub(super) fn affine(t: Transform) -> Affine {
 }
 
 /// Samples of a leg.
-fn n_samples(leg: &[[f64; 2]], size: f64) -> f64 {
-    (distance(leg[0], leg[1]) / (SHORTEST * size)).ceil().max(1.0)
+fn n_samples([from, to]: [[f64; 2]; 2], size: f64) -> f64 {
+    (distance(from, to) / (SHORTEST * size)).ceil().max(1.0)
 }
 
 /// The pieces of lines in gradients, each line's together, in levels as fine as the colors that are
@@ -159,7 +164,7 @@ fn n_samples(leg: &[[f64; 2]], size: f64) -> f64 {
 ///
 /// [`noctograph_core::error::Error::Input`] for too many points.
 pub(super) fn pieces(
-    lines: &[(Vec<[f64; 2]>, usize)],
+    lines: &[(&[[f64; 2]], usize)],
     gradients: &[Gradient],
     left: usize,
     size: f64,
@@ -168,9 +173,9 @@ pub(super) fn pieces(
     let budget = Budget::of(file, "draw less, or without gradients");
     let mut ramps: Vec<&[Stop]> = Vec::new();
     for (line, index) in lines {
-        let legs = line.windows(2).map(|leg| n_samples(leg, size));
+        let samples = legs(line).map(|leg| n_samples(leg, size));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-        let n_samples = legs.sum::<f64>() as usize;
+        let n_samples = samples.sum::<f64>() as usize;
         budget.steps(STEPS.saturating_mul(n_samples))?;
         let stops = &gradients[*index].stops[..];
         // More ramps than colors are refused for their colors.
@@ -186,12 +191,12 @@ pub(super) fn pieces(
         }
         step *= 1.25;
     };
-    let of = |(line, index): &(Vec<[f64; 2]>, usize)| {
+    let pieces = lines.iter().map(|(line, index)| {
         let gradient = &gradients[*index];
         let ramp = ramps.iter().position(|stops| *stops == gradient.stops).unwrap_or(0);
         gradient.pieces(line, &ramps_cut[ramp], size)
-    };
-    let pieces: Vec<Vec<_>> = lines.iter().map(of).collect();
+    });
+    let pieces: Vec<Vec<_>> = pieces.collect();
     let n_points: usize = pieces.iter().flatten().map(|(piece, _)| piece.len()).sum();
     if n_points > MAX_POINTS { Err(too_many(file)) } else { Ok(pieces) }
 }
@@ -207,8 +212,7 @@ fn levels(stops: &[Stop], step: f64) -> Vec<Level> {
     for k in 1..=SAMPLES {
         let offset = f64::from(k) / f64::from(SAMPLES);
         let here = color(stops, offset);
-        let differs = (0..3).any(|i| (here[i] - first[i]).abs() > step);
-        if differs {
+        if (0..3).any(|i| (here[i] - first[i]).abs() > step) {
             levels.push((offset, middle(from, offset)));
             (from, first) = (offset, here);
         }

@@ -15,6 +15,7 @@ use serde::Deserialize;
 
 use super::Written;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::input_error;
 
 #[derive(Deserialize)]
 struct Page {
@@ -47,23 +48,20 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
     };
     let (n_strokes, n_colors) = (page.strokes.len(), page.colors.len());
     if n_colors > 0 && n_colors != n_strokes {
-        let (found, wanted) =
-            (format!("{n_colors} colors"), format!("{n_strokes}, one per stroke"));
-        return Err(Error::input(
+        let hint = "leave `colors` out, or add what is missing";
+        return Err(input_error!(
             file,
-            found,
-            wanted,
-            "leave `colors` out, or add what is missing",
+            "{n_colors} colors",
+            "{n_strokes}, one per stroke",
+            "{hint}"
         ));
     }
     let canvas = page.canvas.map(|[left, top, right, bottom]| {
         let [bottom, top] = [sign * bottom, sign * top];
         [left, bottom.min(top), right, bottom.max(top)]
     });
-    if let Some([left, bottom, right, top]) = canvas
-        && !(left < right
-            && bottom < top
-            && [left, bottom, right, top].iter().all(|v| v.abs() <= 1e9))
+    if let Some(sides @ [left, bottom, right, top]) = canvas
+        && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= 1e9))
     {
         let found = format!("the canvas {:?}", page.canvas);
         let wanted = "left, top, right, bottom with an extent";
@@ -75,33 +73,27 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
     for (stroke, points) in page.strokes.iter().enumerate() {
         let mut trace = Written { color: page.colors.get(stroke).copied(), ..Written::default() };
         for (point, values) in points.iter().enumerate() {
-            let refuse = |wanted: &str| {
-                let place = format!("stroke {}, point {}", stroke + 1, point + 1);
-                Err(Error::input(place, format!("{values:?}"), wanted, hint).at(file, None))
-            };
-            if *n_values.get_or_insert(values.len()) != values.len()
-                || values.len() < 2
-                || values.len() > 3
-            {
-                return refuse("[x, y] everywhere, or [x, y, t] everywhere");
-            }
-            if values.iter().any(|value| value.abs() > 1e9) {
-                return refuse("values up to 1e9");
-            }
-            let [x, y] = [values[0], sign * values[1]];
-            if canvas.is_some_and(|[left, bottom, right, top]| {
+            let is_off = |[left, bottom, right, top]: [f64; 4]| {
+                let [x, y] = [values[0], sign * values[1]];
                 !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
-            }) {
-                return refuse("a point on the canvas");
-            }
-            trace.points.push([x, y]);
-            if let Some(&time_s) = values.get(2) {
-                if time_s < latest_s {
-                    return refuse("a time not before that of the point before it");
-                }
-                latest_s = time_s;
-                trace.times_s.push(time_s);
-            }
+            };
+            let n = *n_values.get_or_insert(values.len());
+            let wanted = if values.len() != n || !(2..=3).contains(&n) {
+                "[x, y] everywhere, or [x, y, t] everywhere"
+            } else if values.iter().any(|value| value.abs() > 1e9) {
+                "values up to 1e9"
+            } else if canvas.is_some_and(is_off) {
+                "a point on the canvas"
+            } else if values.get(2).is_some_and(|time_s| *time_s < latest_s) {
+                "a time not before that of the point before it"
+            } else {
+                trace.points.push([values[0], sign * values[1]]);
+                trace.times_s.extend(values.get(2));
+                latest_s = values.get(2).copied().unwrap_or(latest_s);
+                continue;
+            };
+            let place = format!("stroke {}, point {}", stroke + 1, point + 1);
+            return Err(Error::input(place, format!("{values:?}"), wanted, hint).at(file, None));
         }
         if !trace.points.is_empty() {
             traces.push(trace);

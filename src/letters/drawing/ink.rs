@@ -9,7 +9,7 @@
 
 use image::{RgbImage, imageops};
 
-use super::levels::{level, quantile, softened};
+use super::levels::{around, histogram, quantile, softened};
 use super::paper::{Edges, Paper};
 
 /// Channels of a color.
@@ -17,7 +17,7 @@ const CHANNELS: usize = 3;
 
 /// Largest difference of paper from the color of most of the rim, in levels of 255; the share of
 /// the rim that has to be so near, and of the picture.
-const SAME: i16 = 8;
+const SAME: f64 = 8.0;
 const PLAIN_RIM: f64 = 0.6;
 const PLAIN: f64 = 0.2;
 
@@ -64,92 +64,64 @@ pub(super) struct Field {
     pub(super) is_plain: bool,
     /// Whether its ink is lighter than the paper.
     pub(super) is_light: bool,
-    /// Whether sharp edges of shadows may cross the paper, which [`Self::in_shadow`] follows.
+    /// Whether sharp edges of shadows may cross the paper, which [`Edges::Sharp`] follows.
     pub(super) is_shaded: bool,
 }
 
 impl Field {
-    /// The ink of a picture; all of `ink` is 0 until [`Self::find`].
-    pub(super) fn of(picture: &RgbImage) -> Self {
-        Self::on(picture, Edges::Soft)
-    }
-
-    /// The same where shadows have sharp edges, which what is no photograph has none but of ink.
-    pub(super) fn in_shadow(picture: &RgbImage) -> Self {
-        Self::on(picture, Edges::Sharp)
-    }
-
-    fn on(picture: &RgbImage, edges: Edges) -> Self {
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let (w, h) = (width + 2, height + 2);
-        let mut contrast = vec![0.0; w * h];
-        let mut color = vec![[1.0; CHANNELS]; w * h];
-        let place = |at: usize| (at / width + 1) * w + at % width + 1;
+    /// The ink of a picture, by what edges shadows have on it; none is in `ink` until
+    /// [`Self::find`].
+    pub(super) fn of(picture: &RgbImage, edges: Edges) -> Self {
+        let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
         let plain = plain_paper(picture);
-        let mut is_shaded = false;
         let is_light = plain.map_or_else(
             || has_light_ink(&imageops::grayscale(picture)),
             |paper| paper.iter().sum::<f64>() < 0.5 * 255.0 * CHANNELS as f64,
         );
-        if let Some(paper) = plain {
-            let channel = |c: usize| picture.pixels().map(move |pixel| f64::from(pixel.0[c]));
-            for c in 0..CHANNELS {
-                let range = paper[c].max(255.0 - paper[c]);
-                for (at, value) in
-                    softened(&channel(c).collect::<Vec<_>>(), width).iter().enumerate()
-                {
-                    let ink = &mut contrast[place(at)];
-                    *ink = ((value - paper[c]).abs() / range).max(*ink);
-                    color[place(at)][c] = value / 255.0;
-                }
-            }
-        } else {
-            let inks = inks_of_both_kinds(picture).unwrap_or_else(|| {
-                let (inks, shaded) = inks(picture, is_light, edges);
-                is_shaded = shaded;
-                inks
-            });
-            for (at, (ink, left)) in inks.into_iter().enumerate() {
-                (contrast[place(at)], color[place(at)]) = (ink, left);
+        let (inks, is_shaded) = match plain {
+            Some(paper) => (inks_on_plain(picture, paper), false),
+            None => inks_of_both_kinds(picture)
+                .map_or_else(|| inks(picture, is_light, edges), |inks| (inks, false)),
+        };
+        let mut contrast = vec![0.0; width * height];
+        let mut color = vec![[1.0; CHANNELS]; width * height];
+        for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
+            let first = row * width + 1;
+            for (at, (ink, left)) in (first..).zip(inks) {
+                (contrast[at], color[at]) = (*ink, *left);
             }
         }
-        let grain = grain(&contrast, w);
-        let least = if plain.is_some() { LEAST_PLAIN } else { LEAST }.max(GRAINS * grain);
-        Self {
-            width: w,
-            height: h,
-            ink: Vec::new(),
-            contrast,
-            color,
-            least,
-            is_plain: plain.is_some(),
-            is_light,
-            is_shaded,
-        }
+        let least = if plain.is_some() { LEAST_PLAIN } else { LEAST };
+        let least = least.max(GRAINS * grain(&contrast, width));
+        let (ink, is_plain) = (Vec::new(), plain.is_some());
+        Self { width, height, ink, contrast, color, least, is_plain, is_light, is_shaded }
+    }
+
+    /// A pixel and those within so many steps of it.
+    pub(super) fn around(&self, at: usize, steps: usize) -> impl Iterator<Item = usize> {
+        around(at, self.width, self.height, steps)
     }
 
     /// Otsu's threshold of the contrast, the one with the largest variance between ink and paper,
     /// and the contrast of its strong ink (IEEE Trans. SMC 9, 1979). `None` where ink and paper are
     /// hardly different.
     pub(super) fn threshold(&self) -> Option<(f64, f64)> {
-        let mut counts = [0_usize; 256];
-        self.contrast.iter().for_each(|ink| counts[level(255.0 * ink)] += 1);
+        let mut counts = histogram(self.contrast.iter().map(|ink| 255.0 * ink));
         let total = self.contrast.len() as f64;
         let whole: f64 = (0..).zip(&counts).map(|(i, n)| f64::from(i) * *n as f64).sum();
         let (mut below, mut sum) = (0.0, 0.0);
         let mut best = (0.0, 0.0, 0.0);
-        for (i, n) in (0..255).zip(&counts) {
+        for (i, n) in (0..255).map(f64::from).zip(&counts) {
             below += *n as f64;
-            sum += f64::from(i) * *n as f64;
+            sum += i * *n as f64;
             let above = total - below;
             if above == 0.0 {
                 break;
             }
-            let ink = (whole - sum) / above;
-            let apart = ink - sum / below;
+            let apart = (whole - sum) / above - sum / below;
             let variance = below * above * apart * apart;
             if variance > best.0 {
-                best = (variance, apart / 255.0, (f64::from(i) + 0.5) / 255.0);
+                best = (variance, apart / 255.0, (i + 0.5) / 255.0);
             }
         }
         let (_, apart, threshold) = best;
@@ -188,16 +160,36 @@ impl Field {
     }
 }
 
-/// The ink of each pixel by the paper that is estimated around it, dark or light ink alone: its
-/// contrast, and what it leaves of red, green and blue; and whether edges of shadows cross it.
-fn inks(picture: &RgbImage, is_light: bool, edges: Edges) -> (Vec<(f64, [f64; CHANNELS])>, bool) {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
+/// The ink of a pixel: its contrast, and what it leaves of red, green and blue.
+type Inked = (f64, [f64; CHANNELS]);
+
+/// The channels of a picture, softened.
+fn channels(picture: &RgbImage, of: impl Fn(u8) -> f64) -> [Vec<f64>; CHANNELS] {
+    [0, 1, 2].map(|c| {
+        let values: Vec<f64> = picture.pixels().map(|pixel| of(pixel.0[c])).collect();
+        softened(&values, picture.width() as usize)
+    })
+}
+
+/// The ink of each pixel on plain paper, of which it differs to either side.
+fn inks_on_plain(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
+    let channels = channels(picture, f64::from);
+    let range = paper.map(|level| level.max(255.0 - level));
+    let ink = |at: usize| {
+        let values = [0, 1, 2].map(|c| channels[c][at]);
+        let off = (0..CHANNELS).map(|c| (values[c] - paper[c]).abs() / range[c]);
+        (off.fold(0.0, f64::max), values.map(|value| value / 255.0))
+    };
+    (0..channels[0].len()).map(ink).collect()
+}
+
+/// The ink of each pixel by the paper that is estimated around it, dark or light ink alone; and
+/// whether edges of shadows cross it.
+fn inks(picture: &RgbImage, is_light: bool, edges: Edges) -> (Vec<Inked>, bool) {
+    let width = picture.width() as usize;
     let bright = |value: u8| if is_light { 255.0 - f64::from(value) } else { f64::from(value) };
-    let channels = [0, 1, 2].map(|c| {
-        let values: Vec<f64> = picture.pixels().map(|pixel| bright(pixel.0[c])).collect();
-        softened(&values, width)
-    });
-    let paper = Paper::of(&channels, width, height, edges);
+    let channels = channels(picture, bright);
+    let paper = Paper::of(&channels, width, edges);
     let ink = |at: usize| {
         let papers = paper.at(at % width, at / width);
         let mean = papers.iter().sum::<f64>() / CHANNELS as f64;
@@ -209,18 +201,15 @@ fn inks(picture: &RgbImage, is_light: bool, edges: Edges) -> (Vec<(f64, [f64; CH
         }
         (most, left)
     };
-    ((0..width * height).map(ink).collect(), paper.is_shaded())
+    ((0..channels[0].len()).map(ink).collect(), paper.is_shaded())
 }
 
 /// The same of light and dark ink on paper of a middle tone, such as kraft paper; `None` where
 /// there is no such paper, or no light ink.
-fn inks_of_both_kinds(picture: &RgbImage) -> Option<Vec<(f64, [f64; CHANNELS])>> {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let channels = [0, 1, 2].map(|c| {
-        let values: Vec<f64> = picture.pixels().map(|pixel| f64::from(pixel.0[c])).collect();
-        softened(&values, width)
-    });
-    let paper = Paper::of_middle_tone(&channels, width, height)?;
+fn inks_of_both_kinds(picture: &RgbImage) -> Option<Vec<Inked>> {
+    let width = picture.width() as usize;
+    let channels = channels(picture, f64::from);
+    let paper = Paper::of_middle_tone(&channels, width)?;
     let mut n_light = 0.0;
     let ink = |at: usize| {
         let papers = paper.at(at % width, at / width);
@@ -233,7 +222,7 @@ fn inks_of_both_kinds(picture: &RgbImage) -> Option<Vec<(f64, [f64; CHANNELS])>>
         n_light += f64::from(u8::from(least_light > LIGHT));
         (most.min(1.0), [0, 1, 2].map(|c| channels[c][at] / 255.0))
     };
-    let inks: Vec<_> = (0..width * height).map(ink).collect();
+    let inks: Vec<_> = (0..channels[0].len()).map(ink).collect();
     (n_light > LIGHTS * inks.len() as f64).then_some(inks)
 }
 
@@ -242,16 +231,12 @@ fn inks_of_both_kinds(picture: &RgbImage) -> Option<Vec<(f64, [f64; CHANNELS])>>
 pub(super) fn plain_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let (width, height) = picture.dimensions();
     let is_rim = |x: u32, y: u32| x < 2 || y < 2 || x + 2 >= width || y + 2 >= height;
-    let mut counts = [[0_usize; 256]; CHANNELS];
-    for (x, y, pixel) in picture.enumerate_pixels() {
-        if is_rim(x, y) {
-            pixel.0.iter().zip(&mut counts).for_each(|(v, counts)| counts[usize::from(*v)] += 1);
-        }
-    }
-    let paper = counts.map(|counts| quantile(&counts, 0.5));
+    let at_rim = || picture.enumerate_pixels().filter(|(x, y, _)| is_rim(*x, *y));
+    let paper = [0, 1, 2].map(|c| {
+        quantile(&histogram(at_rim().map(|(.., pixel)| f64::from(pixel.0[c]))), 0.5) as f64
+    });
     let is_paper = |pixel: &image::Rgb<u8>| {
-        let apart = |(v, paper): (&u8, &usize)| i16::from(*v).abs_diff(level_i16(*paper));
-        pixel.0.iter().zip(&paper).map(apart).all(|apart| apart <= SAME.unsigned_abs())
+        pixel.0.iter().zip(paper).all(|(value, paper)| (f64::from(*value) - paper).abs() <= SAME)
     };
     let [mut rim, mut plain_rim, mut plain] = [0.0; 3];
     for (x, y, pixel) in picture.enumerate_pixels() {
@@ -263,11 +248,7 @@ pub(super) fn plain_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
         }
     }
     let is_plain = plain_rim > PLAIN_RIM * rim && plain > PLAIN * f64::from(width * height);
-    is_plain.then(|| paper.map(|level| level as f64))
-}
-
-fn level_i16(level: usize) -> i16 {
-    i16::try_from(level).unwrap_or(i16::MAX)
+    is_plain.then_some(paper)
 }
 
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most
@@ -298,9 +279,8 @@ fn has_light_ink(luma: &image::GrayImage) -> bool {
 
 /// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
 fn grain(contrast: &[f64], width: usize) -> f64 {
-    let mut counts = [0_usize; 256];
     let rows = contrast.chunks(width).flat_map(|row| row.iter().zip(row.iter().skip(2)));
     // In 4000ths, so that the finest grain has a level.
-    rows.for_each(|(a, b)| counts[level(4000.0 * (a - b).abs())] += 1);
+    let counts = histogram(rows.map(|(a, b)| 4000.0 * (a - b).abs()));
     1.05 * quantile(&counts, 0.5) as f64 / 4000.0
 }

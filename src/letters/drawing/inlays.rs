@@ -1,7 +1,7 @@
 //! Inlays: areas of another color within an area of ink, such as a star in a disc.
 
 use super::ink::{Field, RIM};
-use super::levels::{around, contours, level, quantile};
+use super::levels::{connected, contours, histogram, quantile};
 use super::regions::BLUR;
 use crate::outline::Contour;
 
@@ -21,19 +21,18 @@ pub(super) type Inlay = (Vec<Contour>, [f64; 3]);
 
 /// The inlays of all areas of ink, and whether they are so many that none is drawn.
 pub(super) fn inlays(field: &Field) -> (Vec<Inlay>, bool) {
-    let (width, height) = (field.width, field.height);
-    let side = width.max(height) as f64;
+    let side = field.width.max(field.height) as f64;
     let least = LEAST.map(|share| share * side * share * side);
     let inked = |at: usize| field.ink[at] > RIM;
     let mut open: Vec<bool> = (0..field.ink.len()).map(inked).collect();
     let mut is_inner = vec![false; field.ink.len()];
     let mut found = Vec::new();
     for start in 0..open.len() {
-        let area = part(start, &mut open, width);
+        let area = connected(start, &mut open, field.width);
         if (area.len() as f64) < least[0] {
             continue;
         }
-        let within = |at: &usize| around(*at, width, height, BLUR).all(inked);
+        let within = |at: &usize| field.around(*at, BLUR).all(inked);
         let inner: Vec<usize> = area.into_iter().filter(within).collect();
         if (inner.len() as f64) < least[0] {
             continue;
@@ -45,27 +44,27 @@ pub(super) fn inlays(field: &Field) -> (Vec<Inlay>, bool) {
         // All ink up to here is of areas that are done, so that its marks are free.
         others.iter().for_each(|at| open[*at] = true);
         for start in others {
-            let part = part(start, &mut open, width);
+            let part = connected(start, &mut open, field.width);
             if (part.len() as f64) < least[1] || found.len() > MOST {
                 continue;
             }
             let color = median(&part, field);
             let most = apart(color, own);
             let mut values = vec![0.0; field.ink.len()];
-            for at in part.iter().flat_map(|at| around(*at, width, height, BLUR)) {
+            for at in part.iter().flat_map(|at| field.around(*at, BLUR)) {
                 values[at] = if is_inner[at] { (off(at) / most).min(1.0) } else { 0.0 };
             }
             let is_other = |at: usize| is_inner[at] && off(at) > APART;
-            let beside = part.iter().flat_map(|at| around(*at, width, height, 1));
+            let beside = part.iter().flat_map(|at| field.around(*at, 1));
             let rim: Vec<usize> = beside.filter(|at| !is_other(*at)).collect();
             let n_within = rim.iter().filter(|at| is_inner[**at]).count();
             let n_between = values.iter().filter(|value| (0.25..0.75).contains(*value)).count();
-            let at_rim = |at: &&usize| around(**at, width, height, 1).any(|at| !is_other(at));
+            let at_rim = |at: &&usize| field.around(**at, 1).any(|at| !is_other(at));
             let length = part.iter().filter(at_rim).count();
             if n_within as f64 >= WITHIN * rim.len() as f64
                 && (n_between as f64) < SHARP * length as f64
             {
-                found.push((contours(&values, [width, height], RIM), color));
+                found.push((contours(&values, [field.width, field.height], RIM), color));
             }
         }
         inner.iter().for_each(|at| is_inner[*at] = false);
@@ -82,24 +81,7 @@ fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// The color of most of some pixels.
 fn median(pixels: &[usize], field: &Field) -> [f64; 3] {
     [0, 1, 2].map(|c| {
-        let mut counts = [0_usize; 256];
-        pixels.iter().for_each(|at| counts[level(255.0 * field.color[*at][c])] += 1);
+        let counts = histogram(pixels.iter().map(|at| 255.0 * field.color[*at][c]));
         quantile(&counts, 0.5) as f64 / 255.0
     })
-}
-
-/// The open pixels that hang together with one, which are closed; none where it is closed.
-fn part(start: usize, open: &mut [bool], width: usize) -> Vec<usize> {
-    let height = open.len() / width;
-    let mut part = if std::mem::take(&mut open[start]) { vec![start] } else { Vec::new() };
-    let mut next = 0;
-    while next < part.len() {
-        for at in around(part[next], width, height, 1) {
-            if std::mem::take(&mut open[at]) {
-                part.push(at);
-            }
-        }
-        next += 1;
-    }
-    part
 }

@@ -15,27 +15,36 @@ pub(super) const FLATNESS: f64 = 2e-4;
 /// Steps of a point of an area.
 const POINT_STEPS: usize = 200;
 
-/// An element that is painted.
+/// An element that is painted: its paints have their opacities.
 pub(super) struct Painted {
     /// Its path, y up.
     pub(super) path: BezPath,
     pub(super) even_odd: bool,
     pub(super) fill: Option<(Paint, f64)>,
-    pub(super) stroke: Option<(Paint, f64)>,
-    /// What the stroke covers where it has the color of the paper.
-    pub(super) stroke_area: Option<kurbo::Stroke>,
+    pub(super) stroke: Option<(Paint, f64, kurbo::Stroke)>,
     pub(super) placed: Affine,
     pub(super) cuts: Vec<usize>,
 }
 
-/// What limits where an element shows.
-pub(super) enum Cut {
-    /// The areas of a clip path, each with the cuts of its own.
-    Clip(Vec<Painted>),
-    /// A mask: its elements, whether it is by their opacity alone, and its rectangle.
-    Mask(Vec<Painted>, bool, BezPath),
-    /// The edge of the page.
-    Page(BezPath),
+impl Painted {
+    /// The area of its fill, of the `element`-th of a page.
+    pub(super) fn fill_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
+        let (paint, alpha) = self.fill?;
+        let area = scale.area(&self.path, self.even_odd);
+        Some(Layer { element, area, paint, alpha, cuts: self.cuts.clone(), is_stroke: false })
+    }
+
+    /// The area of its stroke.
+    pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
+        let (paint, alpha, style) = self.stroke.as_ref()?;
+        let path = self.placed.inverse() * &self.path;
+        let enlarged = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
+        let tolerance = FLATNESS * scale.size / enlarged;
+        let outline = kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance);
+        let area = scale.area(&(self.placed * outline), false);
+        let (paint, alpha, cuts) = (*paint, *alpha, self.cuts.clone());
+        Some(Layer { element, area, paint, alpha, cuts, is_stroke: true })
+    }
 }
 
 /// An area with an even-odd or a nonzero rule.
@@ -46,23 +55,32 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-impl<'a> Area<'a> {
-    pub(super) fn new(path: &BezPath, even_odd: bool, size: f64, budget: &'a Budget) -> Self {
+/// The larger side of a page, by which areas are as fine as they have to be, and the budget that
+/// they are taken off.
+#[derive(Clone, Copy)]
+pub(super) struct Scale<'a> {
+    pub(super) size: f64,
+    pub(super) budget: &'a Budget,
+}
+
+impl<'a> Scale<'a> {
+    pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
+        let Self { size, budget } = self;
         let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
         let mut contours = polylines(path, FLATNESS * size, most).unwrap_or_default();
         contours.retain(|contour| contour.len() > 2);
         budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
         let bounds = bounds(contours.iter().flatten().copied());
-        Self { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
+        Area { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
     }
+}
 
-    pub(super) fn holds(&self, place: [f64; 2]) -> bool {
-        let [left, bottom, right, top] = self.bounds;
-        let [x, y] = place;
-        if !(left <= x && x <= right && bottom <= y && y <= top) {
+impl Area<'_> {
+    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        if !self.meets([x, y, x, y]) {
             return false;
         }
-        let winding = self.filled.winding(place);
+        let winding = self.filled.winding([x, y]);
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
@@ -70,6 +88,15 @@ impl<'a> Area<'a> {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
     }
+}
+
+/// Whether a box, y up, covers a page but for a slack.
+pub(super) fn covers_page(
+    [left, bottom, right, top]: [f64; 4],
+    [width, height]: [f64; 2],
+    slack: f64,
+) -> bool {
+    left <= slack && top >= -slack && right >= width - slack && bottom <= slack - height
 }
 
 /// An area in a color.
@@ -83,29 +110,23 @@ pub(super) struct Layer<'a> {
     pub(super) is_stroke: bool,
 }
 
-/// A cut as areas.
-pub(super) enum Limit<'a> {
-    Clip(Vec<(Area<'a>, Vec<usize>)>),
-    Mask(Vec<Layer<'a>>, bool, Area<'a>),
+/// What limits where an element shows.
+pub(super) enum Cut<'a> {
+    /// The edge of the page.
     Page(Area<'a>),
+    /// The areas of a clip path, each with the cuts of its own.
+    Clip(Vec<Layer<'a>>),
+    /// A mask: its elements, whether it is by their opacity alone, and its rectangle.
+    Mask(Vec<Layer<'a>>, bool, Area<'a>),
 }
 
-pub(super) fn layer<'a>(
-    element: usize,
-    area: Area<'a>,
-    paint: Paint,
-    alpha: f64,
-    of: &Painted,
-) -> Layer<'a> {
-    Layer { element, area, paint, alpha, cuts: of.cuts.clone(), is_stroke: false }
-}
-
-/// The area of a stroke.
-pub(super) fn stroke_outline(item: &Painted, size: f64) -> BezPath {
-    let Some(style) = &item.stroke_area else { return BezPath::new() };
-    let user_from_place = item.placed.inverse();
-    let path = user_from_place * &item.path;
-    let scale = item.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
-    let tolerance = FLATNESS * size / scale;
-    item.placed * kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance)
+impl<'a> Cut<'a> {
+    /// Its own edge, and the layers that it is made of.
+    pub(super) fn parts(&self) -> (Option<&Area<'a>>, &[Layer<'a>]) {
+        match self {
+            Self::Page(edge) => (Some(edge), &[]),
+            Self::Clip(layers) => (None, layers),
+            Self::Mask(layers, _, edge) => (Some(edge), layers),
+        }
+    }
 }

@@ -131,18 +131,36 @@ pub(super) fn around(
     range(y, height).flat_map(move |y| range(x, width).map(move |x| y * width + x))
 }
 
+/// The open pixels that hang together with one, which are closed; none where it is closed.
+pub(super) fn connected(start: usize, open: &mut [bool], width: usize) -> Vec<usize> {
+    let height = open.len() / width;
+    let mut part = if std::mem::take(&mut open[start]) { vec![start] } else { Vec::new() };
+    let mut next = 0;
+    while next < part.len() {
+        part.extend(
+            around(part[next], width, height, 1).filter(|at| std::mem::take(&mut open[*at])),
+        );
+        next += 1;
+    }
+    part
+}
+
 /// The value below which a share of counted values lies.
 pub(super) fn quantile(counts: &[usize; 256], share: f64) -> usize {
-    let total: usize = counts.iter().sum();
+    let wanted = share * counts.iter().sum::<usize>() as f64;
     let mut passed = 0;
-    let wanted = share * total as f64;
+    let reaches = |n: &usize| {
+        passed += n;
+        passed as f64 >= wanted
+    };
+    counts.iter().position(reaches).unwrap_or(255)
+}
+
+/// How many of some values are of each level.
+pub(super) fn histogram(values: impl IntoIterator<Item = f64>) -> [usize; 256] {
+    let mut counts = [0; 256];
+    values.into_iter().for_each(|value| counts[level(value)] += 1);
     counts
-        .iter()
-        .position(|n| {
-            passed += n;
-            passed as f64 >= wanted
-        })
-        .unwrap_or(255)
 }
 
 /// A value as one of 256 levels.

@@ -12,18 +12,18 @@ use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
-use chosen::{Numbered, all, all_lines, chosen, plain_color};
+use chosen::{Numbered, all, chosen};
 use detail::reduced;
 use gradient::{Gradient, Paint};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
-use noctograph_core::strokes::Source;
+use noctograph_core::input_error;
+use noctograph_core::strokes::{Source, SourceStroke};
 
 mod areas;
 mod bitmap;
 mod chosen;
-mod css;
 mod detail;
 mod elements;
 mod gradient;
@@ -121,22 +121,20 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let mut placing = Placing::new(drawing.bounds(), options, &file)
                 .map_err(|error| with_reasons(error, &drawing.warnings))?;
             let size = placing.size();
-            let detail = options.detail.unwrap_or(1.0);
             let drawn = |scale: f64| {
                 let lines = drawing.flatten(options.tolerance_m / scale, &file)?;
-                let (lines, left_out) = reduced(lines, detail, size, &file)?;
-                let strokes = all_lines(&lines, |point| point);
-                let lines = chosen(lines, plain_color, options, &file)?;
-                Ok(((lines, left_out), Source { strokes, corners_px: None }))
+                detailed(lines, options.detail.unwrap_or(1.0), size, |point| point, options, &file)
             };
-            let (mut found, source) = drawn(placing.scale)?;
+            let (mut lines, mut left_out, strokes) = drawn(placing.scale)?;
             if options.chooses() {
                 // What is left is as large as the canvas allows, and as smooth.
-                placing = Placing::new(extent(&found.0), options, &file)?;
-                found = drawn(placing.scale)?.0;
+                placing = Placing::new(extent(&lines), options, &file)?;
+                (lines, left_out, _) = drawn(placing.scale)?;
             }
-            let strokes = by_color(found, &drawing.gradients, &placing, ink, &file)?;
-            Ok(Strokes { warnings: drawing.warnings, source, ..strokes })
+            let source = Source { strokes, corners_px: None };
+            let warnings = drawing.warnings;
+            let strokes = by_color(&lines, &drawing.gradients, &placing, ink, &file)?;
+            Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
@@ -145,14 +143,13 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
                 bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
             let larger = placing(bounds(points))?.size();
-            let (lines, left_out) = reduced(lines, detail, larger, &file)?;
             // The field of the ink has a margin of a pixel, and counts from the first one's middle.
-            let strokes = all_lines(&lines, |point| in_file.at(point.map(|x| x - 0.5)));
+            let in_file = |point: [f64; 2]| in_file.at(point.map(|x| x - 0.5));
+            let (lines, left_out, strokes) =
+                detailed(lines, detail, larger, in_file, options, &file)?;
             let source = Source { strokes, corners_px };
-            let lines = chosen(lines, plain_color, options, &file)?;
-            let placing = placing(extent(&lines))?;
-            let strokes = by_color((lines, left_out), &[], &placing, ink, &file)?;
-            Ok(Strokes { picture, warnings, source, ..strokes })
+            let strokes = by_color(&lines, &[], &placing(extent(&lines))?, ink, &file)?;
+            Ok(Strokes { left_out, picture, warnings, source, ..strokes })
         }
         Some("json") => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
@@ -181,9 +178,24 @@ fn foreign(kind: &str, file: &str) -> Error {
     Error::input(file, found, wanted, hint)
 }
 
+/// Lines of a drawing in less detail, of whose larger side `size` is: those that are chosen, what is
+/// left out, and all strokes as they lie in the file.
+fn detailed(
+    lines: Vec<ColoredLine>,
+    detail: f64,
+    size: f64,
+    in_file: impl Fn([f64; 2]) -> [f64; 2],
+    options: &LetterOptions,
+    file: &str,
+) -> Result<(Numbered<ColoredLine>, LeftOut, Vec<SourceStroke>)> {
+    let (lines, left_out) = reduced(lines, detail, size, file)?;
+    let strokes = all(lines.iter().map(|(line, paint)| (line, paint.color())), in_file);
+    Ok((chosen(lines, |(_, paint)| paint.color(), options, file)?, left_out, strokes))
+}
+
 /// Lines of a picture: one glyph, or one of each color.
 fn by_color(
-    (lines, left_out): (Numbered<ColoredLine>, LeftOut),
+    lines: &Numbered<ColoredLine>,
     gradients: &[Gradient],
     placing: &Placing,
     ink: Ink,
@@ -192,29 +204,28 @@ fn by_color(
     let numbers = lines.iter().map(|(number, (line, _))| placing.number(*number, line)).collect();
     if ink == Ink::Alike {
         let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
-        let strokes = placing.strokes(vec![runs], StrokeOrder::Free);
-        return Ok(Strokes { left_out, numbers, ..strokes });
+        return Ok(Strokes { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
     }
-    let mut inks = Inks::default();
+    let mut inks = Vec::new();
     let (mut shaded, mut joints_m) = (Vec::new(), Vec::new());
     for (_, (line, paint)) in lines {
         match paint {
-            Paint::Plain(color) => inks.draw(placing.run(&line), color, file)?,
-            Paint::Gradient(index) => shaded.push((line, index)),
+            Paint::Plain(color) => add(&mut inks, placing.run(line), *color, file)?,
+            Paint::Gradient(index) => shaded.push((&line[..], *index)),
         }
     }
-    let left = MAX_COLORS - inks.colors.len();
+    let left = MAX_COLORS - inks.len();
     for pieces in gradient::pieces(&shaded, gradients, left, placing.size(), file)? {
         let n_joints = pieces.len() - 1;
         for (index, (piece, color)) in pieces.into_iter().enumerate() {
             let run = placing.run(&piece);
             joints_m.extend(run.points.last().filter(|_| index < n_joints));
-            inks.draw(run, color, file)?;
+            add(&mut inks, run, color, file)?;
         }
     }
-    let Inks { colors, glyphs } = inks;
+    let (colors, glyphs) = inks.into_iter().unzip();
     let strokes = placing.strokes(glyphs, StrokeOrder::Free);
-    Ok(Strokes { colors, left_out, joints_m, numbers, ..strokes })
+    Ok(Strokes { colors, joints_m, numbers, ..strokes })
 }
 
 /// The bounds of lines: left, bottom, right, top.
@@ -222,29 +233,21 @@ fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// Runs of each color.
-#[derive(Default)]
-struct Inks {
-    colors: Vec<[u8; 3]>,
-    glyphs: Vec<Vec<Run>>,
-}
-
-impl Inks {
-    fn draw(&mut self, run: Run, color: [u8; 3], file: &str) -> Result<()> {
-        let known = self.colors.iter().position(|known| *known == color);
-        let index = known.unwrap_or(self.colors.len());
-        if index == MAX_COLORS {
-            let wanted = format!("at most {MAX_COLORS} colors");
-            let hint = "draw with fewer colors, or write with another lamp than color-led";
-            return Err(Error::input(file, "a drawing of more colors", wanted, hint));
+/// Adds a run to those of its color.
+fn add(inks: &mut Vec<([u8; 3], Vec<Run>)>, run: Run, color: [u8; 3], file: &str) -> Result<()> {
+    match inks.iter().position(|(known, _)| *known == color) {
+        Some(index) => inks[index].1.push(run),
+        None if inks.len() < MAX_COLORS => inks.push((color, vec![run])),
+        None => {
+            return Err(input_error!(
+                file,
+                "a drawing of more colors",
+                "at most {MAX_COLORS} colors",
+                "draw with fewer colors, or write with another lamp than color-led",
+            ));
         }
-        if index == self.colors.len() {
-            self.colors.push(color);
-            self.glyphs.push(Vec::new());
-        }
-        self.glyphs[index].push(run);
-        Ok(())
     }
+    Ok(())
 }
 
 /// Handwriting placed, by the page that it is on or by its own bounds, and smoothed.
@@ -278,8 +281,7 @@ fn write(
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
-    let strokes = placing.strokes(glyphs, StrokeOrder::Kept);
-    let mut strokes = Strokes { colors, numbers, ..strokes };
+    let mut strokes = Strokes { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
     if options.pace == Pace::Written {
         set_pace(&mut strokes, &lasts_s);
     }
@@ -427,9 +429,12 @@ impl Placing {
 }
 
 fn too_many(file: &str) -> Error {
-    let wanted = format!("at most {MAX_POINTS} points");
-    let hint = "simplify the drawing, or raise letters.tolerance_m";
-    Error::input(file, "a drawing of more points", wanted, hint)
+    input_error!(
+        file,
+        "a drawing of more points",
+        "at most {MAX_POINTS} points",
+        "simplify the drawing, or raise letters.tolerance_m",
+    )
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Paper: its color in blocks of a picture, under shadows and lamps.
 
-use super::levels::{around, level, morphed, quantile};
+use super::levels::{around, histogram, level, morphed, quantile};
 use noctograph_core::statistics::median;
 
 /// Blocks of paper along the longer side.
@@ -30,6 +30,7 @@ const MIDDLE: [f64; 2] = [70.0, 155.0];
 pub(super) enum Edges {
     /// None is sharper than a block: what is may be a thing in a photograph.
     Soft,
+    /// What has a sharp edge and is no photograph may be a shadow, too.
     Sharp,
 }
 
@@ -47,19 +48,10 @@ pub(super) struct Paper {
 
 impl Paper {
     /// The paper of a picture by its channels, of which more is lighter.
-    pub(super) fn of(channels: &[Vec<f64>; 3], width: usize, height: usize, edges: Edges) -> Self {
-        let block = width.max(height).div_ceil(BLOCKS);
-        let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
-        let mut levels = vec![[0.0; 3]; columns * rows];
-        for (c, values) in channels.iter().enumerate() {
-            let mut counts = vec![[0_usize; 256]; columns * rows];
-            for (at, value) in values.iter().enumerate() {
-                counts[at / width / block * columns + at % width / block][level(*value)] += 1;
-            }
-            for (levels, counts) in levels.iter_mut().zip(&counts) {
-                levels[c] = (quantile(counts, PAPER) as f64).max(1.0);
-            }
-        }
+    pub(super) fn of(channels: &[Vec<f64>; 3], width: usize, edges: Edges) -> Self {
+        let (block, columns, mut levels) = blocks(channels, width, PAPER);
+        levels.iter_mut().flatten().for_each(|level| *level = level.max(1.0));
+        let rows = levels.len() / columns;
         let mut known = known(&levels, columns, rows);
         // Blocks in the middle of a patch have the paper of their neighbors.
         while known.contains(&false) {
@@ -92,21 +84,20 @@ impl Paper {
         };
         let around: Vec<_> = (0..levels.len()).map(beside).collect();
         let steps = level(PEN * block as f64);
-        let closed = |c: usize| morphed(&channels[c], width, steps, f64::max, f64::min);
         let is_cut = edges == Edges::Sharp && around.iter().any(is_shaded);
-        let closed = is_cut.then(|| ([0, 1, 2].map(closed), width));
+        let closed = is_cut.then(|| {
+            let closed = |c: usize| morphed(&channels[c], width, steps, f64::max, f64::min);
+            ([0, 1, 2].map(closed), width)
+        });
         levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
         Self { block, columns, rows, levels, around, closed }
     }
 
     /// Paper of a middle tone that is evenly lit: the tone of most of each block and those around
     /// it, so that no ink of either kind counts. `None` for any other picture.
-    pub(super) fn of_middle_tone(
-        channels: &[Vec<f64>; 3],
-        width: usize,
-        height: usize,
-    ) -> Option<Self> {
-        let (block, columns, rows, blocks) = medians(channels, width, height);
+    pub(super) fn of_middle_tone(channels: &[Vec<f64>; 3], width: usize) -> Option<Self> {
+        let (block, columns, blocks) = blocks(channels, width, 0.5);
+        let rows = blocks.len() / columns;
         let near = |at: usize| {
             [0, 1, 2].map(|c| {
                 let levels = around(at, columns, rows, 2).map(|at| blocks[at][c]);
@@ -154,22 +145,20 @@ impl Paper {
     }
 }
 
-/// The size of blocks, how many there are across and down, and the median color of each.
-fn medians(
-    channels: &[Vec<f64>; 3],
-    width: usize,
-    height: usize,
-) -> (usize, usize, usize, Vec<[f64; 3]>) {
+/// The size of blocks, how many there are across, and the color of each, than which a share of its
+/// pixels is darker.
+fn blocks(channels: &[Vec<f64>; 3], width: usize, share: f64) -> (usize, usize, Vec<[f64; 3]>) {
+    let height = channels[0].len() / width;
     let block = width.max(height).div_ceil(BLOCKS);
-    let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
-    let mut counts = vec![[[0_usize; 256]; 3]; columns * rows];
+    let columns = width.div_ceil(block);
+    let mut counts = vec![[[0_usize; 256]; 3]; columns * height.div_ceil(block)];
     for (c, values) in channels.iter().enumerate() {
         for (at, value) in values.iter().enumerate() {
             counts[at / width / block * columns + at % width / block][c][level(*value)] += 1;
         }
     }
-    let medians = counts.iter().map(|of| [0, 1, 2].map(|c| quantile(&of[c], 0.5) as f64));
-    (block, columns, rows, medians.collect())
+    let color = |counts: &[[usize; 256]; 3]| [0, 1, 2].map(|c| quantile(&counts[c], share) as f64);
+    (block, columns, counts.iter().map(color).collect())
 }
 
 /// Whether the edge of a shadow passes a block, by the darkest and the brightest paper around it.
@@ -184,10 +173,8 @@ fn known(levels: &[[f64; 3]], columns: usize, rows: usize) -> Vec<bool> {
     let brightest = lumas.iter().copied().fold(0.0, f64::max);
     // The hue of most of the bright blocks.
     let median = |c: usize| {
-        let mut counts = [0_usize; 256];
         let bright = (0..levels.len()).filter(|at| lumas[*at] > 0.8 * brightest);
-        bright.for_each(|at| counts[level(levels[at][c])] += 1);
-        (quantile(&counts, 0.5) as f64).max(1.0)
+        (quantile(&histogram(bright.map(|at| levels[at][c])), 0.5) as f64).max(1.0)
     };
     let paper = [0, 1, 2].map(median);
     let is_paper = |of: [f64; 3], beside: [f64; 3]| {

@@ -27,10 +27,17 @@ impl Canvas {
         self.0.stroke_path(path, &brush(color), &pen, Transform::identity(), None);
     }
 
-    pub(super) fn picture(&self) -> image::RgbImage {
+    pub(super) fn transparent([width, height]: [u32; 2]) -> Self {
+        Self(Pixmap::new(width, height).unwrap())
+    }
+
+    pub(super) fn rgba(&self) -> image::RgbaImage {
         let (width, height) = (self.0.width(), self.0.height());
-        let rgba = image::RgbaImage::from_raw(width, height, self.0.data().to_vec()).unwrap();
-        image::DynamicImage::from(rgba).into_rgb8()
+        image::RgbaImage::from_raw(width, height, self.0.data().to_vec()).unwrap()
+    }
+
+    pub(super) fn picture(&self) -> image::RgbImage {
+        image::DynamicImage::from(self.rgba()).into_rgb8()
     }
 
     fn traced(&self) -> Traced {
@@ -65,7 +72,7 @@ pub(super) fn traced_with(
     Ok(traced)
 }
 
-fn polygon(corners: impl IntoIterator<Item = [f32; 2]>) -> Path {
+pub(super) fn polygon(corners: impl IntoIterator<Item = [f32; 2]>) -> Path {
     let mut path = PathBuilder::new();
     for (index, [x, y]) in corners.into_iter().enumerate() {
         if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
@@ -88,9 +95,13 @@ pub(super) fn line(points: &[[f32; 2]]) -> Path {
 /// Icons in a square from −1 to 1; those that are drawn with a pen have its width.
 const ICONS: usize = 17;
 
-fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
+pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
     let at = |[dx, dy]: [f32; 2]| [x + r * dx, y + r * dy];
-    let corners = |list: &[[f32; 2]]| polygon(list.iter().map(|place| at(*place)));
+    let corners = |list: &str| {
+        let number = |text: &str| text.parse::<f32>().unwrap();
+        let places = list.split(' ').filter_map(|place| place.split_once(','));
+        polygon(places.map(|(x, y)| at([number(x), number(y)])))
+    };
     let round = |n: u8, radius: &dyn Fn(f32) -> f32| {
         polygon((0..n).map(|k| {
             let angle = f32::from(k) * std::f32::consts::TAU / f32::from(n);
@@ -100,8 +111,8 @@ fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
     };
     let path = match kind {
         0 => circle(x, y, r),
-        1 => corners(&[[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]]),
-        2 => corners(&[[0.0, -0.9], [1.0, 0.8], [-1.0, 0.8]]),
+        1 => corners("-0.9,-0.9 0.9,-0.9 0.9,0.9 -0.9,0.9"),
+        2 => corners("0,-0.9 1,0.8 -1,0.8"),
         3 => polygon((0_u8..10).map(|k| {
             let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
             let r = if k.is_multiple_of(2) { 1.0 } else { 0.42 };
@@ -123,33 +134,9 @@ fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
             let (sin, cos) = libm::sincosf(t);
             if k < 60 { at([-sin, -cos]) } else { at([-0.45 * sin, cos]) }
         })),
-        6 => corners(&[
-            [-1.0, -0.3],
-            [0.1, -0.3],
-            [0.1, -0.8],
-            [1.0, 0.0],
-            [0.1, 0.8],
-            [0.1, 0.3],
-            [-1.0, 0.3],
-        ]),
-        7 => corners(&[
-            [0.0, -1.0],
-            [1.0, 0.0],
-            [0.7, 0.0],
-            [0.7, 0.9],
-            [-0.7, 0.9],
-            [-0.7, 0.0],
-            [-1.0, 0.0],
-        ]),
-        8 => corners(&[
-            [0.2, -1.0],
-            [-0.7, 0.2],
-            [-0.1, 0.2],
-            [-0.3, 1.0],
-            [0.7, -0.3],
-            [0.1, -0.3],
-            [0.5, -1.0],
-        ]),
+        6 => corners("-1,-0.3 0.1,-0.3 0.1,-0.8 1,0 0.1,0.8 0.1,0.3 -1,0.3"),
+        7 => corners("0,-1 1,0 0.7,0 0.7,0.9 -0.7,0.9 -0.7,0 -1,0"),
+        8 => corners("0.2,-1 -0.7,0.2 -0.1,0.2 -0.3,1 0.7,-0.3 0.1,-0.3 0.5,-1"),
         9 => round(6, &|_| 1.0),
         10 => round(120, &|angle| 0.8 + 0.2 * libm::cosf(5.0 * angle)),
         // A drop.
@@ -170,13 +157,11 @@ fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
             let (sin, cos) = libm::sincosf(angle);
             0.5 / libm::hypotf(0.5 * sin, cos)
         }),
-        14 => return (line(&[at([-0.9, 0.1]), at([-0.3, 0.8]), at([0.9, -0.8])]), Some(0.12 * r)),
+        14 => return (line(&[[-0.9, 0.1], [-0.3, 0.8], [0.9, -0.8]].map(at)), Some(0.12 * r)),
         15 => return (circle(x, y, r), Some(0.1 * r)),
         _ => {
-            return (
-                line(&[at([-0.9, 0.6]), at([-0.3, -0.6]), at([0.3, 0.6]), at([0.9, -0.6])]),
-                Some(0.12 * r),
-            );
+            let zigzag = [[-0.9, 0.6], [-0.3, -0.6], [0.3, 0.6], [0.9, -0.6]];
+            return (line(&zigzag.map(at)), Some(0.12 * r));
         }
     };
     (path, None)

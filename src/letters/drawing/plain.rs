@@ -8,18 +8,19 @@
 //!
 //! [`elements`]: super::elements
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use kurbo::{BezPath, Shape as _};
-use usvg::roxmltree::{Document, Node, NodeId};
+use usvg::roxmltree::{Document, Node};
 
-use super::elements::{Ids, check, target, value};
-use super::style::{Attributes, Named, XLINK};
-use super::xml::Rows;
+use super::elements::check;
+use super::style::{Named, Styled, XLINK, has};
 
 /// Most stops of a gradient that are looked at.
 const MAX_STOPS: usize = 16;
+
+/// Most gradients, each of which refers to the next, that are looked at.
+const MAX_CHAIN: usize = 8;
 
 /// Where signs begin, and how many there may be: numbers that are exact in single precision.
 pub(super) const SIGN_X: f32 = 7_777_777.0;
@@ -27,319 +28,244 @@ const MAX_SIGNS: usize = 10_000;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// A document as it is drawn.
-pub(super) struct Plain {
-    pub(super) text: String,
-    /// What signs stand for, and its line.
-    pub(super) signs: Vec<(String, u32)>,
-}
+/// Elements that are drawn, or hold what is; others in the namespace of SVG are not drawn by
+/// anybody.
+const DRAWN: &str = "a circle clipPath defs ellipse g line marker mask path polygon polyline rect \
+    stop svg switch symbol use";
 
-/// The document that is drawn.
+/// Elements whose content is drawn by browsers and not here.
+const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
+
+const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor set";
+
+/// Attributes of a gradient and of a stop.
+const GRADIENT: &str = "x1 y1 x2 y2 cx cy r fx fy fr gradientUnits gradientTransform spreadMethod";
+const STOP: &str = "offset stop-color stop-opacity color";
+
+/// The document that is drawn, and the elements in whose place it has signs.
 ///
 /// # Errors
 ///
 /// What was found instead of a drawing of bounded work.
-pub(super) fn plain(
-    document: &Document<'_>,
-    attributes: &HashMap<NodeId, Attributes>,
+pub(super) fn plain<'a, 'input>(
+    document: &'a Document<'input>,
+    styled: &Styled<'a, 'input>,
     named: &mut Named,
-) -> Result<Plain, String> {
-    let mut ids = HashMap::new();
-    for node in document.descendants() {
-        if let Some(id) = node.attribute("id") {
-            ids.entry(id).or_insert(node);
-        }
-    }
-    check(document.root_element(), attributes, &ids)?;
-    let (text, signs, rows) = (String::new(), Vec::new(), &Rows::of(document));
-    let mut writer = Writer { rows, ids: &ids, attributes, named, text, signs, in_marker: false };
+) -> Result<(String, Vec<Node<'a, 'input>>), String> {
+    check(document.root_element(), styled)?;
+    let (text, signs, in_marker) = (String::new(), Vec::new(), false);
+    let mut writer = Writer { styled, named, text, signs, in_marker };
     writer.element(document.root_element())?;
-    Ok(Plain { text: writer.text, signs: writer.signs })
+    Ok((writer.text, writer.signs))
 }
 
-/// Elements that are drawn, or hold what is; others in the namespace of SVG are not drawn by
-/// anybody.
-const DRAWN: &[&str] = &[
-    "a", "circle", "clipPath", "defs", "ellipse", "g", "line", "marker", "mask", "path", "polygon",
-    "polyline", "rect", "stop", "svg", "switch", "symbol", "use",
-];
-
-/// Elements whose content is drawn by browsers and not here.
-const FOREIGN: &[&str] =
-    &["text", "image", "foreignObject", "video", "iframe", "canvas", "mesh", "solidcolor"];
-
 /// Writes a document.
-struct Writer<'a, 'input> {
-    rows: &'a Rows,
-    ids: &'a Ids<'a, 'input>,
-    attributes: &'a HashMap<NodeId, Attributes>,
-    named: &'a mut Named,
+struct Writer<'a, 'b, 'input> {
+    styled: &'b Styled<'a, 'input>,
+    named: &'b mut Named,
     text: String,
-    signs: Vec<(String, u32)>,
+    signs: Vec<Node<'a, 'input>>,
     in_marker: bool,
 }
 
-impl<'a, 'input> Writer<'a, 'input> {
+impl<'a, 'input> Writer<'a, '_, 'input> {
     /// Writes an element as it is drawn.
     fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
-        let name = node.tag_name().name();
         if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
             return Ok(());
         }
-        let row = self.rows.at(node);
-        if FOREIGN.contains(&name) {
-            return self.sign(node, row);
-        }
-        match name {
-            "animate" | "animateTransform" | "animateMotion" | "animateColor" | "set" => {
-                self.named.add("an animation, drawn as it begins", row);
+        let tag = match node.tag_name().name() {
+            name if has(FOREIGN, name) => return self.sign(node),
+            name if has(ANIMATIONS, name) => {
+                self.named.add("an animation, drawn as it begins", node);
                 return Ok(());
             }
             "script" => {
-                self.named.add("a script", row);
+                self.named.add("a script", node);
                 return Ok(());
             }
-            "switch" => {
-                self.named.add("a switch, drawn in its first part that asks for nothing", row)
+            "linearGradient" | "radialGradient" | "pattern" => {
+                self.gradient(node);
+                "defs"
             }
-            _ => {}
+            "filter" => "defs",
+            name if has(DRAWN, name) => name,
+            _ => return Ok(()),
+        };
+        if tag == "switch" {
+            self.named.add("a switch, drawn in its first part that asks for nothing", node);
         }
-        if matches!(name, "linearGradient" | "radialGradient" | "pattern") {
-            if let Some(id) = node.attribute("id") {
-                self.gradient(node, id);
-            }
-            self.text.push_str("<defs>");
-            return self.content(node, "defs");
-        }
-        let tag = if name == "filter" { "defs" } else { name };
-        if !DRAWN.contains(&tag) {
-            return Ok(());
-        }
-        self.text.push('<');
-        self.text.push_str(tag);
+        let _ = write!(self.text, "<{tag}");
         if node.parent_element().is_none() {
             let _ = write!(self.text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
         }
-        if tag == name {
-            self.own_attributes(node, row);
+        if tag == node.tag_name().name() {
+            self.own_attributes(node);
         }
         self.text.push('>');
         let outside = self.in_marker;
         self.in_marker |= tag == "marker";
-        self.content(node, tag)?;
-        self.in_marker = outside;
-        Ok(())
-    }
-
-    fn content(&mut self, node: Node<'a, 'input>, tag: &str) -> Result<(), String> {
         for child in node.children().filter(Node::is_element) {
             self.element(child)?;
         }
+        self.in_marker = outside;
         let _ = write!(self.text, "</{tag}>");
         Ok(())
     }
 
-    fn own_attributes(&mut self, node: Node<'_, '_>, row: u32) {
-        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
-        let dashes = self.scaled_dashes(node, own, row);
-        for (prefix, name, value) in own {
-            let linked = || self.ids.get(target(value)?).map(|node| node.tag_name().name());
-            match &**name {
+    fn own_attributes(&mut self, node: Node<'_, '_>) {
+        let dashes = self.scaled_dashes(node);
+        for (name, value) in self.styled.attributes(node) {
+            let linked = || Some(self.styled.target(value)?.tag_name().name());
+            match name {
                 "filter" | "pathLength" => continue,
                 // Properties of CSS may have names that attributes cannot have.
                 name if !is_name(name) => continue,
                 "stroke-dasharray" | "stroke-dashoffset" if dashes.is_some() => continue,
                 "marker-start" | "marker-mid" | "marker-end" if self.in_marker => {
                     if linked() == Some("marker") {
-                        self.named.add("a marker within a marker", row);
+                        self.named.add("a marker within a marker", node);
                     }
                     continue;
                 }
                 "fill" | "stroke" if linked() == Some("pattern") => {
-                    self.named.add(format!("{name} by a pattern"), row);
+                    self.named.add(format!("{name} by a pattern"), node);
                 }
-                "href" if node.tag_name().name() == "use" && !value.trim().starts_with('#') => {
-                    self.named.add("another file (`use`)", row);
+                "href" | "xlink:href"
+                    if node.tag_name().name() == "use" && !value.trim().starts_with('#') =>
+                {
+                    self.named.add("another file (`use`)", node);
                 }
                 "clip-path" | "mask" if value.trim().starts_with("url(") => {
                     // Without the words of a shorthand.
                     let link = value.trim().split_inclusive(')').next().unwrap_or("");
-                    write_attribute(prefix, name, link, &mut self.text);
+                    write_attribute(name, link, &mut self.text);
                     continue;
                 }
                 _ => {}
             }
-            write_attribute(prefix, name, value, &mut self.text);
+            write_attribute(name, value, &mut self.text);
         }
         for (name, value) in dashes.into_iter().flatten() {
-            write_attribute("", name, &value, &mut self.text);
+            write_attribute(name, &value, &mut self.text);
         }
     }
 
     /// Dashes in user units where they are given by a `pathLength` that is not that of the path.
-    fn scaled_dashes(
-        &mut self,
-        node: Node<'_, '_>,
-        own: &[(&'static str, String, String)],
-        row: u32,
-    ) -> Option<[(&'static str, String); 2]> {
-        let stated = value(own, "pathLength")?.trim().parse::<f64>().ok();
-        let inherited = |name: &str| {
-            let own = |node: Node<'_, '_>| value(self.attributes.get(&node.id())?, name);
-            node.ancestors().find_map(own)
-        };
+    fn scaled_dashes(&mut self, node: Node<'_, '_>) -> Option<[(&'static str, String); 2]> {
+        let stated = self.styled.value(node, "pathLength")?.trim().parse::<f64>().ok();
+        let inherited =
+            |name: &str| node.ancestors().find_map(|node| self.styled.value(node, name));
         let dashes = inherited("stroke-dasharray").filter(|dashes| *dashes != "none")?;
-        let numbers = |list: &str| -> Option<Vec<f64>> {
+        let stated = stated.filter(|stated| *stated > 0.0);
+        let scale = stated.and_then(|stated| Some(shape_length(node, self.styled)? / stated));
+        let scaled = |list: &str| {
+            let scale = scale?;
             let parts = list.split([',', ' ', '\n', '\t', '\r']).filter(|part| !part.is_empty());
-            parts.map(|part| part.trim_end_matches("px").parse().ok()).collect()
+            let number = |part: &str| part.trim_end_matches("px").parse::<f64>().ok();
+            let parts = parts.map(|part| Some((number(part)? * scale).to_string()));
+            Some(parts.collect::<Option<Vec<String>>>()?.join(" "))
         };
-        let length = shape_length(node, own);
-        let scale = stated.filter(|stated| *stated > 0.0).and_then(|stated| Some(length? / stated));
-        let offset = numbers(inherited("stroke-dashoffset").unwrap_or("0"));
-        let (Some(scale), Some(dashes), Some(offset)) = (scale, numbers(dashes), offset) else {
-            self.named.add("pathLength", row);
-            return None;
-        };
-        let scaled = |values: Vec<f64>| {
-            let values = values.into_iter().map(|value| (value * scale).to_string());
-            values.collect::<Vec<_>>().join(" ")
-        };
-        Some([("stroke-dasharray", scaled(dashes)), ("stroke-dashoffset", scaled(offset))])
+        let offset = scaled(inherited("stroke-dashoffset").unwrap_or("0"));
+        let scaled = scaled(dashes).zip(offset);
+        if scaled.is_none() {
+            self.named.add("pathLength", node);
+        }
+        let (dashes, offset) = scaled?;
+        Some([("stroke-dasharray", dashes), ("stroke-dashoffset", offset)])
     }
 
     /// A sign in place of an element: transformed and hidden as it is.
-    fn sign(&mut self, node: Node<'_, '_>, row: u32) -> Result<(), String> {
+    fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let parts = node.descendants().filter_map(|part| part.text());
         if name == "text" && parts.flat_map(str::chars).all(char::is_whitespace) {
             return Ok(());
         }
-        if self.signs.len() == MAX_SIGNS {
+        let index = self.signs.len();
+        if index == MAX_SIGNS {
             return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
         }
-        let index = self.signs.len();
-        self.signs.push((format!("<{name}>"), row));
+        self.signs.push(node);
         let _ =
             write!(self.text, "<path d=\"M{SIGN_X} {index}h1v1z\" fill=\"#000\" stroke=\"none\"");
-        let own = self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
-        for (_, name, value) in own {
-            if matches!(&**name, "display" | "visibility" | "opacity" | "id") {
-                write_attribute("", name, value, &mut self.text);
-            }
+        for name in ["display", "visibility", "opacity", "id"] {
+            self.copy(node, name);
         }
         self.text.push_str("/>");
         Ok(())
     }
 
+    /// Writes an attribute that an element has.
+    fn copy(&mut self, node: Node<'_, '_>, name: &str) {
+        if let Some(value) = self.styled.value(node, name) {
+            write_attribute(name, value, &mut self.text);
+        }
+    }
+
     /// Writes a gradient with what it has from those that it refers to; a pattern as one of a black
     /// stop.
-    fn gradient(&mut self, node: Node<'a, 'input>, id: &str) {
-        let own =
-            |node: &Node<'_, '_>| self.attributes.get(&node.id()).map_or(&[][..], |own| &own[..]);
-        let next = |node: &Node<'a, 'input>| {
-            let links = own(node).iter().filter(|(_, name, _)| name == "href");
-            let mut linked =
-                links.filter_map(|(.., link)| self.ids.get(link.trim().strip_prefix('#')?));
-            linked.next().copied()
-        };
+    fn gradient(&mut self, node: Node<'a, 'input>) {
+        let Some(id) = node.attribute("id") else { return };
         let is_stop = |child: &Node<'_, '_>| child.tag_name().name() == "stop";
         let is_pattern = node.tag_name().name() == "pattern";
         let tag = if is_pattern { "linearGradient" } else { node.tag_name().name() };
+        let next = |node: &Node<'a, 'input>| self.styled.linked(*node);
         let chain: Vec<_> = std::iter::successors(Some(node), next).take(MAX_CHAIN).collect();
-        let mut text = format!("<{tag} id=\"");
-        escape(id, &mut text);
-        text.push('"');
-        for name in GRADIENT {
-            if let Some(value) = chain.iter().find_map(|node| value(own(node), name)) {
-                write_attribute("", name, value, &mut text);
+        let _ = write!(self.text, "<{tag}");
+        write_attribute("id", id, &mut self.text);
+        for name in GRADIENT.split(' ') {
+            if let Some(value) = chain.iter().find_map(|node| self.styled.value(*node, name)) {
+                write_attribute(name, value, &mut self.text);
             }
         }
-        text.push('>');
+        self.text.push('>');
         let with_stops = chain.iter().find(|node| node.children().any(|child| is_stop(&child)));
         let stops = with_stops.into_iter().flat_map(Node::children).filter(is_stop).take(MAX_STOPS);
         for stop in stops.filter(|_| !is_pattern) {
-            text.push_str("<stop");
-            for name in STOP {
-                if let Some(value) = value(own(&stop), name) {
-                    write_attribute("", name, value, &mut text);
-                }
-            }
-            text.push_str("/>");
+            self.text.push_str("<stop");
+            STOP.split(' ').for_each(|name| self.copy(stop, name));
+            self.text.push_str("/>");
         }
         let stop = if is_pattern { "<stop stop-opacity=\"0.5\"/>" } else { "" };
-        let _ = write!(text, "{stop}</{tag}>");
-        self.text += &text;
+        let _ = write!(self.text, "{stop}</{tag}>");
     }
 }
 
 fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic())
-        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | ':'))
 }
 
 /// Length of a shape's path in user units.
-fn shape_length(node: Node<'_, '_>, own: &[(&'static str, String, String)]) -> Option<f64> {
-    let number = |name: &str| value(own, name).map_or(Some(0.0), |text| text.trim().parse().ok());
-    let points = |close: bool| {
-        let numbers: Vec<f64> = svgtypes_numbers(value(own, "points")?);
-        let mut path = BezPath::new();
-        for (index, point) in numbers.chunks_exact(2).enumerate() {
-            let point = (point[0], point[1]);
-            if index == 0 { path.move_to(point) } else { path.line_to(point) }
-        }
-        if close && !path.is_empty() {
-            path.close_path();
-        }
-        Some(path.perimeter(1e-3))
+fn shape_length(node: Node<'_, '_>, styled: &Styled<'_, '_>) -> Option<f64> {
+    let value = |name: &str| styled.value(node, name);
+    let number = |name: &str| value(name).map_or(Some(0.0), |text| text.trim().parse().ok());
+    let points = |close: &str| {
+        let numbers = svgtypes::NumberListParser::from(value("points")?).map_while(|n| n.ok());
+        let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+        let path = format!("M{}{close}", numbers[..numbers.len() / 2 * 2].join(" "));
+        Some(BezPath::from_svg(&path).ok()?.perimeter(1e-3))
     };
     match node.tag_name().name() {
-        "path" => Some(BezPath::from_svg(value(own, "d")?).ok()?.perimeter(1e-3)),
+        "path" => Some(BezPath::from_svg(value("d")?).ok()?.perimeter(1e-3)),
         "circle" => Some(std::f64::consts::TAU * number("r")?),
-        "ellipse" => Some(
-            kurbo::Ellipse::new((0.0, 0.0), (number("rx")?, number("ry")?), 0.0).perimeter(1e-3),
-        ),
+        "ellipse" => {
+            let radii = (number("rx")?, number("ry")?);
+            Some(kurbo::Ellipse::new((0.0, 0.0), radii, 0.0).perimeter(1e-3))
+        }
         "line" => Some(libm::hypot(number("x2")? - number("x1")?, number("y2")? - number("y1")?)),
-        "rect" if value(own, "rx").is_none() && value(own, "ry").is_none() => {
+        "rect" if value("rx").is_none() && value("ry").is_none() => {
             Some(2.0 * (number("width")? + number("height")?))
         }
-        "polyline" => points(false),
-        "polygon" => points(true),
+        "polyline" => points(""),
+        "polygon" => points("Z"),
         _ => None,
     }
 }
 
-fn svgtypes_numbers(text: &str) -> Vec<f64> {
-    svgtypes::NumberListParser::from(text).map_while(Result::ok).collect()
-}
-
-/// Attributes of a gradient and of a stop.
-const GRADIENT: [&str; 13] = [
-    "x1",
-    "y1",
-    "x2",
-    "y2",
-    "cx",
-    "cy",
-    "r",
-    "fx",
-    "fy",
-    "fr",
-    "gradientUnits",
-    "gradientTransform",
-    "spreadMethod",
-];
-const STOP: [&str; 4] = ["offset", "stop-color", "stop-opacity", "color"];
-
-/// Most gradients, each of which refers to the next, that are looked at.
-const MAX_CHAIN: usize = 8;
-
-fn write_attribute(prefix: &str, name: &str, value: &str, text: &mut String) {
-    let _ = write!(text, " {prefix}{name}=\"");
-    escape(value, text);
-    text.push('"');
-}
-
-fn escape(value: &str, text: &mut String) {
+fn write_attribute(name: &str, value: &str, text: &mut String) {
+    let _ = write!(text, " {name}=\"");
     for c in value.chars() {
         match c {
             '&' => text.push_str("&amp;"),
@@ -351,21 +277,20 @@ fn escape(value: &str, text: &mut String) {
             c => text.push(c),
         }
     }
+    text.push('"');
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::super::{LetterOptions, Strokes};
-    use super::super::{Ink, draw};
+    use super::super::{Ink, tests::drawn_in};
     use noctograph_core::error::Result;
 
     fn drawn(inner: &str) -> Result<Strokes> {
-        let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();
         let text = format!(
             "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
         );
-        std::fs::write(file.path(), text).unwrap();
-        draw(file.path(), &LetterOptions::default(), Ink::Alike)
+        drawn_in("a.svg", text, &LetterOptions::default(), Ink::Alike)
     }
 
     fn n_lit(inner: &str) -> usize {

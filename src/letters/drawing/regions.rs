@@ -8,7 +8,7 @@
 use std::f64::consts::PI;
 
 use super::ink::{Field, RIM};
-use super::levels::{around, level, quantile};
+use super::levels::{connected, histogram, quantile};
 
 /// Share of a region's pixels that have less ink than its level; of one across the picture, which
 /// may be a drawing on a ruling.
@@ -67,10 +67,8 @@ impl Field {
             field: self,
             pale: PALE * strong,
             least_area,
-            seen: vec![0; self.contrast.len()],
-            n_seen: 0,
+            open: vec![false; self.contrast.len()],
             near: vec![0; self.contrast.len()],
-            n_near: 0,
             regions: Vec::new(),
             is_ruled: false,
             n_across: 0,
@@ -86,7 +84,7 @@ impl Field {
         for Region { pixels, level, .. } in &search.regions {
             for at in pixels {
                 let level = level.min(search.own_level(*at, *level));
-                for near in around(*at, self.width, self.height, CORE) {
+                for near in self.around(*at, CORE) {
                     levels[near] = levels[near].min(level);
                 }
             }
@@ -102,6 +100,8 @@ struct Region {
     pixels: Vec<usize>,
     level: f64,
     is_pale: bool,
+    /// Of a straight line that may be a ruling.
+    direction: Option<f64>,
 }
 
 /// A search for regions of ink and their levels.
@@ -110,12 +110,10 @@ struct Search<'a> {
     /// Contrast below which ink is pale.
     pale: f64,
     least_area: usize,
-    /// The last set of pixels that a pixel was in, and the number of sets so far.
-    seen: Vec<u32>,
-    n_seen: u32,
-    /// The same of the surroundings of strong ink.
-    near: Vec<u32>,
-    n_near: u32,
+    /// The set of pixels that is looked at; empty between two looks.
+    open: Vec<bool>,
+    /// The last region, from 1, in whose surroundings a pixel is; 0: none.
+    near: Vec<usize>,
     regions: Vec<Region>,
     is_ruled: bool,
     n_across: usize,
@@ -124,38 +122,16 @@ struct Search<'a> {
 impl Search<'_> {
     /// Connected parts of a set of pixels, those that are large enough.
     fn parts(&mut self, pixels: &[usize]) -> Vec<Vec<usize>> {
-        self.n_seen += 1;
-        let (open, done) = (self.n_seen, 0);
-        pixels.iter().for_each(|at| self.seen[*at] = open);
-        let mut parts = Vec::new();
-        for start in pixels {
-            if self.seen[*start] != open {
-                continue;
-            }
-            self.seen[*start] = done;
-            let mut part = vec![*start];
-            let mut next = 0;
-            while next < part.len() {
-                for at in around(part[next], self.field.width, self.field.height, 1) {
-                    if self.seen[at] == open {
-                        self.seen[at] = done;
-                        part.push(at);
-                    }
-                }
-                next += 1;
-            }
-            if part.len() >= self.least_area {
-                parts.push(part);
-            }
-        }
-        parts
+        pixels.iter().for_each(|at| self.open[*at] = true);
+        let (open, width) = (&mut self.open, self.field.width);
+        let parts = pixels.iter().map(|start| connected(*start, open, width));
+        parts.filter(|part| part.len() >= self.least_area).collect()
     }
 
     /// Splits a connected part by its levels.
     fn split(&mut self, part: Vec<usize>, depth: usize) {
         let contrast = &self.field.contrast;
-        let mut counts = [0_usize; 256];
-        part.iter().for_each(|at| counts[level(255.0 * contrast[*at])] += 1);
+        let counts = histogram(part.iter().map(|at| 255.0 * contrast[*at]));
         let extent = self.extent(&part);
         let is_across = extent > ACROSS;
         let share = if is_across { LEVEL_ACROSS } else { LEVEL };
@@ -170,7 +146,7 @@ impl Search<'_> {
             }
             return;
         }
-        if is_across && most < RULING / PALE * self.pale && self.is_fine(&part, half) {
+        if is_across && self.is_weak(most) && self.is_fine(&part, half) {
             self.is_ruled = true;
             return;
         }
@@ -190,20 +166,23 @@ impl Search<'_> {
             && part.len() > 2 * strong.len()
             && self.is_fine(&part, self.field.least);
         let rest = if depth + 1 < LEVELS && !is_across {
-            self.n_near += 1;
-            for at in &strong {
-                for near in around(*at, self.field.width, self.field.height, BLUR) {
-                    self.near[near] = self.n_near;
-                }
+            let region = self.regions.len() + 1;
+            for near in strong.iter().flat_map(|at| self.field.around(*at, BLUR)) {
+                self.near[near] = region;
             }
-            part.into_iter().filter(|at| self.near[*at] != self.n_near).collect()
+            part.into_iter().filter(|at| self.near[*at] != region).collect()
         } else {
             Vec::new()
         };
-        self.regions.push(Region { pixels: strong, level: most, is_pale });
+        self.regions.push(Region { pixels: strong, level: most, is_pale, direction: None });
         for part in self.parts(&rest) {
             self.split(part, depth + 1);
         }
+    }
+
+    /// Whether a level is that of a ruling.
+    fn is_weak(&self, level: f64) -> bool {
+        level < RULING / PALE * self.pale
     }
 
     /// Whether a part is nowhere thicker than a fine line.
@@ -233,62 +212,52 @@ impl Search<'_> {
         {
             return level;
         }
-        let near = around(at, width, height, CORE).map(|near| contrast[near]);
-        near.fold(0.0, f64::max)
+        self.field.around(at, CORE).map(|near| contrast[near]).fold(0.0, f64::max)
     }
 
     /// Leaves out pale regions that are straight, of one direction, many and all over the picture:
     /// rulings in pieces. Where still more than a hand draws is pale, it is the paper's texture.
     fn leave_out_rulings(&mut self) {
-        let directions: Vec<Option<f64>> = self
-            .regions
-            .iter()
-            .map(|region| {
-                let is_weak = region.level < RULING / PALE * self.pale
-                    || self.is_ruled && self.extent(&region.pixels) < LEFT_OVER;
-                self.direction(&region.pixels).filter(|_| is_weak)
-            })
-            .collect();
+        let mut regions = std::mem::take(&mut self.regions);
+        for region in &mut regions {
+            let is_left_over = self.is_ruled && self.extent(&region.pixels) < LEFT_OVER;
+            let is_weak = self.is_weak(region.level) || is_left_over;
+            region.direction = self.direction(&region.pixels).filter(|_| is_weak);
+        }
         let apart = |a: f64, b: f64| (a - b - PI * libm::round((a - b) / PI)).abs();
         let is_ruling = |of: f64| {
-            let is_beside = |direction: &Option<f64>| {
-                direction.is_some_and(|other| apart(of, other) < PARALLEL_RAD)
-            };
-            let lines = self.regions.iter().zip(&directions).filter(|(_, of)| is_beside(of));
+            let is_beside = |other: f64| apart(of, other) < PARALLEL_RAD;
+            let lines = regions.iter().filter(|it| it.direction.is_some_and(is_beside));
             // One that ends at the picture's rim counts twice.
-            let n: usize = lines.clone().map(|(it, _)| 1 + usize::from(self.is_at_rim(it))).sum();
-            let pixels = lines.flat_map(|(region, _)| region.pixels.iter().copied());
+            let n: usize = lines.clone().map(|it| 1 + usize::from(self.is_at_rim(it))).sum();
+            let pixels = lines.flat_map(|region| region.pixels.iter().copied());
             n >= RULINGS && self.extent(&pixels.collect::<Vec<_>>()) > SPREAD
         };
         let mut known: Vec<(f64, bool)> = Vec::new();
-        let mut kept = Vec::new();
-        for direction in &directions {
-            let is_left_out = direction.is_some_and(|of| {
-                let near = known.iter().find(|(other, _)| apart(of, *other) < 0.2 * PARALLEL_RAD);
-                let found = near.map_or_else(|| is_ruling(of), |(_, found)| *found);
-                known.push((of, found));
-                found
-            });
-            kept.push(!is_left_out);
-        }
-        let n_pale =
-            self.regions.iter().zip(&kept).filter(|(it, kept)| it.is_pale && **kept).count();
+        let mut stays = |of: f64| {
+            let near = known.iter().find(|(other, _)| apart(of, *other) < 0.2 * PARALLEL_RAD);
+            let is_ruling = near.map_or_else(|| is_ruling(of), |(_, is_ruling)| *is_ruling);
+            known.push((of, is_ruling));
+            !is_ruling
+        };
+        let kept: Vec<bool> =
+            regions.iter().map(|region| region.direction.is_none_or(&mut stays)).collect();
+        let n_pale = regions.iter().zip(&kept).filter(|(it, kept)| it.is_pale && **kept).count();
         let keeps_pale = n_pale <= MOST_PALE;
         self.is_ruled |= kept.contains(&false) || !keeps_pale;
-        // The sharp edge of a shadow leaves pieces of rulings, and specks where it crosses them.
-        let regions = kept.iter_mut().zip(&self.regions).zip(&directions);
-        for ((kept, region), direction) in regions.filter(|_| self.field.is_shaded) {
-            let is_weak = region.level < RULING / PALE * self.pale;
-            let least = if direction.is_some() { PIECE } else { SPECK };
-            *kept &= !is_weak || self.extent(&region.pixels) > least;
-        }
-        // Where there are rulings, a short straight line that is as weak is what is left of one.
-        for ((kept, region), direction) in kept.iter_mut().zip(&self.regions).zip(&directions) {
-            let is_left_over = direction.is_some() && self.extent(&region.pixels) < LEFT_OVER;
-            *kept &= !(self.is_ruled && is_left_over);
-        }
         let mut kept = kept.into_iter();
-        self.regions.retain(|region| kept.next() == Some(true) && (keeps_pale || !region.is_pale));
+        regions.retain(|region| {
+            let (extent, is_straight) =
+                (|| self.extent(&region.pixels), region.direction.is_some());
+            // The sharp edge of a shadow leaves pieces of rulings, and specks where it crosses them.
+            let least = if is_straight { PIECE } else { SPECK };
+            let is_piece = self.field.is_shaded && self.is_weak(region.level) && extent() <= least;
+            // Where there are rulings, a short straight line that is as weak is what is left of one.
+            let is_left_over = self.is_ruled && is_straight && extent() < LEFT_OVER;
+            let stays = kept.next() == Some(true) && (keeps_pale || !region.is_pale);
+            stays && !is_piece && !is_left_over
+        });
+        self.regions = regions;
     }
 
     /// The direction of a straight line in the picture, from its middle's second moments; `None`
@@ -350,19 +319,14 @@ impl Search<'_> {
 
     /// Whether a region lies within stronger ink, which was found before it.
     fn is_fill(&mut self, part: &[usize]) -> bool {
-        self.n_seen += 1;
-        let own = self.n_seen;
-        part.iter().for_each(|at| self.seen[*at] = own);
+        part.iter().for_each(|at| self.open[*at] = true);
+        let beside = part.iter().flat_map(|at| self.field.around(*at, 1));
         let [mut rim, mut along] = [0_usize; 2];
-        for at in part {
-            for next in around(*at, self.field.width, self.field.height, 1) {
-                if self.seen[next] != own {
-                    rim += 1;
-                    let near = around(next, self.field.width, self.field.height, 1);
-                    along += usize::from(near.into_iter().any(|at| self.near[at] > 0));
-                }
-            }
+        for next in beside.filter(|at| !self.open[*at]) {
+            rim += 1;
+            along += usize::from(self.field.around(next, 1).any(|at| self.near[at] > 0));
         }
+        part.iter().for_each(|at| self.open[*at] = false);
         along as f64 > WITHIN * rim as f64
     }
 }

@@ -11,6 +11,9 @@ use std::f64::consts::PI;
 use image::{Rgb, RgbImage, imageops};
 
 use super::levels::{morphed, softened};
+use crate::outline::area;
+use crate::vector::{ahead, between, cross, direction, dot, minus};
+use noctograph_core::geometry::distance;
 
 /// Four corners in a picture's pixels, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
@@ -83,13 +86,12 @@ pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
         }
     }
     let mut best: Option<(f64, Corners)> = None;
-    for (k, first) in pairs.iter().enumerate() {
-        for second in &pairs[k + 1..] {
-            let Some(corners) = edges.quadrangle([first[0], second[0], first[1], second[1]]) else {
-                continue;
-            };
-            let Some(seen) = edges.seen(&corners) else { continue };
-            if best.is_none_or(|(most, _)| seen > most) {
+    for (k, [a, c]) in pairs.iter().enumerate() {
+        for [b, d] in &pairs[k + 1..] {
+            if let Some(corners) = edges.quadrangle([*a, *b, *c, *d])
+                && let Some(seen) = edges.seen(&corners)
+                && best.is_none_or(|(most, _)| seen > most)
+            {
                 best = Some((seen, corners));
             }
         }
@@ -112,26 +114,14 @@ impl Edges {
         let log: Vec<f64> = small.pixels().map(log).collect();
         let log = morphed(&log, width as usize, PEN, f64::max, f64::min);
         let log = softened(&log, width as usize);
-        let scale = [
-            f64::from(picture.width()) / f64::from(width),
-            f64::from(picture.height()) / f64::from(height),
-        ];
+        let scale = [(picture.width(), width), (picture.height(), height)]
+            .map(|(n, small)| f64::from(n) / f64::from(small));
         Self { width: width as usize, height: height as usize, scale, log }
     }
 
-    fn at(&self, [x, y]: [f64; 2]) -> f64 {
-        let clamp = |x: f64, n: usize| {
-            let x = (x - 0.5).clamp(0.0, (n - 1) as f64);
-            #[expect(clippy::cast_possible_truncation, reason = "in the picture")]
-            let first = (x as usize).min(n - 2);
-            (first, x - first as f64)
-        };
-        let ((x, dx), (y, dy)) = (clamp(x, self.width), clamp(y, self.height));
-        let row = |y: usize| {
-            let at = y * self.width + x;
-            self.log[at] + dx * (self.log[at + 1] - self.log[at])
-        };
-        row(y) + dy * (row(y + 1) - row(y))
+    fn at(&self, place: [f64; 2]) -> f64 {
+        let value = |x: usize, y: usize| [self.log[y * self.width + x]];
+        bilinear(place, [self.width, self.height], value)[0]
     }
 
     /// The lines along which the gradient is strongest, in the direction of the gradient.
@@ -142,11 +132,8 @@ impl Edges {
             let at = y * width + x;
             let gradient =
                 [self.log[at + 1] - self.log[at - 1], self.log[at + width] - self.log[at - width]];
-            gradients.push((
-                [x as f64 + 0.5, y as f64 + 0.5],
-                gradient,
-                libm::hypot(gradient[0], gradient[1]),
-            ));
+            let strength = libm::hypot(gradient[0], gradient[1]);
+            gradients.push(([x as f64 + 0.5, y as f64 + 0.5], gradient, strength));
         }
         let mut sorted: Vec<f64> = gradients.iter().map(|(.., strength)| *strength).collect();
         sorted.sort_by(f64::total_cmp);
@@ -190,10 +177,9 @@ impl Edges {
     /// The corners of four lines in turn, clockwise from the upper left; `None` where they are no
     /// sheet.
     fn quadrangle(&self, lines: [Line; 4]) -> Option<Corners> {
-        let mut corners = [[0.0; 2]; 4];
-        for (k, corner) in corners.iter_mut().enumerate() {
-            *corner = crossing(lines[(k + 3) % 4], lines[k])?;
-        }
+        let corners = [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]));
+        let [Some(a), Some(b), Some(c), Some(d)] = corners else { return None };
+        let mut corners = [a, b, c, d];
         let longer = self.width.max(self.height) as f64;
         let [right, bottom] = [self.width, self.height].map(|side| side as f64);
         let slack = OUTSIDE * longer;
@@ -203,17 +189,16 @@ impl Edges {
         if !corners.iter().all(inside) {
             return None;
         }
-        let mut area = doubled_area(&corners);
+        let area = area(&corners);
         if area < 0.0 {
             corners.reverse();
-            area = -area;
         }
         let sides = [0, 1, 2, 3].map(|k| direction(corners[k], corners[(k + 1) % 4]));
         let turns = (0..4).all(|k| {
             let (a, b) = (sides[k], sides[(k + 1) % 4]);
-            a[0] * b[1] - a[1] * b[0] > 0.0 && dot(a, b).abs() < SLANT
+            cross(a, b) > 0.0 && dot(a, b).abs() < SLANT
         });
-        if !turns || 0.5 * area < LEAST_AREA * right * bottom {
+        if !turns || area.abs() < LEAST_AREA * right * bottom {
             return None;
         }
         // The upper side is the one that looks upward most.
@@ -232,8 +217,8 @@ impl Edges {
             let [dx, dy] = direction(from, to);
             let inward = [-dy, dx];
             let rise = |j: u32| {
-                let place = between(from, to, (f64::from(j) + 0.5) / f64::from(POINTS));
-                let step = |across: f64| self.at(moved(place, inward, across));
+                let place = on_side(from, to, f64::from(j));
+                let step = |across: f64| self.at(ahead(place, inward, across));
                 ACROSS.iter().map(|x| step(*x) - step(-x)).fold(f64::MAX, f64::min)
             };
             let edges: Vec<f64> = (0..POINTS).map(rise).filter(|rise| *rise > EDGE).collect();
@@ -242,7 +227,7 @@ impl Edges {
                 return None;
             }
             let clear = edges.iter().map(|rise| (rise / CLEAR).min(1.0)).sum::<f64>();
-            let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
+            let length = distance(from, to);
             seen += n * length;
             whole += length;
             balance += (clear / f64::from(POINTS) + n - 1.0) * length;
@@ -257,32 +242,24 @@ impl Edges {
             let [dx, dy] = direction(from, to);
             let inward = [-dy, dx];
             let steepest = |j: u32| {
-                let place = between(from, to, (f64::from(j) + 0.5) / f64::from(POINTS));
+                let place = on_side(from, to, f64::from(j));
                 let slope = |step: i32| {
                     let across = 0.25 * f64::from(step);
-                    let rise = self.at(moved(place, inward, across + 1.0))
-                        - self.at(moved(place, inward, across - 1.0));
-                    (across, rise)
+                    let [near, far] =
+                        [1.0, -1.0].map(|by| self.at(ahead(place, inward, across + by)));
+                    (across, near - far)
                 };
                 let steps = (-16..=16).map(slope);
                 steps.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|it| it.1 > EDGE)
             };
             let found = (2..POINTS - 2).filter_map(|j| Some((f64::from(j), steepest(j)?.0)));
-            let found: Vec<(f64, f64)> = found.collect();
-            let (shift, slope) = fitted(found);
-            let at = |j: f64| {
-                let place = between(from, to, (j + 0.5) / f64::from(POINTS));
-                moved(place, inward, shift + slope * j)
-            };
+            let (shift, slope) = fitted(found.collect());
+            let at = |j: f64| ahead(on_side(from, to, j), inward, shift + slope * j);
             let (a, b) = (at(0.0), at(f64::from(POINTS)));
             let [ux, uy] = direction(a, b);
             Line { normal: [-uy, ux], offset: -uy * a[0] + ux * a[1] }
         });
-        let mut refined = corners;
-        for (k, corner) in refined.iter_mut().enumerate() {
-            *corner = crossing(lines[(k + 3) % 4], lines[k]).unwrap_or(*corner);
-        }
-        refined
+        [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]).unwrap_or(corners[k]))
     }
 }
 
@@ -310,7 +287,7 @@ fn fitted(mut points: Vec<(f64, f64)>) -> (f64, f64) {
 pub(super) fn is_convex(corners: &Corners) -> bool {
     (0..4).all(|k| {
         let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);
-        (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0
+        cross(minus(b, a), minus(c, b)) > 1.0
     })
 }
 
@@ -319,17 +296,21 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let (width, height) = (f64::from(picture.width()), f64::from(picture.height()));
     let map = Map::to(corners);
     let ratio = map.ratio([0.5 * width, 0.5 * height]);
-    let side = |a: usize, b: usize| {
-        libm::hypot(corners[b][0] - corners[a][0], corners[b][1] - corners[a][1])
-    };
+    let side = |a: usize, b: usize| distance(corners[a], corners[b]);
     let (across, down) = (side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2)));
     // As many pixels as the sheet has in the picture.
     let high = libm::sqrt(across * down / ratio).max(8.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
     let [wide, high] = [high * ratio, high].map(|side| side.round().clamp(8.0, 4096.0) as u32);
     let map = back(corners, (wide, high));
+    let (pixels, size) = (picture.as_raw(), [picture.width(), picture.height()]);
+    let size = size.map(|side| side as usize);
+    let value =
+        |x: usize, y: usize| [0, 1, 2].map(|c| f64::from(pixels[3 * (y * size[0] + x) + c]));
     RgbImage::from_fn(wide, high, |x, y| {
-        bilinear(picture, map.at([x, y].map(|at| f64::from(at) + 0.5)))
+        let place = map.at([x, y].map(|at| f64::from(at) + 0.5));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+        Rgb(bilinear(place, size, value).map(|value| value.round().clamp(0.0, 255.0) as u8))
     })
 }
 
@@ -339,27 +320,24 @@ pub(super) fn back(corners: &Corners, (wide, high): (u32, u32)) -> Map {
     Map(Map::to(corners).0.map(|[x, y, one]| [across * x, down * y, one + RIM * (x + y)]))
 }
 
-fn bilinear(picture: &RgbImage, [x, y]: [f64; 2]) -> Rgb<u8> {
-    let split = |x: f64, n: u32| {
-        let x = (x - 0.5).clamp(0.0, f64::from(n - 1));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "in the picture"
-        )]
-        let first = (x as u32).min(n - 2);
-        (first, x - f64::from(first))
+/// The values at a place between the middles of pixels.
+fn bilinear<const N: usize>(
+    [x, y]: [f64; 2],
+    [width, height]: [usize; 2],
+    values: impl Fn(usize, usize) -> [f64; N],
+) -> [f64; N] {
+    let split = |x: f64, n: usize| {
+        let x = (x - 0.5).clamp(0.0, (n - 1) as f64);
+        #[expect(clippy::cast_possible_truncation, reason = "in the picture")]
+        let first = (x as usize).min(n - 2);
+        (first, x - first as f64)
     };
-    let ((x, dx), (y, dy)) = (split(x, picture.width()), split(y, picture.height()));
-    let value = |c: usize| {
-        let at = |x: u32, y: u32| f64::from(picture.get_pixel(x, y).0[c]);
-        let row = |y: u32| at(x, y) + dx * (at(x + 1, y) - at(x, y));
-        let value = (row(y) + dy * (row(y + 1) - row(y))).round().clamp(0.0, 255.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
-        let byte = value as u8;
-        byte
+    let ((x, dx), (y, dy)) = (split(x, width), split(y, height));
+    let mix = |a: [f64; N], b: [f64; N], share: f64| {
+        std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
     };
-    Rgb([0, 1, 2].map(value))
+    let row = |y: usize| mix(values(x, y), values(x + 1, y), dx);
+    mix(row(y), row(y + 1), dy)
 }
 
 /// From the unit square to a quadrangle (Heckbert, Fundamentals of Texture Mapping, 1989).
@@ -415,7 +393,7 @@ fn normal(k: usize) -> [f64; 2] {
 }
 
 fn crossing(a: Line, b: Line) -> Option<[f64; 2]> {
-    let determinant = a.normal[0] * b.normal[1] - a.normal[1] * b.normal[0];
+    let determinant = cross(a.normal, b.normal);
     (determinant.abs() > 0.2).then(|| {
         [
             (a.offset * b.normal[1] - b.offset * a.normal[1]) / determinant,
@@ -424,25 +402,7 @@ fn crossing(a: Line, b: Line) -> Option<[f64; 2]> {
     })
 }
 
-fn doubled_area(corners: &Corners) -> f64 {
-    let next = corners.iter().cycle().skip(1);
-    corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum()
-}
-
-fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
-    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-    let length = libm::hypot(dx, dy).max(f64::MIN_POSITIVE);
-    [dx / length, dy / length]
-}
-
-fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
-    [0, 1].map(|i| from[i] + share * (to[i] - from[i]))
-}
-
-fn moved(place: [f64; 2], along: [f64; 2], by: f64) -> [f64; 2] {
-    [0, 1].map(|i| place[i] + by * along[i])
+/// The middle of one of the pieces of a side.
+fn on_side(from: [f64; 2], to: [f64; 2], piece: f64) -> [f64; 2] {
+    between(from, to, (piece + 0.5) / f64::from(POINTS))
 }

@@ -124,32 +124,33 @@ fn off(found: &Traced) -> [f64; 2] {
     [off(&drawn, &at), off(&at, &drawn)]
 }
 
+const PLAIN: Taken = Taken {
+    tilt_deg: 0.0,
+    turn_deg: 0.0,
+    desk: DARK,
+    shadow: 1.0,
+    soft_px: 8.0,
+    ruled: false,
+    other: false,
+    hand: false,
+};
+
 #[test]
 fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows() {
-    let plain = Taken {
-        tilt_deg: 0.0,
-        turn_deg: 0.0,
-        desk: DARK,
-        shadow: 1.0,
-        soft_px: 8.0,
-        ruled: false,
-        other: false,
-        hand: false,
-    };
-    let hard = Taken { soft_px: 0.5, ruled: true, ..plain };
+    let hard = Taken { soft_px: 0.5, ruled: true, ..PLAIN };
     let takes = [
-        Taken { ..plain },
-        Taken { tilt_deg: 25.0, ..plain },
-        Taken { tilt_deg: 40.0, turn_deg: 8.0, ..plain },
-        Taken { tilt_deg: 30.0, turn_deg: -12.0, shadow: 0.4, ..plain },
-        Taken { turn_deg: 15.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 30.0, turn_deg: 5.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.5, ..plain },
-        Taken { tilt_deg: 40.0, turn_deg: -5.0, desk: LIGHT, ..plain },
-        Taken { tilt_deg: 20.0, turn_deg: 4.0, other: true, ..plain },
-        Taken { tilt_deg: 10.0, turn_deg: -8.0, hand: true, ..plain },
-        Taken { tilt_deg: 35.0, desk: LIGHT, hand: true, ..plain },
-        Taken { tilt_deg: 15.0, turn_deg: 10.0, shadow: 0.35, hand: true, ..plain },
+        Taken { ..PLAIN },
+        Taken { tilt_deg: 25.0, ..PLAIN },
+        Taken { tilt_deg: 40.0, turn_deg: 8.0, ..PLAIN },
+        Taken { tilt_deg: 30.0, turn_deg: -12.0, shadow: 0.4, ..PLAIN },
+        Taken { turn_deg: 15.0, desk: LIGHT, ..PLAIN },
+        Taken { tilt_deg: 30.0, turn_deg: 5.0, desk: LIGHT, ..PLAIN },
+        Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.5, ..PLAIN },
+        Taken { tilt_deg: 40.0, turn_deg: -5.0, desk: LIGHT, ..PLAIN },
+        Taken { tilt_deg: 20.0, turn_deg: 4.0, other: true, ..PLAIN },
+        Taken { tilt_deg: 10.0, turn_deg: -8.0, hand: true, ..PLAIN },
+        Taken { tilt_deg: 35.0, desk: LIGHT, hand: true, ..PLAIN },
+        Taken { tilt_deg: 15.0, turn_deg: 10.0, shadow: 0.35, hand: true, ..PLAIN },
         Taken { tilt_deg: 30.0, turn_deg: -6.0, shadow: 0.5, ..hard },
         Taken { tilt_deg: 20.0, desk: LIGHT, shadow: 0.4, ..hard },
         Taken { tilt_deg: 10.0, turn_deg: 5.0, shadow: 0.6, other: true, ..hard },
@@ -196,9 +197,7 @@ fn a_frame_that_is_drawn_is_no_sheet() {
 #[test]
 fn corners_given_by_hand_cut_out_a_sheet_that_is_not_seen() {
     let desk = [251.0, 250.0, 243.0];
-    let (tilt_deg, turn_deg, soft_px) = (35.0, 8.0, 8.0);
-    let [ruled, other, hand] = [false; 3];
-    let taken = Taken { tilt_deg, turn_deg, desk, shadow: 1.0, soft_px, ruled, other, hand };
+    let taken = Taken { tilt_deg: 35.0, turn_deg: 8.0, desk, ..PLAIN };
     let (picture, corners) = photographed(&taken);
     let given = |corners: &[[f64; 2]]| {
         let corners_px = corners.as_flattened().try_into().ok();

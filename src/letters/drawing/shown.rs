@@ -9,11 +9,11 @@
 use kurbo::{BezPath, Shape as _};
 
 use super::super::curves::polylines;
+use super::super::vector::{between, counts, is_closed, legs};
 use super::MAX_POINTS;
 use super::gradient::{Gradient, Paint};
-use super::layers::{Area, Cut, FLATNESS, Layer, Limit, Painted, layer, stroke_outline};
-use noctograph_core::files::Budget;
-use noctograph_core::geometry::{arc_lengths, bounds, distance};
+use super::layers::{Area, Cut, FLATNESS, Layer, Painted, Scale, covers_page};
+use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Opacity from which a fill hides what is under it.
 const OPAQUE: f64 = 0.9;
@@ -30,86 +30,56 @@ const BESIDE: f64 = 4e-4;
 /// All that lies on a page.
 pub(super) struct Page<'a> {
     layers: Vec<Layer<'a>>,
-    limits: Vec<Limit<'a>>,
+    cuts: &'a [Cut<'a>],
     gradients: &'a [Gradient],
     paper: [f64; 3],
-    size: f64,
-    budget: &'a Budget,
+    scale: Scale<'a>,
 }
 
 /// A visible part of a line, and its color.
 pub(super) type Part = (Vec<[f64; 2]>, Paint);
 
+/// A piece of a line, and its color where it is seen.
+type Piece = (Vec<[f64; 2]>, Option<Paint>);
+
 /// What is left of an element.
 pub(super) enum Shown {
-    /// All of it, as it is: its stroke, or its rim.
-    Whole(Paint),
+    /// All of its stroke.
+    Stroke(Paint),
+    /// All of its rim.
+    Rim(Paint),
     Parts(Vec<Part>),
 }
 
 impl<'a> Page<'a> {
     pub(super) fn new(
         painted: &[Painted],
-        cuts: &[Cut],
+        cuts: &'a [Cut<'a>],
         gradients: &'a [Gradient],
-        [width, height]: [f64; 2],
-        budget: &'a Budget,
+        page: [f64; 2],
+        scale: Scale<'a>,
     ) -> Self {
-        let size = width.max(height);
-        let area = |path: &BezPath, even_odd| Area::new(path, even_odd, size, budget);
-        let limits = cuts.iter().map(|cut| match cut {
-            Cut::Page(path) => Limit::Page(area(path, false)),
-            Cut::Clip(parts) => {
-                let parts = parts.iter().filter(|part| part.fill.is_some());
-                let part = |part: &Painted| (area(&part.path, part.even_odd), part.cuts.clone());
-                Limit::Clip(parts.map(part).collect())
-            }
-            Cut::Mask(parts, by_alpha, rectangle) => {
-                let layers = parts.iter().enumerate().flat_map(|(index, part)| {
-                    let fill = part.fill.map(|(paint, alpha)| {
-                        layer(index, area(&part.path, part.even_odd), paint, alpha, part)
-                    });
-                    let stroke = part.stroke.map(|(paint, alpha)| {
-                        layer(index, area(&stroke_outline(part, size), false), paint, alpha, part)
-                    });
-                    [fill, stroke].into_iter().flatten()
-                });
-                Limit::Mask(layers.collect(), *by_alpha, area(rectangle, false))
-            }
-        });
-        let limits = limits.collect();
-        let colors = painted.iter().flat_map(|item| [item.fill, item.stroke]).flatten();
-        let is_white = |(paint, _): &(Paint, f64)| *paint == Paint::Plain([255; 3]);
+        let fills = painted.iter().filter_map(|item| item.fill.map(|(paint, _)| paint));
+        let strokes = painted.iter().filter_map(|item| item.stroke.as_ref().map(|it| it.0));
         // White ink alone has a dark ground.
-        let paper = if colors.clone().all(|color| is_white(&color)) { 0.0 } else { 255.0 };
-        let mut page =
-            Self { layers: Vec::new(), limits, gradients, paper: [paper; 3], size, budget };
-        let mut ground = page.paper;
+        let is_light = fills.chain(strokes).all(|paint| paint == Paint::Plain([255; 3]));
+        let paper = [if is_light { 0.0 } else { 255.0 }; 3];
+        let mut layers = Vec::new();
+        let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
-            if let Some((paint, alpha)) = item.fill {
-                let fill = layer(element, area(&item.path, item.even_odd), paint, alpha, item);
-                let [left, bottom, right, top] = fill.area.bounds;
-                let slack = BESIDE * size;
-                let covers = left <= slack && top >= -slack;
-                if let Paint::Plain(color) = paint
-                    && covers
-                    && right >= width - slack
-                    && bottom <= slack - height
-                {
+            if let Some(fill) = item.fill_layer(element, scale) {
+                let covers = covers_page(fill.area.bounds, page, BESIDE * scale.size);
+                if let Some(color) = fill.paint.color().filter(|_| covers) {
                     ground = color.map(f64::from);
                 }
-                page.layers.push(fill);
+                layers.push(fill);
             }
-            if let Some((paint @ Paint::Plain(color), alpha)) = item.stroke
-                && item.stroke_area.is_some()
-                && alike(ground, color.map(f64::from))
-            {
-                let outline = area(&stroke_outline(item, size), false);
-                let stroke = layer(element, outline, paint, alpha, item);
-                page.layers.push(Layer { is_stroke: true, ..stroke });
+            let stroke = item.stroke.as_ref().and_then(|(paint, ..)| paint.color());
+            if stroke.is_some_and(|color| alike(ground, color.map(f64::from))) {
+                layers.extend(item.stroke_layer(element, scale));
             }
         }
-        page
+        Self { layers, cuts, gradients, paper, scale }
     }
 
     /// What is left of an element, and whether a part of its stroke has the color of what is
@@ -117,112 +87,90 @@ impl<'a> Page<'a> {
     pub(super) fn shown(&self, index: usize, item: &Painted) -> (Shown, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
-        self.budget.spend_steps(self.layers.len() / 8);
+        self.scale.budget.spend_steps(self.layers.len() / 8);
         let near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
-        let Some((paint, alpha)) = item.stroke else {
+        let Some((paint, alpha, _)) = item.stroke else {
             return (self.rim(index, item, &near), false);
         };
-        let others = near.iter().filter(|layer| layer.element != index).count();
+        let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
-        let color = match paint {
-            Paint::Plain(color) => Some(color.map(f64::from)),
-            Paint::Gradient(_) => None,
+        // Whether the stroke cannot be told from a ground.
+        let blends = |ground: [f64; 3]| {
+            let color = paint.color().map(|color| color.map(f64::from));
+            color.is_some_and(|color| {
+                alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (color[i] - ground[i])))
+            })
         };
-        let on_paper = color.is_some_and(|color| self.blended(self.paper, color, alpha));
-        if others == 0 && !is_cut && !on_paper {
-            return (Shown::Whole(paint), false);
+        if is_alone && !is_cut && !blends(self.paper) {
+            return (Shown::Stroke(paint), false);
         }
         let mut is_alike = false;
-        let state = |place: [f64; 2], sides: [[f64; 2]; 2]| {
+        let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
             let around = [sides[0], place, sides[1]];
-            let is_within = around.iter().any(|place| self.within(&item.cuts, *place));
-            let covered = |place: &[f64; 2]| {
-                let covers = |layer: &&&Layer<'a>| layer.element > index && layer.alpha >= OPAQUE;
-                near.iter().filter(covers).any(|layer| self.lies_at(layer, *place))
-            };
-            if !is_within || around.iter().all(covered) {
+            if !around.iter().any(|place| self.within(&item.cuts, *place))
+                || around.iter().all(|place| self.is_covered(index, &near, *place))
+            {
                 return None;
             }
             let below = |layer: &Layer<'a>| layer.element < index;
-            let is_alike = color.is_some_and(|color| {
-                sides.iter().all(|side| {
-                    let (ground, _) = self.color_at(*side, &near, below);
-                    self.blended(ground, color, alpha)
-                })
-            });
-            Some(if is_alike { Look::Alike } else { Look::Seen(paint) })
+            let blends = sides.iter().all(|side| blends(self.color_at(*side, &near, below).0));
+            is_alike |= blends;
+            (!blends).then_some(paint)
         };
-        let parts = self.parts(&self.lines(&item.path), item, &near, &mut |at, sides| match state(
-            at, sides,
-        ) {
-            Some(Look::Alike) => {
-                is_alike = true;
-                None
-            }
-            Some(Look::Seen(paint)) => Some(paint),
-            None => None,
-        });
-        match parts {
-            (_, true) => (Shown::Whole(paint), false),
+        let shown = match self.parts(&self.lines(&item.path), item, &near, &mut look) {
+            (_, true) => return (Shown::Stroke(paint), false),
             // The edge of what lies under an outline in the color of the paper.
             (parts, _) if parts.is_empty() && is_alike && item.fill.is_some() => {
-                (self.rim(index, item, &near), is_alike)
+                self.rim(index, item, &near)
             }
-            (parts, _) => (Shown::Parts(parts), is_alike),
-        }
+            (parts, _) => Shown::Parts(parts),
+        };
+        (shown, is_alike)
     }
 
     /// The rim of a fill: where the colors on its two sides differ.
     fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Shown {
-        let Some((paint, _)) = item.fill else { return Shown::Parts(Vec::new()) };
-        let Some(own) = near.iter().find(|layer| layer.element == index && !layer.is_stroke) else {
-            // A line encloses nothing.
-            return Shown::Parts(Vec::new());
-        };
+        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
+        // A line encloses nothing.
+        let Some(((paint, _), own)) = item.fill.zip(own) else { return Shown::Parts(Vec::new()) };
         let look = |is_own: bool, place: [f64; 2], sides: [[f64; 2]; 2]| {
-            let in_own = sides.map(|side| self.lies_at(own, side));
-            if is_own && in_own == [false; 2] && sides.iter().all(|side| !own.area.holds(*side)) {
+            if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
                 // Thinner than a look to its sides.
-                let covers = |layer: &&&Layer<'a>| layer.element > index && layer.alpha >= OPAQUE;
-                let covered = near.iter().filter(covers).any(|layer| self.lies_at(layer, place));
-                let seen = !covered && self.within(&item.cuts, place);
+                let seen = !self.is_covered(index, near, place) && self.within(&item.cuts, place);
                 return seen.then_some(paint);
             }
             let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-            let own_on_top = [&left, &right].iter().any(|(_, top)| *top == Some(index));
-            if !own_on_top || alike(left.0, right.0) {
+            if ![left.1, right.1].contains(&Some(index)) || alike(left.0, right.0) {
                 return None;
             }
             // A hole in the color of the paper is the edge of what is around it.
-            let is_paper = alike(own_color(paint), self.paper);
+            let is_paper = paint.color().is_some_and(|own| alike(own.map(f64::from), self.paper));
             let other = [left.1, right.1].into_iter().flatten().find(|top| *top != index);
             let of_other = other.filter(|_| is_paper).and_then(|other| {
                 near.iter().find(|layer| layer.element == other).map(|layer| layer.paint)
             });
             Some(of_other.unwrap_or(paint))
         };
-        let lines = self.lines(&item.path);
-        let (mut parts, is_whole) =
-            self.parts(&lines, item, near, &mut |place, sides| look(true, place, sides));
+        let mut at_rim = |place, sides| look(true, place, sides);
+        let (mut parts, is_whole) = self.parts(&self.lines(&item.path), item, near, &mut at_rim);
         let n_own = parts.len();
         // Where a clip ends it.
         for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
-            let [left, bottom, right, top] = bounds(contour.iter().copied());
-            if own.area.meets([left, bottom, right, top]) {
+            if own.area.meets(bounds(contour.iter().copied())) {
                 let lines = std::slice::from_ref(contour);
-                let mut look = |place, sides| look(false, place, sides);
-                parts.extend(self.parts(lines, item, near, &mut look).0);
+                let mut at_clip = |place, sides| look(false, place, sides);
+                parts.extend(self.parts(lines, item, near, &mut at_clip).0);
             }
         }
         match parts.first() {
-            Some((_, paint)) if is_whole && parts.len() == n_own => Shown::Whole(*paint),
+            Some((_, paint)) if is_whole && parts.len() == n_own => Shown::Rim(*paint),
             _ => Shown::Parts(parts),
         }
     }
 
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
-        polylines(path, FLATNESS * self.size, MAX_POINTS).unwrap_or_default()
+        polylines(path, FLATNESS * self.scale.size, MAX_POINTS).unwrap_or_default()
     }
 
     /// The parts of lines that are seen, and whether these are all of them, in one paint.
@@ -239,82 +187,62 @@ impl<'a> Page<'a> {
         areas.sort_by_key(|area| std::ptr::from_ref(*area));
         areas.dedup_by_key(|area| std::ptr::from_ref(*area));
         let fades = item.cuts.iter().any(|cut| self.fades(*cut));
-        let beside = BESIDE * self.size;
+        let beside = BESIDE * self.scale.size;
         let (mut parts, mut is_whole) = (Vec::new(), true);
         let mut shares = Vec::new();
         for line in lines {
             let extent = bounds(line.iter().copied());
             let areas: Vec<_> = areas.iter().filter(|area| area.meets(extent)).collect();
-            let closed = line.len() > 3 && line[0] == line[line.len() - 1];
-            let mut pieces: Vec<(Vec<[f64; 2]>, Option<Paint>)> = Vec::new();
+            let mut pieces: Vec<Piece> = Vec::new();
+            // How the piece before looks, up to the next edge of an area.
             let mut last: Option<Option<Paint>> = None;
-            for leg in line.windows(2) {
+            for [from, to] in legs(line) {
                 shares.clear();
                 shares.push(0.0);
-                for area in &areas {
-                    area.filled.crossings([leg[0], leg[1]], &mut shares);
-                }
-                let length = distance(leg[0], leg[1]);
+                areas.iter().for_each(|area| area.filled.crossings([from, to], &mut shares));
+                let length = distance(from, to);
                 if fades {
                     let n = (length / (5.0 * beside)).ceil().min(1e3);
-                    let mut k = 1.0;
-                    while k < n {
-                        shares.push(k / n);
-                        k += 1.0;
-                    }
+                    shares.extend(counts(n).skip(1).map(|k| k / n));
                 }
                 let is_crossed = shares.len() > 1;
                 shares.push(1.0);
                 shares.sort_by(f64::total_cmp);
-                shares.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.size);
-                if let Some(end) = shares.last_mut() {
-                    *end = 1.0;
+                shares.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
+                // A leg has two ends, however short it is.
+                match &mut shares[..] {
+                    [_] => shares.push(1.0),
+                    [.., end] => *end = 1.0,
+                    [] => {}
                 }
-                if shares.len() == 1 {
-                    shares.insert(0, 0.0);
-                }
-                if !self.budget.spend_steps(STEPS * shares.len()) {
+                if !self.scale.budget.spend_steps(STEPS * shares.len()) {
                     return (parts, false);
                 }
-                let at = |share: f64| [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
                 for piece in shares.windows(2) {
-                    let seen = match last.filter(|_| !is_crossed) {
-                        Some(seen) => seen,
-                        None => {
-                            let middle = at(0.5 * (piece[0] + piece[1]));
-                            let off = if length > 0.0 { beside / length } else { 0.0 };
-                            let (dx, dy) =
-                                (off * (leg[1][0] - leg[0][0]), off * (leg[1][1] - leg[0][1]));
-                            let sides = [
-                                [middle[0] - dy, middle[1] + dx],
-                                [middle[0] + dy, middle[1] - dx],
-                            ];
-                            look(middle, sides)
-                        }
-                    };
+                    let [begin, end] = [piece[0], piece[1]].map(|share| between(from, to, share));
+                    let seen = last.filter(|_| !is_crossed).unwrap_or_else(|| {
+                        let middle = between(from, to, 0.5 * (piece[0] + piece[1]));
+                        look(middle, sides(middle, [from, to], beside))
+                    });
                     last = Some(seen);
                     match pieces.last_mut().filter(|(_, before)| *before == seen) {
-                        Some((points, _)) => points.push(at(piece[1])),
-                        None => pieces.push((vec![at(piece[0]), at(piece[1])], seen)),
+                        Some((points, _)) => points.push(end),
+                        None => pieces.push((vec![begin, end], seen)),
                     }
                 }
-                if is_crossed {
-                    last = None;
-                }
+                last = last.filter(|_| !is_crossed);
             }
             let mut pieces = without_slivers(pieces, 2.0 * beside);
-            if let [(_, Some(_))] = &pieces[..] {
-                let (_, paint) = pieces.remove(0);
-                parts.extend(paint.map(|paint| (line.clone(), paint)));
+            if let [(_, Some(paint))] = pieces[..] {
+                parts.push((line.clone(), paint));
                 continue;
             }
             is_whole &= pieces.is_empty();
             // A closed line that goes on over its beginning.
+            let closed = line.len() > 3 && is_closed(line);
             if closed && pieces.len() > 2 && pieces[0].1 == pieces[pieces.len() - 1].1 {
-                let (first, seen) = pieces.remove(0);
-                let (points, _) = pieces.last_mut().expect("two are left");
-                points.extend(&first[1..]);
-                let _ = seen;
+                let (first, _) = pieces.remove(0);
+                pieces.last_mut().expect("two are left").0.extend(&first[1..]);
             }
             parts.extend(pieces.into_iter().filter_map(|(points, seen)| Some((points, seen?))));
         }
@@ -324,12 +252,10 @@ impl<'a> Page<'a> {
 
     /// Whether a place is within some cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
-        cuts.iter().all(|cut| match &self.limits[*cut] {
-            Limit::Page(area) => area.holds(place),
-            Limit::Clip(parts) => {
-                parts.iter().any(|(area, cuts)| area.holds(place) && self.within(cuts, place))
-            }
-            Limit::Mask(layers, by_alpha, rectangle) => {
+        cuts.iter().all(|cut| match &self.cuts[*cut] {
+            Cut::Page(edge) => edge.holds(place),
+            Cut::Clip(layers) => layers.iter().any(|layer| self.lies_at(layer, place)),
+            Cut::Mask(layers, by_alpha, edge) => {
                 let mut shown = 0.0;
                 for layer in layers.iter().filter(|layer| self.lies_at(layer, place)) {
                     let [r, g, b] = self.color(layer, place).map(|channel| channel / 255.0);
@@ -337,13 +263,19 @@ impl<'a> Page<'a> {
                     let light = if *by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b };
                     shown += layer.alpha * (light - shown);
                 }
-                rectangle.holds(place) && shown >= 0.5
+                edge.holds(place) && shown >= 0.5
             }
         })
     }
 
     fn lies_at(&self, layer: &Layer<'a>, place: [f64; 2]) -> bool {
         layer.area.holds(place) && self.within(&layer.cuts, place)
+    }
+
+    /// Whether something over an element hides it at a place.
+    fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
+        let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
+        over.any(|layer| self.lies_at(layer, place))
     }
 
     fn color(&self, layer: &Layer<'a>, place: [f64; 2]) -> [f64; 3] {
@@ -369,72 +301,39 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// Whether a color over a ground cannot be told from it.
-    fn blended(&self, ground: [f64; 3], color: [f64; 3], alpha: f64) -> bool {
-        alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (color[i] - ground[i])))
-    }
-
     /// Whether a cut may end something of an extent: it does not where that lies within the page.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
-        match &self.limits[cut] {
-            Limit::Page(area) => {
-                let (of, slack) = (area.bounds, BESIDE * self.size);
-                left < of[0] - slack
-                    || bottom < of[1] - slack
-                    || right > of[2] + slack
-                    || top > of[3] + slack
-            }
-            Limit::Clip(_) | Limit::Mask(..) => true,
-        }
+        let Cut::Page(edge) = &self.cuts[cut] else { return true };
+        let (of, slack) = (edge.bounds, BESIDE * self.scale.size);
+        left < of[0] - slack
+            || bottom < of[1] - slack
+            || right > of[2] + slack
+            || top > of[3] + slack
     }
 
     fn areas<'b>(&'b self, cuts: &[usize], areas: &mut Vec<&'b Area<'a>>) {
         for cut in cuts {
-            match &self.limits[*cut] {
-                Limit::Page(area) => areas.push(area),
-                Limit::Clip(parts) => {
-                    for (area, cuts) in parts {
-                        areas.push(area);
-                        self.areas(cuts, areas);
-                    }
-                }
-                Limit::Mask(layers, _, rectangle) => {
-                    areas.push(rectangle);
-                    for layer in layers {
-                        areas.push(&layer.area);
-                        self.areas(&layer.cuts, areas);
-                    }
-                }
+            let (edge, layers) = self.cuts[*cut].parts();
+            areas.extend(edge);
+            for layer in layers {
+                areas.push(&layer.area);
+                self.areas(&layer.cuts, areas);
             }
         }
     }
 
     /// Contours of a cut; the page's edge is none.
-    fn contours(&self, cut: usize) -> Vec<&Vec<[f64; 2]>> {
+    fn contours(&self, cut: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
         let mut areas = Vec::new();
-        if !matches!(self.limits[cut], Limit::Page(_)) {
+        if !matches!(self.cuts[cut], Cut::Page(_)) {
             self.areas(&[cut], &mut areas);
         }
-        areas.into_iter().flat_map(|area| &area.contours).collect()
+        areas.into_iter().flat_map(|area| &area.contours)
     }
 
     fn fades(&self, cut: usize) -> bool {
-        let is_gradient = |layer: &Layer<'a>| matches!(layer.paint, Paint::Gradient(_));
-        matches!(&self.limits[cut], Limit::Mask(layers, ..) if layers.iter().any(is_gradient))
-    }
-}
-
-/// How a piece of a stroke looks.
-enum Look {
-    Seen(Paint),
-    /// As what is beneath it.
-    Alike,
-}
-
-fn own_color(paint: Paint) -> [f64; 3] {
-    match paint {
-        Paint::Plain(color) => color.map(f64::from),
-        Paint::Gradient(_) => [-255.0; 3],
+        let is_gradient = |layer: &Layer<'a>| layer.paint.color().is_none();
+        matches!(&self.cuts[cut], Cut::Mask(layers, ..) if layers.iter().any(is_gradient))
     }
 }
 
@@ -442,32 +341,31 @@ fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
 
+/// The places to the left and right of one on a leg.
+fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2]; 2] {
+    let length = distance(from, to);
+    let off = if length > 0.0 { beside / length } else { 0.0 };
+    let (dx, dy) = (off * (to[0] - from[0]), off * (to[1] - from[1]));
+    [[x - dy, y + dx], [x + dy, y - dx]]
+}
+
 /// Pieces of a line without those too short to be looked at: they are taken for what is around
 /// them.
-fn without_slivers(
-    pieces: Vec<(Vec<[f64; 2]>, Option<Paint>)>,
-    shortest: f64,
-) -> Vec<(Vec<[f64; 2]>, Option<Paint>)> {
-    let mut kept: Vec<(Vec<[f64; 2]>, Option<Paint>)> = Vec::new();
-    let n = pieces.len();
+fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
+    let is_sliver = |points: &[[f64; 2]]| polyline_length_m(points) < shortest;
+    let mut kept: Vec<Piece> = Vec::new();
     for (points, seen) in pieces {
-        let along = arc_lengths(&points);
-        let is_sliver = n > 1 && along[along.len() - 1] < shortest;
         match kept.last_mut() {
-            Some((before, last)) if is_sliver || *last == seen => {
+            Some((before, last)) if *last == seen || is_sliver(&points) => {
                 before.extend(&points[1..]);
             }
             _ => kept.push((points, seen)),
         }
     }
     // The first may have been one.
-    if kept.len() > 1 {
-        let along = arc_lengths(&kept[0].0);
-        if along[along.len() - 1] < shortest {
-            let (mut points, _) = kept.remove(0);
-            points.extend(&kept[0].0[1..]);
-            kept[0].0 = points;
-        }
+    if kept.len() > 1 && is_sliver(&kept[0].0) {
+        let (points, _) = kept.remove(0);
+        kept[0].0.splice(..1, points);
     }
     kept
 }

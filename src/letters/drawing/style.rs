@@ -1,61 +1,69 @@
 //! Styles: what an element's attributes are once style sheets, `style`, custom properties and the
 //! geometry and transforms of CSS are resolved; and the closed list of what is understood of them.
 //!
-//! Selectors are matched by simplecss. What may change the picture and is not understood is named.
+//! Selectors are matched by simplecss, which asks each element within the drawing's budget. What may
+//! change the picture and is not understood is named.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 use std::rc::Rc;
+use std::str::FromStr as _;
+use std::sync::LazyLock;
 
 use simplecss::{AttributeOperator, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
 
 use super::transform;
-use super::xml::Rows;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
 pub(super) const XLINK: &str = "http://www.w3.org/1999/xlink";
-pub(super) const XML: &str = "http://www.w3.org/XML/1998/namespace";
+const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
 /// Properties that are followed, here or by usvg.
-#[rustfmt::skip]
-const FOLLOWED: &[&str] = &[
-    "clip-path", "clip-rule", "color", "cx", "cy", "d", "display", "fill", "fill-opacity",
-    "fill-rule", "height", "marker-end", "marker-mid", "marker-start", "mask", "mask-type",
-    "opacity", "overflow", "r", "rx", "ry", "stop-color", "stop-opacity", "stroke",
-    "stroke-dasharray", "stroke-dashoffset", "stroke-linecap", "stroke-opacity", "stroke-width",
-    "transform", "transform-origin", "visibility", "width", "x", "y",
-];
+const FOLLOWED: &str = "clip-path clip-rule color cx cy d display fill fill-opacity fill-rule \
+    height marker-end marker-mid marker-start mask mask-type opacity overflow r rx ry stop-color \
+    stop-opacity stroke stroke-dasharray stroke-dashoffset stroke-linecap stroke-opacity \
+    stroke-width transform transform-origin visibility width x y";
 
 /// Properties that change nothing of a line's place and color, or belong to text, which is refused.
-#[rustfmt::skip]
-const WITHOUT_EFFECT: &[&str] = &[
-    "align-items", "alignment-baseline", "all-space-treatment", "aria-label", "background",
-    "background-color", "baseline-shift", "block-progression", "border", "bottom", "box-sizing",
-    "clip", "color-interpolation", "color-interpolation-filters", "color-profile",
-    "color-rendering", "color-scheme", "contain", "content", "cursor", "direction",
-    "dominant-baseline", "enable-background", "flex", "float", "flood-color", "flood-opacity",
-    "hyphens", "image-rendering", "isolation", "justify-content", "kerning", "left",
-    "letter-spacing", "lighting-color", "line-height", "margin", "max-height", "max-width",
-    "outline", "overflow-x", "overflow-y", "padding", "paint-order", "pointer-events", "position",
-    "right", "shape-inside", "shape-margin", "shape-padding", "shape-rendering", "solid-color",
-    "solid-opacity", "stroke-linejoin", "stroke-miterlimit", "tab-size", "top", "touch-action",
-    "transition", "unicode-bidi", "user-select", "vertical-align", "white-space", "will-change",
-    "word-spacing", "writing-mode", "z-index",
-];
+const WITHOUT_EFFECT: &str = "align-items alignment-baseline all-space-treatment aria-label \
+    background background-color baseline-shift block-progression border bottom box-sizing clip \
+    color-interpolation color-interpolation-filters color-profile color-rendering color-scheme \
+    contain content cursor direction dominant-baseline enable-background flex float flood-color \
+    flood-opacity hyphens image-rendering isolation justify-content kerning left letter-spacing \
+    lighting-color line-height margin max-height max-width outline overflow-x overflow-y padding \
+    paint-order pointer-events position right shape-inside shape-margin shape-padding \
+    shape-rendering solid-color solid-opacity stroke-linejoin stroke-miterlimit tab-size top \
+    touch-action transition unicode-bidi user-select vertical-align white-space will-change \
+    word-spacing writing-mode z-index";
+
+/// Properties of CSS that are neither, and are meant where they stand as attributes, too.
+const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
+    mask-border mask-clip mask-image mask-mode mask-position mask-size offset-distance \
+    offset-path perspective perspective-origin shape-outside stroke-alignment zoom \
+    content-visibility rotate";
+
+/// The three lists, in which every attribute is looked up.
+static LISTS: LazyLock<[HashSet<&str>; 3]> =
+    LazyLock::new(|| [FOLLOWED, WITHOUT_EFFECT, OTHERS].map(|list| list.split(' ').collect()));
+
+/// Properties of geometry, which are attributes of some elements alone.
+const GEOMETRY: [&str; 10] = ["cx", "cy", "d", "height", "r", "rx", "ry", "width", "x", "y"];
 
 /// Values by which a property that is not followed has no effect.
 const NEUTRAL: &[&str] = &["", "none", "normal", "auto", "0", "1", "visible"];
-
-/// Properties of CSS that are no attributes of every element, and those of geometry.
-const GEOMETRY: &[&str] = &["cx", "cy", "d", "height", "r", "rx", "ry", "width", "x", "y"];
 
 /// Longest value once its custom properties are put in, and how often these refer to others.
 const LONGEST: usize = 1 << 20;
 const MAX_VARIABLES: usize = 32;
 
-/// Steps of a byte of a value.
-const STEPS: usize = 5;
+/// Steps of asking an element whether a rule is for it, of going on to one around it, of writing a
+/// declaration into it, and of a byte of a value.
+const STEPS: [usize; 4] = [10, 50, 100, 5];
+
+/// Memory of a rule or a declaration besides its text, in bytes.
+const RULE: usize = 120;
 
 /// Most `@media` within each other.
 const MAX_MEDIA: usize = 4;
@@ -63,23 +71,38 @@ const MAX_MEDIA: usize = 4;
 /// Attribute that stands for `:root`, which simplecss does not know.
 const ROOT: &str = "noctograph-root";
 
-/// Attributes of an element as they are drawn: prefix, name and value.
-pub(super) type Attributes = Vec<(&'static str, String, String)>;
+/// Whether a list of words, of which there are few, has one.
+pub(super) fn has(words: &str, word: &str) -> bool {
+    words.split(' ').any(|other| other == word)
+}
 
 /// What is not followed, by its name: how many elements, and the line of the first.
-#[derive(Debug, Default)]
-pub(super) struct Named(BTreeMap<String, (usize, u32)>);
+pub(super) struct Named {
+    /// Bytes of the document's line ends: its parser counts them from the beginning for each place.
+    line_ends: Vec<usize>,
+    found: BTreeMap<String, (usize, u32)>,
+}
 
 impl Named {
-    pub(super) fn add(&mut self, what: impl Into<String>, row: u32) {
+    pub(super) fn of(document: &Document<'_>) -> Self {
+        let line_ends = document.input_text().match_indices('\n').map(|(at, _)| at).collect();
+        Self { line_ends, found: BTreeMap::new() }
+    }
+
+    /// The row in which a node begins, from 1.
+    pub(super) fn row(&self, node: Node<'_, '_>) -> u32 {
+        let before = self.line_ends.partition_point(|end| *end < node.range().start);
+        u32::try_from(before + 1).unwrap_or(u32::MAX)
+    }
+
+    pub(super) fn add(&mut self, what: impl Into<String>, node: Node<'_, '_>) {
         // So that a file of many odd names has a short list of them.
-        let what: String = what.into().chars().take(80).collect();
-        let known = self.0.len();
-        let entry = match self.0.contains_key(&what) || known < 20 {
-            true => self.0.entry(what),
-            false => self.0.entry("other properties".into()),
-        };
-        entry.or_insert((0, row)).0 += 1;
+        let mut what: String = what.into().chars().take(80).collect();
+        if !self.found.contains_key(&what) && self.found.len() >= 20 {
+            what = "other properties".into();
+        }
+        let row = self.row(node);
+        self.found.entry(what).or_insert((0, row)).0 += 1;
     }
 
     /// One sentence for each.
@@ -88,106 +111,133 @@ impl Named {
             let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
             format!("{n} {} {what}: not followed ({}{file}:{row})", s.0, s.1)
         };
-        self.0.iter().map(sentence).collect()
+        self.found.iter().map(sentence).collect()
     }
 }
 
-/// Attributes of all elements of a document.
-pub(super) fn resolved(
-    document: &Document<'_>,
+/// Attributes of an element as they are drawn, by their names, `xlink:` and `xml:` included.
+type Attributes = BTreeMap<String, String>;
+
+/// A document whose styles are resolved.
+pub(super) struct Styled<'a, 'input> {
+    attributes: HashMap<NodeId, Attributes>,
+    ids: HashMap<&'a str, Node<'a, 'input>>,
+}
+
+impl<'a, 'input> Styled<'a, 'input> {
+    pub(super) fn attributes(&self, node: Node<'_, '_>) -> impl Iterator<Item = (&str, &str)> {
+        let own = self.attributes.get(&node.id()).into_iter().flatten();
+        own.map(|(name, value)| (&**name, &**value))
+    }
+
+    pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&str> {
+        self.attributes.get(&node.id())?.get(name).map(|value| &**value)
+    }
+
+    /// The element that an element refers to by its links.
+    pub(super) fn linked(&self, node: Node<'_, '_>) -> Option<Node<'a, 'input>> {
+        let links = ["href", "xlink:href"].map(|name| self.value(node, name));
+        let mut ids = links.into_iter().flatten().filter_map(|link| link.trim().strip_prefix('#'));
+        ids.find_map(|id| self.ids.get(id).copied())
+    }
+
+    /// The element that `url(#name)` names.
+    pub(super) fn target(&self, value: &str) -> Option<Node<'a, 'input>> {
+        let (link, _) = value.trim().strip_prefix("url(")?.split_once(')')?;
+        self.ids.get(link.trim().trim_matches(['"', '\'']).strip_prefix('#')?).copied()
+    }
+}
+
+/// Resolves the styles of a document; `refuse` makes an error of what was found instead.
+pub(super) fn styled<'a, 'input>(
+    document: &'a Document<'input>,
     budget: &Budget,
     named: &mut Named,
-) -> Result<HashMap<NodeId, Attributes>, String> {
-    let rows = Rows::of(document);
-    let row = |node: Node<'_, '_>| rows.at(node);
-    let sheets: Vec<(u32, String)> = document
-        .descendants()
-        .filter(|node| node.tag_name().name() == "style" && node.is_element())
-        .map(|node| {
-            let text: String = node.children().filter_map(|child| child.text()).collect();
-            (row(node), without_comments(&text))
-        })
-        .collect();
+    refuse: impl Fn(String) -> Error,
+) -> Result<Styled<'a, 'input>> {
+    let elements = || document.descendants().filter(Node::is_element);
+    let sheets = elements().filter(|node| node.tag_name().name() == "style").map(|node| {
+        let text: String = node.children().filter_map(|child| child.text()).collect();
+        (node, without_comments(&text))
+    });
+    let sheets: Vec<(Node<'_, '_>, String)> = sheets.collect();
     let mut rules: Vec<Rule<'_>> = Vec::new();
-    for (row, sheet) in &sheets {
-        parse_rules(sheet, *row, 0, &mut rules, named);
+    for (node, sheet) in &sheets {
+        budget.bytes(RULE * sheet.matches(['{', ',', ';']).count())?;
+        parse_rules(sheet, *node, 0, &mut rules, named);
     }
-    rules.sort_by_key(|rule| rule.selector.specificity());
-    let mut all = HashMap::new();
-    let mut variables: HashMap<NodeId, Rc<Variables>> = HashMap::new();
-    for node in document.descendants().filter(Node::is_element) {
-        let mut declared: BTreeMap<String, (String, bool)> = BTreeMap::new();
-        for rule in rules.iter().filter(|rule| rule.selector.matches(&Matched(node))) {
-            declare(&rule.declarations, &mut declared);
+    rules.sort_by_key(|(selector, _)| selector.specificity());
+    let (mut attributes, mut ids) = (HashMap::new(), HashMap::new());
+    let mut scopes: HashMap<NodeId, Rc<Variables>> = HashMap::new();
+    for node in elements() {
+        if let Some(id) = node.attribute("id") {
+            ids.entry(id).or_insert(node);
+        }
+        let mut declared = Declared::new();
+        budget.steps(STEPS[0] * rules.len())?;
+        let element = Matched(node, budget);
+        for (_, declarations) in rules.iter().filter(|(selector, _)| selector.matches(&element)) {
+            declare(declarations, budget, &mut declared)?;
         }
         let style = node.attribute("style").map(without_comments).unwrap_or_default();
-        declare(&declarations(&style), &mut declared);
-        let parent = node.parent_element().and_then(|parent| variables.get(&parent.id()).cloned());
-        let own: Vec<_> = declared.iter().filter(|(name, _)| name.starts_with("--")).collect();
-        let scope = match (parent, own.is_empty()) {
-            (Some(parent), true) => parent,
-            (parent, _) => {
-                let mut scope = parent.map_or_else(Variables::default, |parent| (*parent).clone());
-                scope.extend(own.iter().map(|(name, (value, _))| ((*name).clone(), value.clone())));
-                let size: usize = scope.values().map(|value| value.len() + 100).sum();
-                budget.bytes(size).map_err(|error| error.to_string())?;
-                Rc::new(scope)
-            }
-        };
-        let mut values: Vec<(&'static str, String, String)> = Vec::new();
-        for attribute in node.attributes() {
-            let prefix = match attribute.namespace() {
-                None => "",
-                Some(XLINK) => "xlink:",
-                Some(XML) => "xml:",
-                Some(_) => continue,
-            };
-            if prefix.is_empty() && matches!(attribute.name(), "style" | "class") {
-                continue;
-            }
-            values.push((prefix, attribute.name().to_owned(), attribute.value().to_owned()));
+        declare(&declarations(&style), budget, &mut declared)?;
+        let parent = node.parent_element().and_then(|parent| scopes.get(&parent.id()).cloned());
+        let mut scope = parent.unwrap_or_default();
+        let (own, declared): (Declared, Declared) =
+            declared.into_iter().partition(|(name, _)| name.starts_with("--"));
+        if !own.is_empty() {
+            let scope = Rc::make_mut(&mut scope);
+            scope.extend(own.into_iter().map(|(name, (value, _))| (name, value)));
+            budget.bytes(scope.values().map(|value| value.len() + 100).sum())?;
         }
-        declared.retain(|name, _| !name.starts_with("--"));
-        let of_css: Vec<String> = declared.keys().cloned().collect();
-        for (name, (value, _)) in declared {
-            let names: &[&str] = match &*name {
+        let mut values = Attributes::new();
+        for attribute in node.attributes() {
+            let name = match (attribute.namespace(), attribute.name()) {
+                (None, "style" | "class") => continue,
+                (None, name) => name.to_owned(),
+                (Some(XLINK), name) => format!("xlink:{name}"),
+                (Some(XML), name) => format!("xml:{name}"),
+                (Some(_), _) => continue,
+            };
+            values.insert(name, attribute.value().to_owned());
+        }
+        for (name, (value, _)) in &declared {
+            let names: &[&str] = match &**name {
                 "marker" => &["marker-start", "marker-mid", "marker-end"],
                 name => &[name],
             };
-            for name in names {
-                values.retain(|(prefix, other, _)| !prefix.is_empty() || other != name);
-                values.push(("", (*name).to_owned(), value.clone()));
-            }
+            values.extend(names.iter().map(|name| ((*name).to_owned(), value.clone())));
         }
-        for (_, _, value) in &mut values {
-            if value.contains("var(") {
-                *value = substituted(value, &scope, budget)?;
-            }
+        for value in values.values_mut().filter(|value| value.contains("var(")) {
+            *value = substituted(value, &scope, budget).ok_or_else(|| {
+                let short: String = value.chars().take(60).collect();
+                refuse(format!("custom properties without end: `{short}`"))
+            })?;
         }
-        variables.insert(node.id(), scope);
-        for (_, name, value) in &mut values {
-            let is_root = node.parent_element().is_none();
-            if is_root && name == "background" && value.parse::<svgtypes::Color>().is_ok() {
-                *name = "background-color".into();
-            }
+        scopes.insert(node.id(), scope);
+        if node.parent_element().is_none()
+            && let Some(color) = values.get("background").cloned()
+            && color.parse::<svgtypes::Color>().is_ok()
+        {
+            values.insert("background-color".into(), color);
         }
         geometry(node, &mut values);
-        transforms(node, &mut values, row(node), named);
-        check(node, &values, &of_css, row(node), named);
-        all.insert(node.id(), values);
+        transforms(node, &mut values, named);
+        check(node, &values, &declared, named);
+        attributes.insert(node.id(), values);
     }
-    Ok(all)
+    Ok(Styled { attributes, ids })
 }
 
 type Variables = BTreeMap<String, String>;
 
-struct Rule<'a> {
-    selector: Selector<'a>,
-    declarations: Rc<Vec<Declaration>>,
-}
+/// The declarations of an element: values by name, and whether they are important.
+type Declared = BTreeMap<String, (String, bool)>;
 
 /// Name, value, and whether it is important.
 type Declaration = (String, String, bool);
+
+type Rule<'a> = (Selector<'a>, Rc<Vec<Declaration>>);
 
 /// A text without its comments, and without the marks by which old browsers skip it.
 fn without_comments(text: &str) -> String {
@@ -221,7 +271,7 @@ fn find_outside(text: &str, signs: &[char]) -> Option<usize> {
 
 fn parse_rules<'a>(
     sheet: &'a str,
-    row: u32,
+    node: Node<'_, '_>,
     depth: usize,
     rules: &mut Vec<Rule<'a>>,
     named: &mut Named,
@@ -233,23 +283,17 @@ fn parse_rules<'a>(
         let prelude = prelude.trim();
         let Some(block) = after.strip_prefix('{') else {
             if prelude.starts_with("@import") {
-                named.add(prelude, row);
+                named.add(prelude, node);
             }
             rest = after.get(1..).unwrap_or("").trim_start();
             continue;
         };
-        let (mut open, mut close) = (1_usize, block.len());
-        for (at, c) in block.char_indices() {
-            open = match c {
-                '{' => open + 1,
-                '}' => open - 1,
-                _ => open,
-            };
-            if open == 0 {
-                close = at;
-                break;
-            }
-        }
+        let mut open = 1_usize;
+        let closes = |c: char| {
+            open = open + usize::from(c == '{') - usize::from(c == '}');
+            open == 0
+        };
+        let close = block.find(closes).unwrap_or(block.len());
         let body = &block[..close];
         rest = block.get(close + 1..).unwrap_or("").trim_start();
         if let Some(at_rule) = prelude.strip_prefix('@') {
@@ -257,20 +301,18 @@ fn parse_rules<'a>(
             match name.unwrap_or("") {
                 "font-face" | "keyframes" | "-webkit-keyframes" | "namespace" | "charset" => {}
                 "media" if depth < MAX_MEDIA && matches!(at_rule[5..].trim(), "all" | "screen") => {
-                    parse_rules(body, row, depth + 1, rules, named);
+                    parse_rules(body, node, depth + 1, rules, named);
                 }
                 "media" if at_rule[5..].trim() == "print" => {}
-                _ => named.add(format!("@{at_rule}"), row),
+                _ => named.add(format!("@{at_rule}"), node),
             }
             continue;
         }
         let declarations = Rc::new(declarations(body));
         for text in prelude.split(',').map(str::trim) {
             match Some(text).filter(|text| is_followed(text)).and_then(Selector::parse) {
-                Some(selector) => {
-                    rules.push(Rule { selector, declarations: Rc::clone(&declarations) });
-                }
-                None => named.add(format!("the selector `{text}`"), row),
+                Some(selector) => rules.push((selector, Rc::clone(&declarations))),
+                None => named.add(format!("the selector `{text}`"), node),
             }
         }
     }
@@ -279,10 +321,9 @@ fn parse_rules<'a>(
 /// Whether a selector is one that simplecss matches whole. The states that a pointer leads to are
 /// those of no element of a picture.
 fn is_followed(selector: &str) -> bool {
-    let states = ["first-child", "hover", "active", "focus", "link", "visited"];
     let known = |part: &str| {
         let name = part.split(|c: char| !c.is_alphanumeric() && c != '-').next();
-        name.is_some_and(|name| states.contains(&name))
+        has("first-child hover active focus link visited", name.unwrap_or(""))
     };
     !selector.contains(['~', '|', '&', '\\'])
         && !["*=", "^=", "$="].iter().any(|sign| selector.contains(sign))
@@ -295,130 +336,112 @@ fn declarations(text: &str) -> Vec<Declaration> {
     while !rest.trim().is_empty() {
         let end = find_outside(rest, &[';']).unwrap_or(rest.len());
         if let Some((name, value)) = rest[..end].split_once(':') {
-            let (value, important) = match value.trim().rsplit_once('!') {
-                Some((value, word)) if word.trim().eq_ignore_ascii_case("important") => {
-                    (value, true)
-                }
-                _ => (value, false),
-            };
+            let important = value.trim().rsplit_once('!');
+            let important =
+                important.filter(|(_, word)| word.trim().eq_ignore_ascii_case("important"));
+            let (value, is_important) =
+                important.map_or((value, false), |(value, _)| (value, true));
             let name = name.trim();
             let name = if name.starts_with("--") { name.into() } else { name.to_ascii_lowercase() };
-            found.push((name, value.trim().to_owned(), important));
+            found.push((name, value.trim().to_owned(), is_important));
         }
         rest = rest.get(end + 1..).unwrap_or("");
     }
     found
 }
 
-fn declare(declarations: &[Declaration], declared: &mut BTreeMap<String, (String, bool)>) {
-    for (name, value, important) in declarations {
+fn declare(list: &[Declaration], budget: &Budget, declared: &mut Declared) -> Result<()> {
+    for (name, value, important) in list {
+        budget.steps(STEPS[2])?;
+        budget.bytes(name.len() + value.len())?;
         if *important || !declared.get(name).is_some_and(|(_, important)| *important) {
             declared.insert(name.clone(), (value.clone(), *important));
         }
     }
+    Ok(())
 }
 
-/// A value with its custom properties, or their fallbacks, put in.
-fn substituted(value: &str, scope: &Variables, budget: &Budget) -> Result<String, String> {
+/// A value with its custom properties, or their fallbacks, put in; `None` where that has no end.
+fn substituted(value: &str, scope: &Variables, budget: &Budget) -> Option<String> {
     let mut text = value.to_owned();
     for _ in 0..MAX_VARIABLES {
-        let Some(at) = text.rfind("var(") else { return Ok(text) };
+        let Some(at) = text.rfind("var(") else { return Some(text) };
         let inner = &text[at + 4..];
-        let Some(end) = find_outside(inner, &[')']).or_else(|| inner.find(')')) else { break };
+        let end = find_outside(inner, &[')']).or_else(|| inner.find(')'))?;
         let (name, fallback) = inner[..end].split_once(',').unwrap_or((&inner[..end], ""));
         let put = scope.get(name.trim()).map_or(fallback.trim(), |value| value);
-        let whole = format!("{}{put}{}", &text[..at], &inner[end + 1..]);
-        budget.steps(STEPS * whole.len()).map_err(|error| error.to_string())?;
-        if whole.len() > LONGEST {
-            break;
+        text = format!("{}{put}{}", &text[..at], &inner[end + 1..]);
+        if !budget.spend_steps(STEPS[3] * text.len()) || text.len() > LONGEST {
+            return None;
         }
-        text = whole;
     }
-    Err(format!("custom properties without end: `{}`", value.chars().take(60).collect::<String>()))
+    None
 }
 
 /// Geometry as attributes: lengths in pixels are user units, `auto` is what is left out.
 fn geometry(node: Node<'_, '_>, values: &mut Attributes) {
-    let tag = node.tag_name().name();
-    values.retain(|(prefix, name, value)| {
-        let is_geometry = prefix.is_empty() && GEOMETRY.contains(&&**name);
-        !(is_geometry && value == "auto" || (name == "d" && tag == "path" && value == "none"))
-    });
-    for (_, name, value) in values.iter_mut() {
-        if GEOMETRY.contains(&&**name) {
-            if let Some(number) = value.trim().strip_suffix("px") {
-                *value = number.trim().to_owned();
-            } else if name == "d" && value.trim_start().starts_with("path(") {
-                let quoted = value.trim().trim_start_matches("path(").trim_end_matches(')').trim();
-                *value = quoted.trim_matches(['"', '\'']).to_owned();
-            }
+    let is_path = node.tag_name().name() == "path";
+    values.retain(|name, value| {
+        let is_geometry = GEOMETRY.contains(&&**name);
+        if let Some(number) = value.trim().strip_suffix("px").filter(|_| is_geometry) {
+            *value = number.trim().to_owned();
+        } else if name == "d" && value.trim_start().starts_with("path(") {
+            let quoted = value.trim().trim_start_matches("path(").trim_end_matches(')').trim();
+            *value = quoted.trim_matches(['"', '\'']).to_owned();
         }
-    }
+        !(is_geometry && value == "auto" || name == "d" && is_path && value == "none")
+    });
 }
 
 /// Transforms of CSS as those of SVG.
-fn transforms(node: Node<'_, '_>, values: &mut Attributes, row: u32, named: &mut Named) {
-    let get = |name: &str, values: &Attributes| {
-        let found = values.iter().find(|(prefix, own, _)| prefix.is_empty() && own == name);
-        found.map(|(_, _, value)| value.clone())
-    };
-    let parts = ["translate", "rotate", "scale"].map(|name| get(name, values));
-    let is_gradient = node.tag_name().name().ends_with("Gradient");
+fn transforms(node: Node<'_, '_>, values: &mut Attributes, named: &mut Named) {
+    let tag = node.tag_name().name();
+    let is_gradient = tag.ends_with("Gradient");
+    let is_page = tag == "svg" && node.parent_element().is_none();
     let name = if is_gradient { "gradientTransform" } else { "transform" };
-    let own = get(name, values);
-    if own.is_none() && parts.iter().all(Option::is_none) {
-        return;
-    }
     let mut text = String::new();
-    for (function, part) in ["translate", "rotate", "scale"].iter().zip(parts) {
-        let Some(part) = part.filter(|part| part != "none") else { continue };
-        if is_gradient || node.tag_name().name() == "svg" && node.parent_element().is_none() {
-            continue;
+    for function in ["translate", "rotate", "scale"] {
+        let part = values.remove(function).filter(|part| part != "none");
+        if let Some(part) = part.filter(|_| !is_gradient && !is_page) {
+            let list = part.split_ascii_whitespace().collect::<Vec<_>>().join(", ");
+            let _ = write!(text, "{function}({list}) ");
         }
-        let list = part.split_ascii_whitespace().collect::<Vec<_>>().join(", ");
-        let _ = write!(text, "{function}({list}) ");
     }
-    text += own.as_deref().filter(|own| own.trim() != "none").unwrap_or("");
-    let converted = transform::to_svg(&text);
-    if converted.is_none() {
-        named.add(format!("transform `{text}`"), row);
-    }
-    values.retain(|(_, own, _)| !matches!(&**own, "translate" | "rotate" | "scale") && own != name);
-    if let Some(converted) = converted.filter(|converted| !converted.is_empty()) {
-        values.push(("", name.to_owned(), converted));
+    text += values.remove(name).filter(|own| own.trim() != "none").as_deref().unwrap_or("");
+    match transform::to_svg(&text) {
+        None => named.add(format!("transform `{text}`"), node),
+        Some(converted) if converted.is_empty() => {}
+        Some(converted) => {
+            values.insert(name.to_owned(), converted);
+        }
     }
 }
 
 /// Names what of an element is not followed.
-fn check(node: Node<'_, '_>, values: &Attributes, of_css: &[String], row: u32, named: &mut Named) {
+fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &mut Named) {
     let tag = node.tag_name().name();
-    if matches!(tag, "style" | "script" | "font" | "glyph" | "font-face" | "namedview") {
+    if has("style script font glyph font-face namedview", tag) {
         return;
     }
-    // An attribute that is no property is none to a browser, either.
-    let is_attribute_only =
-        |name: &str| !is_css(name) && !of_css.iter().any(|declared| declared == name);
-    let own = |wanted: &str| {
-        let found = values.iter().find(|(prefix, name, _)| prefix.is_empty() && name == wanted);
-        found.map_or("", |(_, _, value)| value.trim())
-    };
-    for (prefix, name, value) in values {
+    let [followed, without_effect, others] = &*LISTS;
+    let is_shape = has("circle ellipse rect use svg symbol line", tag);
+    let own = |name: &str| values.get(name).map_or("", |value| value.trim());
+    for (name, value) in values.iter().filter(|(name, _)| !name.contains(':')) {
         let (name, value) = (&**name, value.trim());
-        if !prefix.is_empty() {
-            continue;
-        }
-        let is_link = value.starts_with("url(");
+        let is_neutral = NEUTRAL.contains(&value);
+        let is_word = matches!(value, "inherit" | "currentColor" | "currentcolor");
         let is_broken = match name {
-            "fill" | "stroke" => usvg_paint(value).is_none(),
-            "stop-color" | "color" => !is_word(value) && value.parse::<svgtypes::Color>().is_err(),
-            "clip-path" | "mask" => !is_link && !NEUTRAL.contains(&value) && !is_word(value),
-            "cx" | "cy" | "height" | "r" | "rx" | "ry" | "width" | "x" | "y" if is_shape(tag) => {
-                value.parse::<svgtypes::Length>().is_err()
+            "fill" | "stroke" if matches!(value, "context-fill" | "context-stroke") => false,
+            "fill" | "stroke" => !is_word && svgtypes::Paint::from_str(value).is_err(),
+            "stop-color" | "color" => !is_word && svgtypes::Color::from_str(value).is_err(),
+            "clip-path" | "mask" => !value.starts_with("url(") && !is_neutral && !is_word,
+            "d" => tag == "path" && svgtypes::PathParser::from(value).any(|part| part.is_err()),
+            name if is_shape && GEOMETRY.contains(&name) => {
+                svgtypes::Length::from_str(value).is_err()
             }
             "stroke-width" | "stroke-dashoffset" => {
-                !is_word(value) && value.parse::<svgtypes::Length>().is_err()
+                !is_word && svgtypes::Length::from_str(value).is_err()
             }
-            "d" if tag == "path" => svgtypes::PathParser::from(value).any(|part| part.is_err()),
             "vector-effect" => {
                 value == "non-scaling-stroke" && !matches!(own("stroke-dasharray"), "" | "none")
                     || value == "fixed-position"
@@ -428,14 +451,14 @@ fn check(node: Node<'_, '_>, values: &Attributes, of_css: &[String], row: u32, n
             }
             "systemLanguage" | "requiredExtensions" => true,
             "requiredFeatures" => false,
-            "filter" | "mix-blend-mode" => !NEUTRAL.contains(&value),
-            name if FOLLOWED.contains(&name) => false,
-            name if WITHOUT_EFFECT.contains(&name) || is_of_text(name) => false,
-            name if is_attribute_only(name) => false,
-            _ => !NEUTRAL.contains(&value),
+            "filter" | "mix-blend-mode" => !is_neutral,
+            name if followed.contains(name) || without_effect.contains(name) => false,
+            // Of text.
+            name if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
+            // An attribute that is no property is none to a browser, either.
+            name => !is_neutral && (declared.contains_key(name) || others.contains(name)),
         };
-        let is_reset = FOLLOWED.contains(&name)
-            && matches!(value, "initial" | "unset" | "revert" | "revert-layer");
+        let is_reset = has("initial unset revert revert-layer", value) && followed.contains(name);
         if is_broken || is_reset {
             let short: String = value.chars().take(40).collect();
             let what = match name {
@@ -443,67 +466,24 @@ fn check(node: Node<'_, '_>, values: &Attributes, of_css: &[String], row: u32, n
                 "d" => "path data that breaks off".to_owned(),
                 _ => format!("{name} `{short}`"),
             };
-            named.add(what, row);
+            named.add(what, node);
         }
     }
 }
 
-/// The paint of a value: usvg takes others for black or none.
-fn usvg_paint(value: &str) -> Option<()> {
-    let is_contextual = matches!(value, "context-fill" | "context-stroke") || is_word(value);
-    (is_contextual || svgtypes::Paint::from_str(value).is_ok()).then_some(())
-}
-
-fn is_word(value: &str) -> bool {
-    matches!(value, "inherit" | "currentColor" | "currentcolor")
-}
-
-fn is_shape(tag: &str) -> bool {
-    matches!(tag, "circle" | "ellipse" | "rect" | "use" | "svg" | "symbol" | "line")
-}
-
-fn is_of_text(name: &str) -> bool {
-    name.starts_with("font") || name.starts_with("text-") || name.starts_with('-')
-}
-
-/// Whether a name that is neither followed nor without effect is a property of CSS that is meant
-/// where it stands as an attribute, too.
-fn is_css(name: &str) -> bool {
-    const CSS: &[&str] = &[
-        "animation",
-        "animation-name",
-        "backdrop-filter",
-        "background-image",
-        "clip-path-box",
-        "mask-border",
-        "mask-clip",
-        "mask-image",
-        "mask-mode",
-        "mask-position",
-        "mask-size",
-        "offset-distance",
-        "offset-path",
-        "perspective",
-        "perspective-origin",
-        "shape-outside",
-        "stroke-alignment",
-        "zoom",
-        "content-visibility",
-        "rotate",
-    ];
-    CSS.contains(&name)
-}
-
-/// An element to simplecss.
-struct Matched<'a, 'input>(Node<'a, 'input>);
+/// An element to simplecss. What that asks is taken off a budget; once it is spent, there are no
+/// elements around.
+struct Matched<'a, 'input>(Node<'a, 'input>, &'a Budget);
 
 impl Element for Matched<'_, '_> {
     fn parent_element(&self) -> Option<Self> {
-        self.0.parent_element().map(Matched)
+        let parent = self.0.parent_element()?;
+        self.1.spend_steps(STEPS[1]).then_some(Matched(parent, self.1))
     }
 
     fn prev_sibling_element(&self) -> Option<Self> {
-        self.0.prev_sibling_element().map(Matched)
+        let sibling = self.0.prev_sibling_element()?;
+        self.1.spend_steps(STEPS[1]).then_some(Matched(sibling, self.1))
     }
 
     fn has_local_name(&self, name: &str) -> bool {
@@ -514,7 +494,9 @@ impl Element for Matched<'_, '_> {
         if name == ROOT {
             return self.0.parent_element().is_none();
         }
-        self.0.attribute(name).is_some_and(|value| match operator {
+        let value = self.0.attribute(name);
+        self.1.spend_steps(self.0.attributes().len() + value.map_or(0, str::len) / 8);
+        value.is_some_and(|value| match operator {
             AttributeOperator::Contains(part) => value.split_ascii_whitespace().any(|v| v == part),
             _ => operator.matches(value),
         })
@@ -522,5 +504,20 @@ impl Element for Matched<'_, '_> {
 
     fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
         matches!(class, PseudoClass::FirstChild) && self.0.prev_sibling_element().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_those_of_the_parser() {
+        let document = Document::parse("<a>\n<b/><c\n/>\n\n<d/></a>\n").unwrap();
+        let named = Named::of(&document);
+        for node in document.descendants() {
+            let wanted = document.text_pos_at(node.range().start).row;
+            assert_eq!(named.row(node), wanted, "{node:?}");
+        }
     }
 }

@@ -4,6 +4,7 @@
 //! clips, masks, the page's edge and what covers what in [`shown`]; dashes by kurbo. What is not
 //! followed is named in the warnings; text is refused.
 
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
@@ -11,14 +12,14 @@ use kurbo::{Affine, BezPath, PathEl, Point, Shape};
 use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
-use super::super::curves::polylines;
+use super::super::curves::{polylines, subpaths};
 use super::super::smooth::simplified;
 use super::gradient::{Gradient, Paint, affine};
-use super::layers::{Cut, Painted};
-use super::plain::{Plain, SIGN_X, plain};
+use super::layers::{Cut, Painted, Scale, covers_page};
+use super::plain::{SIGN_X, plain};
 use super::shown::{Page, Shown};
-use super::style::{Named, resolved};
-use super::{ColoredLine, LIMIT, MAX_POINTS, css, too_many, xml};
+use super::style::{Named, styled};
+use super::{ColoredLine, LIMIT, MAX_POINTS, too_many, xml};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry;
@@ -38,7 +39,6 @@ const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Obje
                     Illustrator: Type > Create Outlines)";
 
 /// A drawing in its own units, y up.
-#[derive(Default)]
 pub(super) struct Drawing {
     items: Vec<Item>,
     pub(super) gradients: Vec<Gradient>,
@@ -68,19 +68,15 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(&text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
-    css::check(&document, &budget)?;
-    let mut named = Named::default();
-    for node in document.root().children().filter(roxmltree::Node::is_pi) {
+    let mut named = Named::of(&document);
+    for node in document.root().children() {
         if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
-            named.add(
-                "another file (`xml-stylesheet`)",
-                document.text_pos_at(node.range().start).row,
-            );
+            named.add("another file (`xml-stylesheet`)", node);
         }
     }
-    let attributes = resolved(&document, &budget, &mut named).map_err(refuse)?;
+    let styled = styled(&document, &budget, &mut named, refuse)?;
     budget.check()?;
-    let Plain { text: plain, signs } = plain(&document, &attributes, &mut named).map_err(refuse)?;
+    let (plain, signs) = plain(&document, &styled, &mut named).map_err(refuse)?;
     // Pictures are not drawn, so that none is opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
@@ -91,74 +87,66 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &reading)));
     let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
-    let size = [tree.size().width(), tree.size().height()].map(f64::from);
-    let mut walk =
-        Walk { signs: vec![false; signs.len()], size: size[0].max(size[1]), ..Walk::default() };
-    let root = document.root_element();
-    let value = |name: &str| {
-        let own = attributes.get(&root.id()).into_iter().flatten();
-        own.filter(|(prefix, ..)| prefix.is_empty()).find(|(_, own, _)| own == name)
-    };
-    let absolute = |name| value(name).is_some_and(|(.., value)| !value.ends_with('%'));
+    let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
+    let larger = width.max(height);
+    let scale = Scale { size: larger, budget: &budget };
+    let (gradients, signs_seen) = (Vec::new(), BTreeSet::new());
+    let mut walk = Walk { cuts: Vec::new(), gradients, signs_seen, scale };
+    let value = |name: &str| styled.value(document.root_element(), name);
+    let absolute = |name: &str| value(name).is_some_and(|value| !value.ends_with('%'));
     let has_edge = value("viewBox").is_some() || absolute("width") && absolute("height");
-    let overflows = value("overflow").is_some_and(|(.., value)| value == "visible");
     let mut cuts = Vec::new();
-    if has_edge && !overflows {
-        let page = kurbo::Rect::new(0.0, -size[1], size[0], 0.0);
-        walk.cuts.push(Cut::Page(page.to_path(1e-9)));
-        cuts.push(0);
+    if has_edge && value("overflow") != Some("visible") {
+        let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
+        walk.cut(Cut::Page(scale.area(&page, false)), &mut cuts);
     }
     let mut painted = Vec::new();
     walk.group(tree.root(), Affine::IDENTITY, &cuts, 1.0, &mut painted);
-    let seen = signs.iter().zip(&walk.signs).filter(|(_, seen)| **seen).map(|(sign, _)| sign);
-    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|(what, _)| what == "<text>");
-    if let Some((_, row)) = texts.first() {
+    let seen = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
+    let name = |node: roxmltree::Node<'_, '_>| format!("<{}>", node.tag_name().name());
+    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|node| name(*node) == "<text>");
+    if let Some(text) = texts.first() {
         let found = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
-        return Err(Error::input("", found, "paths in place of text", TEXT).at(file, *row as u64));
+        let line = u64::from(named.row(*text));
+        return Err(Error::input("", found, "paths in place of text", TEXT).at(file, line));
     }
-    others.into_iter().for_each(|(what, row)| named.add(what, *row));
-    let gradients = std::mem::take(&mut walk.gradients);
-    let mut drawing = Drawing { warnings: named.sentences(file), ..Drawing::default() };
-    let page = Page::new(&painted, &walk.cuts, &gradients, size, &budget);
+    others.into_iter().for_each(|node| named.add(name(node), node));
+    let page = Page::new(&painted, &walk.cuts, &walk.gradients, [width, height], scale);
     budget.check()?;
-    let (mut left, mut n_alike) = (MAX_POINTS as f64, 0);
+    let (mut items, mut left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
     for (index, mut item) in painted.into_iter().enumerate() {
-        if item.stroke.is_none() && is_paper(&item.path, size) || !item.path.is_finite() {
+        if item.stroke.is_none() && is_paper(&item.path, [width, height]) || !item.path.is_finite()
+        {
             continue;
         }
-        let style = item.stroke.and(item.stroke_area.clone());
         let whole = item.path.clone();
-        if let Some(style) = style {
-            item.path = dashed(item.path, &style, item.placed, &mut left, file)?;
-            item.path = with_points(&item.path, style.start_cap, walk.size);
+        if let Some((.., style)) = &item.stroke {
+            let (dashes, shortest) = dashed(item.path, style, item.placed, &mut left, file)?;
+            item.path = with_points(&dashes, shortest, style.start_cap, larger);
         }
         let (shown, is_alike) = page.shown(index, &item);
         budget.check()?;
         n_alike += usize::from(is_alike);
         match shown {
-            Shown::Whole(paint) => {
-                // Its rim, without dashes.
-                let is_rim = Some(paint) != item.stroke.map(|(paint, _)| paint);
-                let path = if is_rim { whole } else { item.path };
-                drawing.items.push(Item::Whole(path, paint));
-            }
+            Shown::Stroke(paint) => items.push(Item::Whole(item.path, paint)),
+            // Without dashes.
+            Shown::Rim(paint) => items.push(Item::Whole(whole, paint)),
             Shown::Parts(parts) => {
-                drawing
-                    .items
-                    .extend(parts.into_iter().map(|(line, paint)| Item::Part(line, paint)));
+                items.extend(parts.into_iter().map(|(line, paint)| Item::Part(line, paint)));
             }
         }
     }
+    let mut warnings = named.sentences(file);
     if n_alike > 0 {
-        let (n, s) = (n_alike, if n_alike == 1 { " has" } else { "s have" });
-        drawing.warnings.push(format!(
-            "{n} line{s} the color of what is beneath, and shows nothing there: not drawn \
+        let s = if n_alike == 1 { " has" } else { "s have" };
+        warnings.push(format!(
+            "{n_alike} line{s} the color of what is beneath, and shows nothing there: not drawn \
              (fill=\"none\" keeps a shape from being filled)"
         ));
     }
-    drawing.gradients = gradients;
+    let drawing = Drawing { items, gradients: walk.gradients, warnings };
     let [left, bottom, right, top] = drawing.bounds();
-    if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * walk.size {
+    if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * larger {
         return Err(refuse("a drawing without extent".into()));
     }
     Ok(drawing)
@@ -167,16 +155,14 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
 impl Drawing {
     /// The box of all that is drawn: left, bottom, right, top; inverted where that is nothing.
     pub(super) fn bounds(&self) -> [f64; 4] {
-        geometry::bounds(self.items.iter().flat_map(|item| match item {
+        let bounds = self.items.iter().map(|item| match item {
             Item::Whole(path, _) => {
                 let bounds = path.bounding_box();
-                [[bounds.x0, bounds.y0], [bounds.x1, bounds.y1]]
+                [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
             }
-            Item::Part(line, _) => {
-                let [left, bottom, right, top] = geometry::bounds(line.iter().copied());
-                [[left, bottom], [right, top]]
-            }
-        }))
+            Item::Part(line, _) => geometry::bounds(line.iter().copied()),
+        });
+        geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
     }
 
     /// Polylines no farther from what is drawn than a tolerance, with their paints.
@@ -239,16 +225,19 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
 }
 
 /// A walk through the tree of a drawing.
-#[derive(Default)]
-struct Walk {
-    cuts: Vec<Cut>,
+struct Walk<'a> {
+    cuts: Vec<Cut<'a>>,
     gradients: Vec<Gradient>,
-    /// Whether each sign is seen.
-    signs: Vec<bool>,
-    size: f64,
+    signs_seen: BTreeSet<usize>,
+    scale: Scale<'a>,
 }
 
-impl Walk {
+impl<'a> Walk<'a> {
+    fn cut(&mut self, cut: Cut<'a>, cuts: &mut Vec<usize>) {
+        cuts.push(self.cuts.len());
+        self.cuts.push(cut);
+    }
+
     /// Adds what a group paints, within cuts.
     fn group(
         &mut self,
@@ -262,35 +251,34 @@ impl Walk {
         if alpha <= 0.0 {
             return;
         }
+        let scale = self.scale;
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.abs_transform());
-        let mut clip = group.clip_path();
-        while let Some(one) = clip {
+        for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
             let mut parts = Vec::new();
-            self.group(one.root(), placed * affine(one.transform()), &[], 1.0, &mut parts);
-            cuts.push(self.cuts.len());
-            self.cuts.push(Cut::Clip(parts));
-            clip = one.clip_path();
+            self.group(clip.root(), placed * affine(clip.transform()), &[], 1.0, &mut parts);
+            let layers = parts.iter().filter_map(|part| part.fill_layer(0, scale));
+            self.cut(Cut::Clip(layers.collect()), &mut cuts);
         }
-        let mut mask = group.mask();
-        while let Some(one) = mask {
+        for mask in std::iter::successors(group.mask(), |mask| mask.mask()) {
             let mut parts = Vec::new();
-            self.group(one.root(), placed, &[], 1.0, &mut parts);
-            let rect = one.rect();
+            self.group(mask.root(), placed, &[], 1.0, &mut parts);
+            let layers = parts
+                .iter()
+                .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
+            let rect = mask.rect();
             let [x0, y0, x1, y1] =
                 [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
-            let rectangle = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
-            cuts.push(self.cuts.len());
-            let by_alpha = one.kind() == usvg::MaskType::Alpha;
-            let rectangle = Affine::FLIP_Y * placed * rectangle;
-            self.cuts.push(Cut::Mask(parts, by_alpha, rectangle));
-            mask = one.mask();
+            let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
+            let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
+            let by_alpha = mask.kind() == usvg::MaskType::Alpha;
+            self.cut(Cut::Mask(layers.flatten().collect(), by_alpha, edge), &mut cuts);
         }
         for node in group.children() {
             match node {
                 Node::Group(group) => self.group(group, base, &cuts, alpha, painted),
                 Node::Path(path) if path.is_visible() => {
-                    self.path(path, base, &cuts, alpha, painted);
+                    painted.extend(self.path(path, base, &cuts, alpha));
                 }
                 Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
             }
@@ -304,33 +292,27 @@ impl Walk {
         base: Affine,
         cuts: &[usize],
         alpha: f64,
-        painted: &mut Vec<Painted>,
-    ) {
+    ) -> Option<Painted> {
         let first = path.data().points().first().copied().unwrap_or_default();
         if first.x == SIGN_X {
-            if let Some(sign) = self.signs.get_mut(first.y as usize) {
-                *sign = true;
-            }
-            return;
+            self.signs_seen.insert(first.y as usize);
+            return None;
         }
         let placed = Affine::FLIP_Y * base * affine(path.abs_transform());
         let fill = path.fill().filter(|fill| fill.opacity().get() > 0.0);
         let stroke = path.stroke().filter(|stroke| stroke.opacity().get() > 0.0);
-        if fill.is_none() && stroke.is_none() {
-            return;
-        }
         let even_odd = fill.is_some_and(|fill| fill.rule() == usvg::FillRule::EvenOdd);
         let fill = fill.map(|fill| {
             let opacity = alpha * f64::from(fill.opacity().get());
             (self.paint(fill.paint(), placed), opacity * opacity_of(fill.paint()))
         });
-        let style = stroke.map(style);
         let stroke = stroke.map(|stroke| {
             let opacity = alpha * f64::from(stroke.opacity().get());
-            (self.paint(stroke.paint(), placed), opacity)
+            (self.paint(stroke.paint(), placed), opacity, style(stroke))
         });
         let (path, cuts) = (convert(path.data(), placed), cuts.to_vec());
-        painted.push(Painted { path, even_odd, fill, stroke, stroke_area: style, placed, cuts });
+        let is_painted = fill.is_some() || stroke.is_some();
+        is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
     fn paint(&mut self, server: &usvg::Paint, placed: Affine) -> Paint {
@@ -385,22 +367,22 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     drawn
 }
 
-/// The dashes of a path, or the path, while some of the points are left. Under an uneven transform
-/// dashes have their mean length.
+/// The dashes of a path, or the path, while some of the points are left; and how long at most a
+/// dash is that has no length. Under an uneven transform dashes have their mean length.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,
     placed: Affine,
     left: &mut f64,
     file: &str,
-) -> Result<BezPath> {
+) -> Result<(BezPath, f64)> {
     if style.dash_pattern.is_empty() {
-        return Ok(drawn);
+        return Ok((drawn, 0.0));
     }
     let scale = placed.determinant().abs().sqrt();
-    let period: f64 = style.dash_pattern.iter().map(|dash| scale * dash).sum();
-    let least = DASH * period;
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
+    let period: f64 = dashes.iter().sum();
+    let least = DASH * period;
     for index in 0..dashes.len() {
         let longer = (least - dashes[index]).max(0.0);
         dashes[index] += longer;
@@ -408,42 +390,30 @@ fn dashed(
         dashes[next] = (dashes[next] - longer).max(0.0);
     }
     dashes.iter_mut().for_each(|dash| *dash = dash.max(least));
-    let n_dashes = drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
-    *left -= n_dashes;
+    *left -= drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
     if left.is_nan() || *left < 0.0 {
         return Err(too_many(file));
     }
     let offset = scale * style.dash_offset;
-    let dashes: BezPath = kurbo::dash(drawn.iter(), offset, &dashes).collect();
-    // Those of no length become points, or nothing.
-    let is_shorter = |from: Point, to: Point| from.distance(to) <= 1.5 * least;
-    let mut kept = BezPath::new();
-    for (first, elements) in subpaths(&dashes) {
-        match elements[..] {
-            [PathEl::LineTo(to)] if is_shorter(first, to) => {
-                kept.move_to(first);
-                kept.line_to(first);
-            }
-            _ => {
-                kept.move_to(first);
-                kept.extend(elements);
-            }
-        }
-    }
-    Ok(kept)
+    Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// A path whose subpaths without length are points of light where their caps show, or else nothing.
-fn with_points(path: &BezPath, cap: kurbo::Cap, size: f64) -> BezPath {
+/// A path whose subpaths of no length, and lines up to the `shortest`, are points of light where
+/// their caps show, or else nothing.
+fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
         let stays = |element: &PathEl| match element {
             PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
-            PathEl::QuadTo(a, p) => *a == first && *p == first,
-            PathEl::CurveTo(a, b, p) => *a == first && *b == first && *p == first,
+            PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
+            PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
             PathEl::ClosePath => true,
         };
-        if !elements.iter().all(stays) {
+        let is_point = match elements[..] {
+            [PathEl::LineTo(end)] => first.distance(end) <= shortest,
+            _ => elements.iter().all(stays),
+        };
+        if !is_point {
             kept.move_to(first);
             kept.extend(elements);
         } else if cap != kurbo::Cap::Butt && !elements.is_empty() {
@@ -455,31 +425,10 @@ fn with_points(path: &BezPath, cap: kurbo::Cap, size: f64) -> BezPath {
     kept
 }
 
-/// The subpaths of a path: where each begins, and its other elements. After one that is closed the
-/// next begins at the same place.
-fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
-    let mut found: Vec<(Point, Vec<PathEl>)> = Vec::new();
-    for element in path.elements() {
-        match (*element, found.last_mut()) {
-            (PathEl::MoveTo(p), _) => found.push((p, Vec::new())),
-            (element, Some((first, elements))) if elements.last() == Some(&PathEl::ClosePath) => {
-                let first = *first;
-                found.push((first, vec![element]));
-            }
-            (element, Some((_, elements))) => elements.push(element),
-            (_, None) => {}
-        }
-    }
-    found
-}
-
 /// Whether a fill is a rectangle over the whole page.
 fn is_paper(path: &BezPath, [width, height]: [f64; 2]) -> bool {
     let bounds = path.bounding_box();
-    let slack = 1e-3 * width.max(height);
-    let covers = bounds.x0 <= slack
-        && bounds.y1 >= -slack
-        && bounds.x1 >= width - slack
-        && bounds.y0 <= slack - height;
-    covers && (path.area().abs() - bounds.area()).abs() < 1e-6 * bounds.area()
+    let extent = [bounds.x0, bounds.y0, bounds.x1, bounds.y1];
+    covers_page(extent, [width, height], 1e-3 * width.max(height))
+        && (path.area().abs() - bounds.area()).abs() < 1e-6 * bounds.area()
 }

@@ -1,11 +1,20 @@
 use super::*;
 
 /// Writes a file and draws it.
-fn drawn(name: &str, content: &str, options: &LetterOptions) -> Result<Strokes> {
+pub(super) fn drawn_in(
+    name: &str,
+    content: impl AsRef<[u8]>,
+    options: &LetterOptions,
+    ink: Ink,
+) -> Result<Strokes> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, content).unwrap();
-    draw(&path, options, Ink::Alike)
+    draw(&path, options, ink)
+}
+
+fn drawn(name: &str, content: &str, options: &LetterOptions) -> Result<Strokes> {
+    drawn_in(name, content, options, Ink::Alike)
 }
 
 pub(super) fn on_canvas(width_m: f64, height_m: f64) -> LetterOptions {
@@ -22,7 +31,7 @@ fn svg(body: &str) -> String {
 pub(super) fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
     let moves = &strokes.glyphs[0].moves;
     let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
-    let length = |m: &Move| libm::hypot(m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
+    let length = |m: &Move| distance(m.from_m, m.to_m);
     let round = |p: [f64; 2]| p.map(|x| (x * 1e6).round() / 1e6);
     runs.map(|run| {
         (round(run[0].from_m), round(run[run.len() - 1].to_m), run.iter().map(length).sum())
@@ -123,12 +132,7 @@ fn smoothing_takes_the_wobble_and_keeps_within_its_limit() {
     };
     let roughness = |strokes: &Strokes| {
         let moves: Vec<_> = strokes.glyphs[0].moves.iter().filter(|m| m.lit).collect();
-        moves
-            .iter()
-            .rev()
-            .take(moves.len() - 4)
-            .map(|m| (m.to_m[1] - m.from_m[1]).abs())
-            .sum::<f64>()
+        moves.iter().skip(4).map(|m| (m.to_m[1] - m.from_m[1]).abs()).sum::<f64>()
     };
     let options = on_canvas(4.0, 4.0);
     let rough = LetterOptions { smoothing_m: 0.0, ..options.clone() };
@@ -197,13 +201,13 @@ fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
 
 #[test]
 fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.svg");
+    let in_both = |name: &str, content: &str| {
+        let ways = [Ink::Alike, Ink::ByColor];
+        ways.map(|ink| drawn_in(name, content, &on_canvas(2.0, 1.0), ink).unwrap())
+    };
     let body = "<path d='M0 0 h50' stroke='red'/><path d='M0 20 h50' stroke='#0000ff'/>
         <path d='M0 40 h50' style='stroke:#f00'/><circle cx='100' cy='50' r='20'/>";
-    std::fs::write(&path, svg(body)).unwrap();
-    let [alike, by_color] =
-        [Ink::Alike, Ink::ByColor].map(|ink| draw(&path, &on_canvas(2.0, 1.0), ink).unwrap());
+    let [alike, by_color] = in_both("a.svg", &svg(body));
     assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
     assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255], [0, 0, 0]]);
     let begins = |glyph: &Glyph| -> Vec<[f64; 2]> {
@@ -214,30 +218,22 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     assert_eq!(begins(&by_color.glyphs[0]), [[0.0, 1.5], [0.0, 0.929]], "both red strokes");
     assert_eq!((by_color.glyphs.len(), by_color.bounds_m()), (3, alike.bounds_m()));
 
-    let path = folder.path().join("a.json");
-    let colors = "[[255, 0, 0], [255, 0, 0], [0, 0, 255]]";
-    std::fs::write(&path, PAGE.replace("\"app\": \"tablet\"", &format!("\"colors\": {colors}")))
-        .unwrap();
-    let [alike, by_color] =
-        [Ink::Alike, Ink::ByColor].map(|ink| draw(&path, &on_canvas(2.0, 1.0), ink).unwrap());
+    let colors = "\"colors\": [[255, 0, 0], [255, 0, 0], [0, 0, 255]]";
+    let [alike, by_color] = in_both("a.json", &PAGE.replace("\"app\": \"tablet\"", colors));
     assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
     assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255]], "in the writer's order");
     let n_strokes = |glyph: &Glyph| begins(glyph).len();
     assert_eq!(by_color.glyphs.iter().map(n_strokes).collect::<Vec<_>>(), [2, 1]);
 
-    let path = folder.path().join("a.svg");
     let line = |n: u32| format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>");
-    std::fs::write(&path, svg(&(0..65).map(line).collect::<String>())).unwrap();
-    let refused = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap_err();
+    let lines = svg(&(0..65).map(line).collect::<String>());
+    let refused = drawn_in("a.svg", lines, &LetterOptions::default(), Ink::ByColor).unwrap_err();
     assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
 }
 
 /// The lit moves of each color with where they begin, in the drawing's units from its left edge.
 fn shades(body: &str) -> (Strokes, Vec<(f64, [u8; 3])>) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.svg");
-    std::fs::write(&path, svg(body)).unwrap();
-    let strokes = draw(&path, &on_canvas(2.0, 2.0), Ink::ByColor).unwrap();
+    let strokes = drawn_in("a.svg", svg(body), &on_canvas(2.0, 2.0), Ink::ByColor).unwrap();
     let lit = strokes.glyphs.iter().zip(&strokes.colors).flat_map(|(glyph, color)| {
         let lit = glyph.moves.iter().filter(|step| step.lit);
         lit.map(|step| (50.0 * step.from_m[0], *color))

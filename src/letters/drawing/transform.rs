@@ -12,40 +12,39 @@ pub(super) fn to_svg(text: &str) -> Option<String> {
         let (arguments, after) = after.split_once(')')?;
         let list: Vec<&str> =
             arguments.split([',', ' ', '\t', '\n', '\r']).filter(|part| !part.is_empty()).collect();
-        let lengths = || list.iter().map(|part| length(part)).collect::<Option<Vec<f64>>>();
-        let numbers = || list.iter().map(|part| number(part)).collect::<Option<Vec<f64>>>();
-        let one = |values: Vec<f64>| (values.len() == 1).then(|| values[0]);
-        let (name, values) = match name.trim() {
-            "translate" => ("translate", lengths()?),
-            "translateX" => ("translate", vec![one(lengths()?)?, 0.0]),
-            "translateY" => ("translate", vec![0.0, one(lengths()?)?]),
-            "scale" => ("scale", numbers()?),
-            "scaleX" => ("scale", vec![one(numbers()?)?, 1.0]),
-            "scaleY" => ("scale", vec![1.0, one(numbers()?)?]),
+        let all =
+            |units| list.iter().map(|part| quantity(part, units)).collect::<Option<Vec<f64>>>();
+        let name = name.trim();
+        let values = match name {
+            "translate" | "translateX" | "translateY" | "matrix" => all(LENGTHS)?,
+            "scale" | "scaleX" | "scaleY" => all(SHARES)?,
+            "skew" | "skewX" | "skewY" => all(ANGLES)?,
+            // About a place.
             "rotate" | "rotateZ" => {
-                let mut values = vec![degrees(list.first()?)?];
-                for part in &list[1..] {
-                    values.push(length(part)?);
-                }
-                ("rotate", values)
+                let (angle, place) = list.split_first()?;
+                let place = place.iter().map(|part| quantity(part, LENGTHS));
+                std::iter::once(quantity(angle, ANGLES)).chain(place).collect::<Option<_>>()?
             }
-            "skewX" => ("skewX", vec![degrees(list.first()?)?]),
-            "skewY" => ("skewY", vec![degrees(list.first()?)?]),
-            "skew" => {
-                let y = list.get(1).map_or(Some(0.0), |part| degrees(part))?;
-                let (x, y) = (degrees(list.first()?)?.to_radians(), y.to_radians());
-                ("matrix", vec![1.0, libm::tan(y), libm::tan(x), 1.0, 0.0, 0.0])
-            }
-            "matrix" => ("matrix", lengths()?),
             _ => return None,
         };
-        let counts: &[usize] = match name {
-            "translate" | "scale" => &[1, 2],
-            "rotate" => &[1, 3],
-            "matrix" => &[6],
-            _ => &[1],
+        let (name, values) = match (name, &values[..]) {
+            ("translateX", [x]) => ("translate", vec![*x, 0.0]),
+            ("translateY", [y]) => ("translate", vec![0.0, *y]),
+            ("scaleX", [x]) => ("scale", vec![*x, 1.0]),
+            ("scaleY", [y]) => ("scale", vec![1.0, *y]),
+            ("rotateZ", [angle]) => ("rotate", vec![*angle]),
+            ("skew", [x] | [x, _]) => {
+                let y = values.get(1).copied().unwrap_or(0.0);
+                let [x, y] = [*x, y].map(|angle| libm::tan(angle.to_radians()));
+                ("matrix", vec![1.0, y, x, 1.0, 0.0, 0.0])
+            }
+            ("translate" | "scale", [_] | [_, _])
+            | ("rotate", [_] | [_, _, _])
+            | ("skewX" | "skewY", [_])
+            | ("matrix", [_, _, _, _, _, _]) => (name, values),
+            _ => return None,
         };
-        if !counts.contains(&values.len()) || values.iter().any(|value| !value.is_finite()) {
+        if values.iter().any(|value| !value.is_finite()) {
             return None;
         }
         let values: Vec<String> = values.iter().map(f64::to_string).collect();
@@ -55,31 +54,20 @@ pub(super) fn to_svg(text: &str) -> Option<String> {
     Some(converted)
 }
 
-fn number(text: &str) -> Option<f64> {
-    match text.strip_suffix('%') {
-        Some(percent) => Some(0.01 * percent.parse::<f64>().ok()?),
-        None => text.parse().ok(),
-    }
-}
+/// Units of length in user units, of angles in degrees, and of numbers.
+const LENGTHS: &[(&str, f64)] = &[
+    ("px", 1.0),
+    ("pt", 96.0 / 72.0),
+    ("pc", 16.0),
+    ("mm", 96.0 / 25.4),
+    ("cm", 96.0 / 2.54),
+    ("in", 96.0),
+];
+const ANGLES: &[(&str, f64)] =
+    &[("deg", 1.0), ("grad", 0.9), ("rad", 180.0 / std::f64::consts::PI), ("turn", 360.0)];
+const SHARES: &[(&str, f64)] = &[("%", 0.01)];
 
-/// User units.
-fn length(text: &str) -> Option<f64> {
-    let units = [
-        ("px", 1.0),
-        ("pt", 96.0 / 72.0),
-        ("pc", 16.0),
-        ("mm", 96.0 / 25.4),
-        ("cm", 96.0 / 2.54),
-        ("in", 96.0),
-    ];
-    let unit = units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
-    let (number, size) = unit.unwrap_or((text, 1.0));
-    Some(number.parse::<f64>().ok()? * size)
-}
-
-fn degrees(text: &str) -> Option<f64> {
-    let units =
-        [("deg", 1.0), ("grad", 0.9), ("rad", 180.0 / std::f64::consts::PI), ("turn", 360.0)];
+fn quantity(text: &str, units: &[(&str, f64)]) -> Option<f64> {
     let unit = units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
     let (number, size) = unit.unwrap_or((text, 1.0));
     Some(number.parse::<f64>().ok()? * size)

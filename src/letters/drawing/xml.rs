@@ -5,8 +5,6 @@
 
 use std::collections::HashSet;
 
-use usvg::roxmltree::{Document, Node};
-
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
@@ -19,31 +17,8 @@ const MAX_BYTES: usize = 16 << 20;
 /// Most entities that the parser puts in for one reference.
 const MOST_WITHIN: usize = 256;
 
-/// Rows of a document, whose parser counts the lines from the beginning for each place.
-pub(super) struct Rows {
-    /// Bytes of the line ends.
-    ends: Vec<usize>,
-}
-
-impl Rows {
-    pub(super) fn of(document: &Document<'_>) -> Self {
-        let bytes = document.input_text().bytes().enumerate();
-        Self { ends: bytes.filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect() }
-    }
-
-    /// The row in which a node begins, from 1.
-    pub(super) fn at(&self, node: Node<'_, '_>) -> u32 {
-        let before = self.ends.partition_point(|end| *end < node.range().start);
-        u32::try_from(before + 1).unwrap_or(u32::MAX)
-    }
-}
-
 /// Takes the entities of a document off a budget; `refuse` makes an error of what was found instead
 /// of entities that stay small.
-///
-/// # Errors
-///
-/// Those of the budget and of `refuse`.
 pub(super) fn check_entities(
     xml: &str,
     budget: &Budget,
@@ -79,10 +54,6 @@ pub(super) fn check_entities(
 }
 
 /// Takes the attributes and namespaces of a document off a budget.
-///
-/// # Errors
-///
-/// Those of the budget.
 pub(super) fn check_tags(xml: &str, budget: &Budget) -> Result<()> {
     let mut prefixes = HashSet::new();
     let (mut n_tags, mut n_declared) = (0_usize, 0_usize);
@@ -126,17 +97,6 @@ pub(super) fn check_tags(xml: &str, budget: &Budget) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rows_are_those_of_the_parser() {
-        let text = "<a>\n<b/><c\n/>\n\n<d/></a>\n";
-        let document = Document::parse(text).unwrap();
-        let rows = Rows::of(&document);
-        for node in document.descendants() {
-            let wanted = document.text_pos_at(node.range().start).row;
-            assert_eq!(rows.at(node), wanted, "{node:?}");
-        }
-    }
 
     fn check(xml: &str) -> std::result::Result<(), String> {
         let refuse = |found| Error::input("a.svg", found, "an SVG drawing", "none");

@@ -1,3 +1,4 @@
+use super::super::face_tests::{self, Contours};
 use super::*;
 
 const ROBOTO: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
@@ -95,63 +96,10 @@ fn an_outline_goes_around_the_ink() {
     assert_eq!(face.shape('I').unwrap().runs[0].points.len(), 5, "four corners");
 }
 
-/// A face of glyphs of straight contours, in units of 1/700 of a capital.
-fn face(glyphs: &[(char, &[&[[i16; 2]]])]) -> Typeface {
-    let half = |n: usize| u16::try_from(n).unwrap();
-    let (mut glyf, mut loca, mut hmtx) = (Vec::new(), vec![0_u32; 2], vec![0; 4]);
-    let mut groups = Vec::new();
-    for (index, (c, contours)) in glyphs.iter().enumerate() {
-        let points: Vec<[i16; 2]> = contours.iter().copied().flatten().copied().collect();
-        let side = |of: fn(i16, i16) -> i16, axis: usize| {
-            points.iter().map(|point| point[axis]).reduce(of).unwrap()
-        };
-        let box_ = [side(i16::min, 0), side(i16::min, 1), side(i16::max, 0), side(i16::max, 1)];
-        glyf.extend(i16::try_from(contours.len()).unwrap().to_be_bytes());
-        glyf.extend(box_.into_iter().flat_map(i16::to_be_bytes));
-        let mut end = 0;
-        for contour in *contours {
-            end += contour.len();
-            glyf.extend(half(end - 1).to_be_bytes());
-        }
-        glyf.extend([0, 0]);
-        glyf.extend(vec![1; points.len()]);
-        for axis in 0..2 {
-            let mut last = 0;
-            for point in &points {
-                glyf.extend((point[axis] - last).to_be_bytes());
-                last = point[axis];
-            }
-        }
-        glyf.resize(glyf.len().next_multiple_of(4), 0);
-        loca.push(u32::try_from(glyf.len()).unwrap());
-        hmtx.extend([500_u16, 0].into_iter().flat_map(u16::to_be_bytes));
-        let glyph = u32::try_from(index + 1).unwrap();
-        groups.push([u32::from(*c), u32::from(*c), glyph]);
-    }
-    groups.sort_unstable();
-    let n = half(glyphs.len() + 1);
-    let n_groups = u32::try_from(groups.len()).unwrap();
-    let mut cmap: Vec<u8> =
-        [0_u16, 1, 3, 10, 0, 12, 12, 0].into_iter().flat_map(u16::to_be_bytes).collect();
-    let head = [16 + 12 * n_groups, 0, n_groups];
-    cmap.extend(head.iter().chain(groups.iter().flatten()).flat_map(|n| n.to_be_bytes()));
-    let mut head = vec![0; 54];
-    (head[18], head[19], head[51]) = (3, 232, 1);
-    let mut hhea = vec![0; 36];
-    hhea[34..].copy_from_slice(&n.to_be_bytes());
-    let maxp = [&[0, 1, 0, 0][..], &n.to_be_bytes()].concat();
-    let loca = loca.into_iter().flat_map(u32::to_be_bytes).collect();
-    let tables = [
-        (b"cmap", cmap),
-        (b"glyf", glyf),
-        (b"head", head),
-        (b"hhea", hhea),
-        (b"hmtx", hmtx),
-        (b"loca", loca),
-        (b"maxp", maxp),
-    ];
-    let bytes = super::super::glyph::face_of(&tables);
-    Typeface::read(bytes, Trace::CenterLine, "face.ttf").unwrap()
+/// A face of glyphs in units of 1/700 of a capital.
+fn face(glyphs: &[(char, Contours<'_>)]) -> Typeface {
+    let glyphs: Vec<_> = glyphs.iter().map(|(c, contours)| (Some(*c), *contours)).collect();
+    Typeface::read(face_tests::face(&glyphs, 500, &[]), Trace::CenterLine, "face.ttf").unwrap()
 }
 
 /// The points of a character's strokes, in units of 1/700 of a capital.
