@@ -70,8 +70,6 @@ pub(super) fn slope(
 ) -> (Vec<Part>, f64) {
     let at = |drone: usize| Vector3::from_column_slice(&states[stride * drone..][..3]);
     let (direction, length_m) = toward(&link.away_m(anchors_m, at));
-    let (first, second) = link.drones();
-    let mut slope = vec![Part::Three(stride * first, direction)];
-    slope.extend(second.map(|second| Part::Three(stride * second, -direction)));
-    (slope, length_m)
+    let ends = link.drones().zip([direction, -direction]);
+    (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }

@@ -101,30 +101,6 @@ impl SharedAnchorObserver {
             (c * own + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
         })
     }
-
-    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form, and the extra terms.
-    #[must_use]
-    pub fn lyapunov_rate(
-        &self,
-        places_m: &[Vector3<f64>; 2],
-        estimates_m: &[Vector3<f64>; 2],
-        weight: f64,
-    ) -> [f64; 2] {
-        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
-        let true_r = places_m.map(|p| p - self.shared_m);
-        let believed_r = estimates_m.map(|p| p - self.shared_m);
-        let (mut quadratic, mut extra) = (0.0, 0.0);
-        for i in 0..2 {
-            let j = 1 - i;
-            let gain = 2.0 * self.gains[i] * if i == 0 { 1.0 } else { weight };
-            let own = (self.shared_m - self.own_m[i]).dot(&error[i]);
-            let other = true_r[j].dot(&error[i]);
-            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
-            quadratic -= gain * (own * own + other * other + mixed);
-            extra += gain * error[0].dot(&error[1]) * other;
-        }
-        [quadratic, extra]
-    }
 }
 
 /// Positions of two drones by the observer of the shared anchor, from starts near the truth. Ranges
@@ -219,6 +195,28 @@ mod tests {
         }
     }
 
+    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and the extra terms.
+    fn lyapunov_rate(
+        observer: &SharedAnchorObserver,
+        places_m: &[Vector3<f64>; 2],
+        estimates_m: &[Vector3<f64>; 2],
+        weight: f64,
+    ) -> f64 {
+        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
+        let true_r = places_m.map(|p| p - observer.shared_m);
+        let believed_r = estimates_m.map(|p| p - observer.shared_m);
+        let rate = |i: usize| {
+            let j = 1 - i;
+            let gain = 2.0 * observer.gains[i] * [1.0, weight][i];
+            let own = (observer.shared_m - observer.own_m[i]).dot(&error[i]);
+            let other = true_r[j].dot(&error[i]);
+            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
+            let extra = error[0].dot(&error[1]) * other;
+            gain * (extra - (own * own + other * other + mixed))
+        };
+        rate(0) + rate(1)
+    }
+
     #[test]
     fn the_lyapunov_rate_is_the_difference_quotient() {
         let mut random = Random(2);
@@ -233,8 +231,7 @@ mod tests {
                 0.5 * square(0) + 0.5 * weight * square(1)
             };
             let want = (function(1e-5) - function(-1e-5)) / 2e-5;
-            let [quadratic, extra] = observer.lyapunov_rate(&p, &e, weight);
-            let found = quadratic + extra;
+            let found = lyapunov_rate(&observer, &p, &e, weight);
             assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
         }
     }
