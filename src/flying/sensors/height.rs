@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::streams::Streams;
+use super::streams::{Clock, Streams};
 use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
@@ -19,25 +19,6 @@ const FAR_NOISE_M: f64 = 0.0025;
 pub(crate) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
-}
-
-/// When a sensor of a steady rate is due.
-#[derive(Debug)]
-struct Clock {
-    rate_hz: f64,
-    measured: u32,
-}
-
-impl Clock {
-    fn new(rate_hz: f64) -> Self {
-        Self { rate_hz, measured: 0 }
-    }
-
-    fn due(&mut self, time_s: f64) -> bool {
-        let due = f64::from(self.measured) <= time_s * self.rate_hz;
-        self.measured += u32::from(due);
-        due
-    }
 }
 
 /// Infrared ranger that looks down along the body's z axis onto the floor.
@@ -70,9 +51,7 @@ impl TimeOfFlight {
         world_from_body: impl Fn() -> Matrix3<f64>,
         time_s: f64,
     ) -> Option<f64> {
-        if !self.clock.due(time_s) {
-            return None;
-        }
+        self.clock.due(time_s)?;
         // Without noise nearby there is none far off.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
@@ -117,10 +96,9 @@ impl Barometer {
     }
 
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
-        self.clock.due(time_s).then(|| {
-            self.walked_m += self.walk.normal() * self.step_m;
-            height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m
-        })
+        self.clock.due(time_s)?;
+        self.walked_m += self.walk.normal() * self.step_m;
+        Some(height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m)
     }
 }
 
@@ -149,9 +127,7 @@ impl Gnss {
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
-        if !self.clock.due(time_s) {
-            return None;
-        }
+        self.clock.due(time_s)?;
         let fix_m = position_m + self.noise.normals() * self.options.noise_m;
         (!self.options.is_silent(time_s)).then_some(fix_m)
     }

@@ -41,12 +41,11 @@ pub use self::options::{
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub use self::peers::Target;
-pub(crate) use self::peers::{
-    Air, Fleet, Leg, Member, Message, Reckoning, SharedHeight, SharedRange,
-};
+pub(crate) use self::peers::{Air, Fleet, Leg, Member, Message, Reckoning, Shared};
 pub(crate) use self::station::StationPose;
-pub(crate) use self::uwb::PeerRange;
+pub(crate) use self::streams::Clock;
 pub use self::uwb::Range;
+pub(crate) use self::uwb::{PeerRange, Turn, turns};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +70,26 @@ pub(crate) struct Readings<'a> {
     pub heights: &'a [(HeightSensor, f64)],
 }
 
-impl Readings<'_> {
+impl<'a> Readings<'a> {
+    /// Inertial readings alone.
+    pub(crate) fn inertial(
+        truth: &'a RigidBody,
+        rate_rad_s: Vector3<f64>,
+        specific_force_m_s2: Vector3<f64>,
+    ) -> Self {
+        Self {
+            truth,
+            throttle: 0.0,
+            rate_rad_s,
+            specific_force_m_s2,
+            position_m: None,
+            sweeps: &[],
+            ranges: &[],
+            peer_ranges: &[],
+            heights: &[],
+        }
+    }
+
     /// Whether anything besides the inertial readings is due.
     pub(crate) fn measures_place(&self) -> bool {
         !self.sweeps.is_empty()
@@ -111,24 +129,13 @@ enum Altimeter {
 }
 
 impl Sensors {
-    /// Sensors of a drone above a floor, read `rate_hz` times a second, in the room of their seed.
+    /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
+    /// and one of the room.
     ///
     /// # Panics
     ///
     /// As `Uwb::new`.
-    #[cfg(test)]
     pub(crate) fn new(
-        options: &SensorOptions,
-        floor: &FloorOptions,
-        rate_hz: u32,
-        seed: u64,
-        fleet: &Fleet,
-    ) -> Self {
-        Self::in_room(options, floor, rate_hz, [seed; 2], fleet)
-    }
-
-    /// The same with a seed of their noise and one of the room.
-    pub(crate) fn in_room(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -137,9 +144,6 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        let uwb = |differences| {
-            Box::new(Uwb::new(&options.uwb, differences, &options.peers, fleet, streams))
-        };
         let lighthouse = &options.lighthouse;
         let altimeter = |sensor: &&HeightSensor| match sensor {
             HeightSensor::TimeOfFlight => Altimeter::TimeOfFlight(Box::new(TimeOfFlight::new(
@@ -163,8 +167,9 @@ impl Sensors {
                     CrossingBeams::new(&lighthouse.stations),
                 ),
                 Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
-                Positioning::UwbTwr => Locator::Uwb(uwb(false)),
-                Positioning::UwbTdoa => Locator::Uwb(uwb(true)),
+                Positioning::UwbTwr | Positioning::UwbTdoa => {
+                    Locator::Uwb(Box::new(Uwb::new(options, fleet, streams)))
+                }
                 Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, streams))),
             },
             altimeters: HeightSensor::ALL.iter().filter(has).map(|it| altimeter(&it)).collect(),
@@ -196,17 +201,11 @@ impl Sensors {
         let position_m = body.position_m;
         // Not needed at most ticks.
         let world_from_body = || body.matrix();
-        let mut readings = Readings {
-            truth: body,
-            throttle: 0.0,
-            rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),
-            specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
-            position_m: None,
-            sweeps: &[],
-            ranges: &[],
-            peer_ranges: &[],
-            heights: &[],
-        };
+        let mut readings = Readings::inertial(
+            body,
+            self.imu.rate_rad_s(body.rate_rad_s),
+            self.imu.specific_force_m_s2(specific_force_m_s2),
+        );
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
             Locator::CrossingBeams(lighthouse, beams) => {
@@ -277,9 +276,13 @@ mod tests {
         heights: Vec<(HeightSensor, f64)>,
     }
 
+    fn sensors(options: &SensorOptions, seeds: [u64; 2], drone: u64) -> Sensors {
+        Sensors::new(options, &FloorOptions::default(), 500, seeds, &Fleet::alone(drone))
+    }
+
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
         let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
-        let mut sensors = Sensors::new(options, &FloorOptions::default(), 500, 1, &Fleet::alone(0));
+        let mut sensors = sensors(options, [1, 1], 0);
         let read = |_| {
             let r = sensors.read(&body, force, &[]);
             Written {
@@ -296,29 +299,22 @@ mod tests {
     #[test]
     fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
         let at_m = Vector3::new(0.4, -0.1, 0.9);
-        let settled_m = |options: &SensorOptions, seed, drone| {
-            Sensors::new(options, &FloorOptions::default(), 500, seed, &Fleet::alone(drone))
-                .settled_m(at_m)
-        };
+        let body = RigidBody::at(at_m);
         let options = SensorOptions::default();
-        assert_eq!(settled_m(&options, 1, 0), settled_m(&options, 1, 3), "one room");
-        assert_ne!(settled_m(&options, 1, 0), settled_m(&options, 2, 0), "another room");
+        let settled_m = |seed, drone| sensors(&options, [seed; 2], drone).settled_m(at_m);
+        assert_eq!(settled_m(1, 0), settled_m(1, 3), "one room");
+        assert_ne!(settled_m(1, 0), settled_m(2, 0), "another room");
         let first = |drone| {
-            let mut sensors =
-                Sensors::new(&options, &FloorOptions::default(), 500, 1, &Fleet::alone(drone));
-            let body = RigidBody::at(at_m);
-            sensors.read(&body, Vector3::z() * 9.81, &[]).position_m
+            sensors(&options, [1, 1], drone).read(&body, Vector3::z() * 9.81, &[]).position_m
         };
         assert_ne!(first(0), first(1), "each has jitter of its own");
 
         // Base stations that are not where the estimator has them, without any noise.
-        let mut sweeps = SensorOptions { positioning: Positioning::CrossingBeams, ..options };
+        let mut sweeps =
+            SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
         let settled_m = |seeds, drone| {
-            let fleet = Fleet::alone(drone);
-            let floor = FloorOptions::default();
-            let mut sensors = Sensors::in_room(&sweeps, &floor, 500, seeds, &fleet);
-            let body = RigidBody::at(at_m);
+            let mut sensors = sensors(&sweeps, seeds, drone);
             let read = |_| sensors.read(&body, Vector3::z() * 9.81, &[]).position_m;
             (0..500).filter_map(read).last().unwrap()
         };

@@ -5,11 +5,12 @@ use nalgebra::Rotation3;
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
 use super::VehicleOptions;
-use super::model::State;
+use super::model::{State, state};
 #[cfg(test)]
 use super::model::{attitude, rate, velocity};
 use super::rotors::Load;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::geometry::Attitude;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
@@ -93,11 +94,12 @@ impl RigidBody {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
         let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
-        let (p, v, w) = (&self.position_m, self.velocity_body_m_s(), &self.rate_rad_s);
-        let yaw_rad = libm::atan2(self.yaw()[0], self.yaw()[1]);
-        let (pitch_rad, roll_rad) = (libm::asin(sin_pitch), libm::atan2(roll[0], roll[1]));
-        let angles = [yaw_rad, pitch_rad, roll_rad];
-        State::from([p.x, p.y, p.z, angles[0], angles[1], angles[2], v.x, v.y, v.z, w.x, w.y, w.z])
+        let attitude = Attitude {
+            yaw_rad: libm::atan2(self.yaw()[0], self.yaw()[1]),
+            pitch_rad: libm::asin(sin_pitch),
+            roll_rad: libm::atan2(roll[0], roll[1]),
+        };
+        state(&self.position_m, attitude, &self.velocity_body_m_s(), &self.rate_rad_s)
     }
 
     /// Velocity in the body frame.

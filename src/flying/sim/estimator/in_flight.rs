@@ -3,6 +3,7 @@
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
+use super::Estimator;
 use super::ekf::Ekf;
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sensors::{
@@ -60,7 +61,7 @@ fn follow(
     mut show: impl FnMut(f64, &State, &Ekf),
 ) {
     let mut readers =
-        Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
+        Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &Fleet::alone(0));
     let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
@@ -279,24 +280,21 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers = Sensors::new(
-            &of(Positioning::CrossingBeams),
-            &FloorOptions::default(),
-            RATE_HZ,
-            seed,
-            &Fleet::alone(0),
-        );
-        let fixes = (0..5000)
-            .filter_map(|_| readers.read(&RigidBody::from_state(&state), force, &[]).position_m);
+        let readers = |sensors: &SensorOptions| {
+            let alone = Fleet::alone(0);
+            Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &alone)
+        };
+        let body = RigidBody::from_state(&state);
+        let mut beams = readers(&of(Positioning::CrossingBeams));
+        let fixes = (0..5000).filter_map(|_| beams.read(&body, force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
-        let mut readers =
-            Sensors::new(&sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
+        let mut sweeps = readers(&sensors);
         let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
-            ekf.update(&readers.read(&RigidBody::from_state(&state), force, &[]), TICK_S);
+            ekf.update(&sweeps.read(&body, force, &[]), TICK_S);
             if tick >= 1000 && tick % 10 == 0 {
                 places.push(ekf.motion.position_m);
             }

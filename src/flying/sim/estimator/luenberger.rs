@@ -3,13 +3,14 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
+use super::Estimator;
 use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
-use crate::vehicle::{Motion, State, motion_derivative};
+use crate::vehicle::{Motion, State, motion_derivative, state};
 use noctograph_core::control::{dynamic, linearize, observer_gain};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::geometry::turned;
+use noctograph_core::geometry::{Attitude, turned};
 
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
@@ -18,7 +19,7 @@ const YAW: usize = 3;
 /// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
 /// firmware.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Observer {
+pub(super) struct Observer {
     /// `A − L C`.
     a: SMatrix<f64, 8, 8>,
     b: SMatrix<f64, 8, 4>,
@@ -54,15 +55,16 @@ impl Observer {
             rate_rad_s: Vector3::zeros(),
         })
     }
+}
 
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+impl Estimator for Observer {
+    fn set_yaw(&mut self, yaw_rad: f64) {
         self.heading_rad = yaw_rad;
         self.measured_m = turned(&self.measured_m, -yaw_rad);
         self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
     }
 
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
@@ -74,12 +76,12 @@ impl Observer {
     }
 
     /// The body rate is as the gyroscope read it.
-    pub(super) fn state(&self) -> State {
+    fn state(&self) -> State {
         let x = &self.estimate;
-        let w = &self.rate_rad_s;
-        let p = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
+        let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
         let yaw_rad = self.heading_rad + self.yaw_rad;
-        State::from([p.x, p.y, p.z, yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
+        let attitude = Attitude { yaw_rad, pitch_rad: x[3], roll_rad: x[4] };
+        state(&position_m, attitude, &x.fixed_rows::<3>(5).into(), &self.rate_rad_s)
     }
 }
 
@@ -123,17 +125,9 @@ mod tests {
         position_m: Vector3<f64>,
         rate_rad_s: Vector3<f64>,
     ) -> Readings<'_> {
-        Readings {
-            truth,
-            throttle: 0.0,
-            rate_rad_s,
-            specific_force_m_s2: Vector3::z() * GRAVITY_M_S2,
-            position_m: Some(position_m),
-            sweeps: &[],
-            ranges: &[],
-            peer_ranges: &[],
-            heights: &[],
-        }
+        let force_m_s2 = Vector3::z() * GRAVITY_M_S2;
+        let position_m = Some(position_m);
+        Readings { position_m, ..Readings::inertial(truth, rate_rad_s, force_m_s2) }
     }
 
     #[test]
