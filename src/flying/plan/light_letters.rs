@@ -84,9 +84,8 @@ mod tests {
         let setpoint = |(row, letter): (u32, Option<usize>)| Setpoint {
             time_s: 0.1 * f64::from(row),
             position_m: Vector3::z(),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
             letter,
+            ..Setpoint::default()
         };
         let mut plan = Plan {
             setpoints: (0..).zip(letters).map(setpoint).collect(),

@@ -75,7 +75,7 @@ pub struct Plan {
 /// Until the next setpoint the design position is
 /// `position + velocity Δt + acceleration Δt² / 2`. A controller that reads positions only holds
 /// `position` instead, and lags.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Since the first setpoint.
     pub time_s: f64,

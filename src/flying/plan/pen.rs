@@ -63,9 +63,8 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             if (to - from).norm() <= SAME_M {
                 continue;
             }
-            match runs.last_mut().filter(|run| {
-                open && run.points_m.last().is_some_and(|end| (end - from).norm() <= SAME_M)
-            }) {
+            let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
+            match runs.last_mut().filter(|run| open && ends_here(run)) {
                 Some(run) => {
                     run.points_m.push(to);
                     run.letters.push(letter);
@@ -81,7 +80,7 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     }
     let mut runs = joined(runs, &strokes.joints_m);
     for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
-        let middle_m = (run.points_m[0] + run.points_m[run.points_m.len() - 1]) * 0.5;
+        let middle_m = (run.points_m[0] + run.last_m()) * 0.5;
         (run.points_m, run.letters, run.pace) = (vec![middle_m], Vec::new(), Vec::new());
     }
     runs
@@ -104,7 +103,7 @@ fn joined(runs: Vec<PenStroke>, joints_m: &[[f64; 2]]) -> Vec<PenStroke> {
     // What goes on from nothing, in a circle of joints, is begun anywhere.
     for head in heads.into_iter().chain(0..left.len()) {
         let Some(mut run) = left[head].take() else { continue };
-        while let Some(begun) = next.get_mut(&key(run.points_m[run.points_m.len() - 1].into()))
+        while let Some(begun) = next.get_mut(&key(run.last_m().into()))
             && let Some(index) = begun.pop()
         {
             let Some(more) = left[index].take() else { continue };
@@ -133,10 +132,13 @@ impl PenStroke {
         }
     }
 
+    fn last_m(&self) -> Vector2<f64> {
+        self.points_m[self.points_m.len() - 1]
+    }
+
     /// Whether it ends where it began.
     fn closed(&self) -> bool {
-        let (first, last) = (self.points_m[0], self.points_m[self.points_m.len() - 1]);
-        self.points_m.len() > 3 && (last - first).norm() <= SAME_M
+        self.points_m.len() > 3 && (self.last_m() - self.points_m[0]).norm() <= SAME_M
     }
 
     /// Whether it comes back to its beginning without a corner.

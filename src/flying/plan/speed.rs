@@ -58,11 +58,9 @@ pub(super) fn profile(
     for (index, leg) in points_m.windows(2).enumerate() {
         let length_m = corners.at_m[index + 1] - corners.at_m[index];
         let n = (length_m / step_m).ceil().max(1.0);
-        let mut k = 0.0;
-        while k < n {
+        for k in (0..).map(f64::from).take_while(|k| *k < n) {
             nodes.push(node(leg[0].lerp(&leg[1], k / n), pace[index], index));
             at_m.push(corners.at_m[index] + length_m * k / n);
-            k += 1.0;
         }
     }
     nodes.push(node(points_m[points_m.len() - 1], pace[last_leg], last_leg));
@@ -81,17 +79,14 @@ struct Corners {
 
 impl Corners {
     fn new(points_m: &[Vector2<f64>]) -> Self {
-        let mut at_m = vec![0.0];
-        let mut turn = vec![0.0];
-        for (index, leg) in points_m.windows(2).enumerate() {
-            at_m.push(at_m[index] + (leg[1] - leg[0]).norm());
-            let along = (leg[1] - leg[0]).normalize();
-            turn.push(
-                points_m
-                    .get(index + 2)
-                    .map_or(0.0, |next| ((next - leg[1]).normalize() - along).norm()),
-            );
+        let along = |leg: &[Vector2<f64>]| (leg[1] - leg[0]).normalize();
+        let (mut at_m, mut turn) = (vec![0.0], vec![0.0]);
+        for leg in points_m.windows(2) {
+            at_m.push(at_m[at_m.len() - 1] + (leg[1] - leg[0]).norm());
         }
+        let corners = points_m.windows(3);
+        turn.extend(corners.map(|three| (along(&three[1..]) - along(three)).norm()));
+        turn.push(0.0);
         Self { at_m, turn }
     }
 

@@ -37,11 +37,6 @@ impl Axes {
         Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
     }
 
-    /// The same with a bias from the start.
-    fn biased(self, bias: [f64; 3]) -> Self {
-        Self { bias: bias.into(), ..self }
-    }
-
     fn bias(&mut self) -> Vector3<f64> {
         if self.step > 0.0 {
             self.bias += self.steps.next_three() * self.step;
@@ -53,14 +48,16 @@ impl Axes {
 impl Imu {
     pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
-            gyro: Axes::new(
-                options.gyro_noise_rad_s_sqrt_hz,
-                options.gyro_bias_walk_rad_s2_sqrt_hz,
-                rate_hz,
-                streams.own("gyro"),
-                streams.own("gyro bias"),
-            )
-            .biased(options.gyro_bias_rad_s),
+            gyro: Axes {
+                bias: options.gyro_bias_rad_s.into(),
+                ..Axes::new(
+                    options.gyro_noise_rad_s_sqrt_hz,
+                    options.gyro_bias_walk_rad_s2_sqrt_hz,
+                    rate_hz,
+                    streams.own("gyro"),
+                    streams.own("gyro bias"),
+                )
+            },
             accelerometer: Axes::new(
                 options.accelerometer_noise_m_s2_sqrt_hz,
                 options.accelerometer_bias_walk_m_s3_sqrt_hz,

@@ -57,7 +57,7 @@ pub struct Avionics {
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
     /// Whether the filter logs its covariance, as a fleet's always does.
-    logs_covariance: bool,
+    pub(super) logs_covariance: bool,
 }
 
 /// Kinds of setpoints that the firmware tells apart.
@@ -281,11 +281,6 @@ impl Avionics {
             battery: plant.battery_v().zip(plant.energy_j()),
             covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
         }
-    }
-
-    /// From now on, a filter that has a covariance logs it.
-    pub(super) fn log_covariance(&mut self) {
-        self.logs_covariance = true;
     }
 
     /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at

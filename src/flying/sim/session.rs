@@ -28,8 +28,7 @@ impl Session {
     ///
     /// As [`fly`](crate::sim::fly).
     pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        let rig = rigs(&[(&plan, *drone)])?.0.remove(0);
-        Self { plan, rig, tick: 0, lands: false }.begun()
+        Self::begun(plan, drone, false)
     }
 
     /// The same, whose flight has the standard deviation of the estimated position and its
@@ -44,14 +43,15 @@ impl Session {
     ///
     /// As [`Self::new`].
     pub fn with_covariance(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
-        rig.avionics.log_covariance();
-        Self { plan, rig, tick: 0, lands: false }.begun()
+        Self::begun(plan, drone, true)
     }
 
-    fn begun(mut self) -> Result<Self> {
-        self.run()?;
-        Ok(self)
+    fn begun(plan: Plan, drone: &Drone<'_>, logs_covariance: bool) -> Result<Self> {
+        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
+        rig.avionics.logs_covariance |= logs_covariance;
+        let mut session = Self { plan, rig, tick: 0, lands: false };
+        session.run()?;
+        Ok(session)
     }
 
     /// Flies to the end by the drone's own controller.
@@ -63,9 +63,7 @@ impl Session {
         while !self.lands {
             let time_s = self.time_s();
             self.rig.avionics.control(&self.plan, time_s);
-            let Self { plan, rig, tick, .. } = self;
-            rig.conclude(plan, *tick, time_s, &mut |_, _, _| {})?;
-            self.tick += 1;
+            self.conclude()?;
             self.run()?;
         }
         Ok(())
@@ -80,10 +78,8 @@ impl Session {
         (!self.lands).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
                 self.rig.avionics.design(&self.plan, time_s);
-            let mut design = [0.0; 9];
-            for (place, of) in [position_m, velocity_m_s, acceleration_m_s2].iter().enumerate() {
-                design[3 * place..][..3].copy_from_slice(of.as_slice());
-            }
+            let design = [position_m, velocity_m_s, acceleration_m_s2];
+            let design = std::array::from_fn(|i| design[i / 3][i % 3]);
             ((*self.rig.avionics.estimate()).into(), design)
         })
     }
@@ -116,8 +112,13 @@ impl Session {
             return Ok(());
         }
         self.rig.avionics.command(motors);
-        self.conclude()?;
-        self.run()
+        self.conclude().and_then(|()| self.run()).map_err(|error| match error {
+            Error::Infeasible { what, .. } => {
+                let hint = "check your controller's signs, units and gains".into();
+                Error::Infeasible { what, hint }
+            }
+            error => error,
+        })
     }
 
     /// The flight so far.
@@ -144,13 +145,7 @@ impl Session {
         let time_s = self.time_s();
         let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});
         self.tick += 1;
-        concluded.map_err(|error| match error {
-            Error::Infeasible { what, .. } => {
-                let hint = "check your controller's signs, units and gains".into();
-                Error::Infeasible { what, hint }
-            }
-            error => error,
-        })
+        concluded
     }
 }
 
@@ -163,13 +158,8 @@ mod tests {
     use crate::sim::SimOptions;
 
     fn hover(end_s: f64) -> Plan {
-        let setpoint = |time_s: f64| Setpoint {
-            time_s,
-            position_m: Vector3::new(0.1, 0.0, 0.5),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: None,
-        };
+        let position_m = Vector3::new(0.1, 0.0, 0.5);
+        let setpoint = |time_s: f64| Setpoint { time_s, position_m, ..Setpoint::default() };
         Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], ..Plan::default() }
     }
 
@@ -188,11 +178,8 @@ mod tests {
         }
         assert_eq!(session.waits(), None, "landed");
         let again = session.finish();
-        let apart_m = |(a, b): (
-            &noctograph_core::flight::FlightSample,
-            &noctograph_core::flight::FlightSample,
-        )| { (a.position_m - b.position_m).norm() };
-        let apart_m = flight.samples.iter().zip(&again.samples).map(apart_m).fold(0.0, f64::max);
+        let pairs = flight.samples.iter().zip(&again.samples);
+        let apart_m = pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
         assert!(apart_m < 1e-5, "{apart_m} m, of commands rounded to 1e-6");
         assert_eq!(again.samples.len(), flight.samples.len());
     }

@@ -273,10 +273,7 @@ mod tests {
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
         let mut cascade = PidCascade::new(&SimOptions::default());
         cascade.rest(estimate);
-        let zero = Vector3::zeros();
-        let (position_m, velocity_m_s, acceleration_m_s2) = (held_m, zero, zero);
-        let reference = Reference { held_m, position_m, velocity_m_s, acceleration_m_s2 };
-        let motors = cascade.command(estimate, &reference).motors;
+        let motors = cascade.command(estimate, &Reference::holding(held_m)).motors;
         (cascade, motors)
     }
 

@@ -50,9 +50,8 @@ fn hover(duration_s: f64) -> Plan {
     let at = |time_s| Setpoint {
         time_s,
         position_m: Vector3::new(0.2, -0.1, 0.8),
-        velocity_m_s: Vector3::zeros(),
-        acceleration_m_s2: Vector3::zeros(),
         letter: Some(0),
+        ..Setpoint::default()
     };
     Plan { setpoints: vec![at(0.0), at(duration_s)], ..Default::default() }
 }

@@ -245,13 +245,9 @@ mod tests {
     use crate::sensors::Positioning;
 
     fn hover(place_m: [f64; 3], end_s: f64) -> Plan {
-        let setpoint = |time_s| Setpoint {
-            time_s,
-            position_m: Vector3::from(place_m),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: Some(0),
-        };
+        let position_m = Vector3::from(place_m);
+        let letter = Some(0);
+        let setpoint = |time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() };
         let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
         Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], lights, ..Plan::default() }
     }

@@ -157,7 +157,7 @@ impl Firmware {
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
         let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
-            for (plane, angles_rad) in rotation.planes() {
+            for &(plane, angles_rad) in &rotation.planes {
                 let (slope, error_rad, radius_m) = self.model.angle(
                     (rotation.station, plane),
                     (lever, angles_rad[k]),

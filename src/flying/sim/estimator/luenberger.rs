@@ -1,13 +1,13 @@
 //! Luenberger observer of the reference flight: position measured, turning and specific force as
 //! inputs, yaw integrated.
 
-use nalgebra::{SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
 
 use super::Estimator;
 use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
 use crate::vehicle::{Motion, State, motion_derivative, state};
-use noctograph_core::control::{dynamic, linearize, observer_gain};
+use noctograph_core::control::{self, dynamic, linearize};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
@@ -40,13 +40,13 @@ impl Observer {
     ///
     /// [`Error::Infeasible`] where the weights have no gain.
     pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
-        let (a, b, c) = model();
-        let l = gain(options)?;
+        let (a, b) = hover_model(linearize);
+        let l = observer_gain(options, &a)?;
         let mut estimate = SVector::<f64, 8>::zeros();
         estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
         Ok(Self {
-            a: a - l * c,
-            b,
+            a: without_yaw(&a) - l * SMatrix::<f64, 3, 8>::identity(),
+            b: b.remove_row(YAW),
             l,
             measured_m: position_m,
             estimate,
@@ -85,13 +85,16 @@ impl Estimator for Observer {
     }
 }
 
-/// Gain `L` of the dual regulator: the model's σ² as its state weight, the measurement's σ² as its
-/// input weight.
-fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
-    let (a, _, c) = model();
+/// Gain `L` of the dual regulator for the `A` of [`hover_model`]: the model's σ² as its state weight,
+/// the measurement's σ² as its input weight.
+pub(in crate::sim) fn observer_gain(
+    options: &LuenbergerOptions,
+    a: &SMatrix<f64, 9, 9>,
+) -> Result<SMatrix<f64, 8, 3>> {
     let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
     let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
-    let gain = observer_gain(&dynamic(&a), &dynamic(&c), &dynamic(&model), &dynamic(&measurement));
+    let (a, c) = (dynamic(&without_yaw(a)), DMatrix::identity(3, 8));
+    let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
     let gain = gain.map_err(|error| Error::Infeasible {
         what: format!("observer.luenberger.q and .r have no gain: {error}"),
         hint: error.hint().into(),
@@ -99,19 +102,20 @@ fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
     Ok(SMatrix::from_column_slice(gain.as_slice()))
 }
 
-/// `A`, `B`, `C` at hover, yaw left out.
-fn model() -> (SMatrix<f64, 8, 8>, SMatrix<f64, 8, 4>, SMatrix<f64, 3, 8>) {
-    let (a, b) = hover_model();
-    (a.remove_row(YAW).remove_column(YAW), b.remove_row(YAW), SMatrix::identity())
+/// `A` without the yaw.
+pub(in crate::sim) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
+    a.remove_row(YAW).remove_column(YAW)
 }
 
-/// `A` and `B` of all nine rows of [`Motion`].
-fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
-    linearize(
-        |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
-        &Motion::zeros(),
-        &Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2),
-    )
+type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
+type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
+
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a way to linearize.
+pub(in crate::sim) fn hover_model(
+    linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
+) -> Linear {
+    let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
+    linearize(|motion, u| motion_derivative(motion, &u.xyz(), u[3]), &Motion::zeros(), &at_hover)
 }
 
 #[cfg(test)]
@@ -143,7 +147,8 @@ mod tests {
             (6, 1, 135.86),
             (7, 2, 93.49),
         ];
-        let mut rest = gain(&LuenbergerOptions::default()).unwrap();
+        let a = hover_model(linearize).0;
+        let mut rest = observer_gain(&LuenbergerOptions::default(), &a).unwrap();
         for (row, column, value) in want {
             assert!((rest[(row, column)] - value).abs() < 0.0051, "L[{row}, {column}] in {rest}");
             rest[(row, column)] = 0.0;
@@ -153,10 +158,11 @@ mod tests {
 
     #[test]
     fn yaw_is_the_one_state_that_no_position_shows() {
-        let (a, _) = hover_model();
-        assert_eq!(observability_rank(&dynamic(&a), &nalgebra::DMatrix::identity(3, 9)), 8);
-        let (a, _, c) = model();
-        assert_eq!(observability_rank(&dynamic(&a), &dynamic(&c)), 8);
+        let a = hover_model(linearize).0;
+        let position = DMatrix::identity(3, 9);
+        assert_eq!(observability_rank(&dynamic(&a), &position), 8);
+        let position = DMatrix::identity(3, 8);
+        assert_eq!(observability_rank(&dynamic(&without_yaw(&a)), &position), 8);
     }
 
     #[test]

@@ -27,6 +27,7 @@ use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::firmware::Firmware;
 use self::luenberger::Observer;
+pub(super) use self::luenberger::{hover_model, observer_gain, without_yaw};
 use super::options::{EstimatorKind, SimOptions};
 use crate::estimate::{Inertial, angles};
 use crate::sensors::{Fleet, Positioning, Readings};

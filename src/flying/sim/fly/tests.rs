@@ -18,9 +18,8 @@ fn plan(points: &[(f64, f64, f64)]) -> Plan {
     let setpoint = |&(time_s, x, z): &(f64, f64, f64)| Setpoint {
         time_s,
         position_m: Vector3::new(x, 0.0, z),
-        velocity_m_s: Vector3::zeros(),
-        acceleration_m_s2: Vector3::zeros(),
         letter: Some(0),
+        ..Setpoint::default()
     };
     let setpoints: Vec<_> = points.iter().map(setpoint).collect();
     let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
