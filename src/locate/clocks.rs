@@ -24,7 +24,6 @@ const LEAST_FALL: f64 = 0.5;
 ///
 /// `between`: ranges between the drones: whether the log of the second holds it (`true`) or that of
 /// the first, its time on the clock of that log, s, and its distance, m.
-#[must_use]
 pub fn log_offset_s(
     first: &Located,
     second: &Located,
@@ -47,7 +46,6 @@ pub fn log_offset_s(
 
 /// Seconds to add to a reference's clock so that the located positions of a drone lie nearest to
 /// it; `None` where these do not tell.
-#[must_use]
 pub fn reference_offset_s(
     located: &Located,
     drone: usize,

@@ -52,7 +52,6 @@ pub struct Enlarged {
 
 impl Enlarged {
     /// Drones near these places, each axis with a standard deviation.
-    #[must_use]
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
@@ -108,7 +107,6 @@ impl Enlarged {
     }
 
     /// Place of a drone, and its covariance.
-    #[must_use]
     pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         let place_m = self.normal.three(3 * drone) + self.origin_m;
         (place_m, self.normal.block(3 * drone, 3 * drone))
@@ -117,7 +115,6 @@ impl Enlarged {
     /// The positions that fit the state best, by Gauss and Newton, in a room. Where motion and
     /// anchors lie in planes of one direction, the ranges are the same for the drones' mirror image
     /// behind the anchors: only the room tells them apart.
-    #[must_use]
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;

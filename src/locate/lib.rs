@@ -57,13 +57,11 @@ pub enum Link {
 
 impl Link {
     /// The link between two drones.
-    #[must_use]
     pub fn between(one: usize, other: usize) -> Self {
         Self::Drones(one.min(other), one.max(other))
     }
 
     /// The way along it to its first drone, with the drones at these places.
-    #[must_use]
     pub fn away_m(
         self,
         anchors_m: &[Vector3<f64>],
@@ -119,7 +117,6 @@ pub struct Room {
 
 impl Room {
     /// Whether a place is inside.
-    #[must_use]
     pub fn holds(&self, place_m: &Vector3<f64>) -> bool {
         (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&place_m[k]))
     }

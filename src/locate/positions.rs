@@ -17,7 +17,6 @@ pub struct Positions {
 impl Positions {
     /// Independent drones near these places, each axis with a standard deviation. Ranges farther
     /// from their prediction than `gate_sigmas` are refused.
-    #[must_use]
     pub fn new(
         anchors_m: &[Vector3<f64>],
         starts_m: &[Vector3<f64>],
@@ -34,7 +33,6 @@ impl Positions {
     }
 
     /// Place of a drone, and its covariance.
-    #[must_use]
     pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
     }

@@ -22,7 +22,6 @@ pub struct Reference<'a> {
 
 impl Reference<'_> {
     /// The position between the two nearest samples; `None` beyond the ends and in gaps.
-    #[must_use]
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
         let (samples, at_s) = (&self.flight.samples, time_s - self.offset_s);
         let after = samples.partition_point(|s| s.time_s < at_s);
@@ -94,7 +93,6 @@ pub struct LinkError {
 }
 
 /// Compares the ranges of every link with the distances of the references, one for each drone.
-#[must_use]
 pub fn link_errors(
     samples: &[RangeSample],
     anchors_m: &[Vector3<f64>],

@@ -63,7 +63,6 @@ pub enum Outputs {
 }
 
 /// Runs the observer from `n` starts with an error of one length, along a path and without noise.
-#[must_use]
 pub fn share_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -125,7 +124,6 @@ fn run(
 
 /// What measurements up to a time tell of the places at the start, with `rate_hz` ranges a second
 /// of noise `sigma_m`, taken in turn.
-#[must_use]
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,

@@ -42,7 +42,6 @@ pub struct LinkResidual {
 }
 
 /// The interval of the mean normalized innovation squared of `n` ranges.
-#[must_use]
 pub fn nis_interval(n: usize) -> [f64; 2] {
     let chance = 3.0 * (2.0 / n.max(1) as f64).sqrt();
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]

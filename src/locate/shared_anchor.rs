@@ -51,7 +51,6 @@ pub struct FiveRanges {
 
 /// The anchor of the first drone alone, that of the second, and the one that both hear, where two
 /// drones hear two anchors each.
-#[must_use]
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -64,7 +63,6 @@ pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
 
 impl SharedAnchorObserver {
     /// The true ranges of drones at two places.
-    #[must_use]
     pub fn ranges(&self, places_m: &[Vector3<f64>; 2]) -> FiveRanges {
         FiveRanges {
             own_m: [0, 1].map(|i| (places_m[i] - self.own_m[i]).norm()),
@@ -74,7 +72,6 @@ impl SharedAnchorObserver {
     }
 
     /// The outputs `y_11`, `y_12` and `y_2`.
-    #[must_use]
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
         let square = |x: f64| x * x;
         let shared_sq = self.shared_m.norm_squared();
@@ -87,7 +84,6 @@ impl SharedAnchorObserver {
     }
 
     /// Rates of the estimates, less the velocities of the drones.
-    #[must_use]
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],

@@ -207,7 +207,6 @@ impl Located {
     }
 
     /// The indices at which a drone was heard.
-    #[must_use]
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
         // The last ranges of a step come after its time.

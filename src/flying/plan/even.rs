@@ -281,10 +281,11 @@ fn rest(x_m: f64, height_m: f64) -> State {
 #[cfg(test)]
 mod tests {
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
+    use crate::tests::written;
     use noctograph_letters::{Ink, LetterOptions, draw, write};
 
     fn noor(options: &PlanOptions) -> Plan {
-        plan(&write("NOOR", &LetterOptions::default()).unwrap(), options).unwrap()
+        written("NOOR", options)
     }
 
     #[test]

@@ -343,7 +343,6 @@ fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
 
 /// The closest moment of two plans that are too close to each other, if they ever are: within
 /// [`MIN_HORIZONTAL_M`] horizontally, and not above each other ([`closest`]).
-#[must_use]
 pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
 }
@@ -351,7 +350,6 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
 /// The moment of least horizontal distance of two plans while they are not above each other: within
 /// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
 /// motors off. `None`: they are always above each other.
-#[must_use]
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::of(a), Track::of(b));
     let place = |step: usize| {
@@ -365,7 +363,6 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
 /// The moment of least difference in height of two plans while both fly, one within
 /// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of
 /// the first plan is then `vertical_m` above the other one's, or below it where that is negative.
-#[must_use]
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));

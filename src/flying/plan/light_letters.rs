@@ -10,7 +10,6 @@ use super::Plan;
 impl Plan {
     /// The letter whose stroke the light that is commanded at each setpoint draws; `None` in the
     /// dark, and of light that no letter follows.
-    #[must_use]
     pub fn light_letters(&self) -> Vec<Option<usize>> {
         let letter = |row: usize| self.setpoints[row].letter;
         let of_rows = |rows: Range<usize>| {

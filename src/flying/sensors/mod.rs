@@ -113,19 +113,20 @@ pub struct Sensors {
 
 /// Measurement of the position.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
-    Position(Box<PositionSensor>),
+    Position(PositionSensor),
     CrossingBeams(Lighthouse, CrossingBeams),
     Sweeps(Lighthouse),
-    Uwb(Box<Uwb>),
-    Gnss(Box<Gnss>),
+    Uwb(Uwb),
+    Gnss(Gnss),
 }
 
 /// Measurement of the height.
 #[derive(Debug)]
 enum Altimeter {
-    TimeOfFlight(Box<TimeOfFlight>),
-    Barometer(Box<Barometer>),
+    TimeOfFlight(TimeOfFlight),
+    Barometer(Barometer),
 }
 
 impl Sensors {
@@ -145,14 +146,13 @@ impl Sensors {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
         let lighthouse = &options.lighthouse;
-        let altimeter = |sensor: &&HeightSensor| match sensor {
-            HeightSensor::TimeOfFlight => Altimeter::TimeOfFlight(Box::new(TimeOfFlight::new(
-                &options.time_of_flight,
-                floor,
-                streams,
-            ))),
+        let altimeter = |sensor: &HeightSensor| match sensor {
+            HeightSensor::TimeOfFlight => {
+                let sensor = TimeOfFlight::new(&options.time_of_flight, floor, streams);
+                Altimeter::TimeOfFlight(sensor)
+            }
             HeightSensor::Barometer => {
-                Altimeter::Barometer(Box::new(Barometer::new(&options.barometer, streams)))
+                Altimeter::Barometer(Barometer::new(&options.barometer, streams))
             }
         };
         let has = |sensor: &&HeightSensor| options.heights.contains(sensor);
@@ -160,7 +160,7 @@ impl Sensors {
             imu: Imu::new(&options.imu, rate_hz, streams),
             locator: match options.positioning {
                 Positioning::Position => {
-                    Locator::Position(Box::new(PositionSensor::new(lighthouse, rate_hz, streams)))
+                    Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
                 }
                 Positioning::CrossingBeams => Locator::CrossingBeams(
                     Lighthouse::new(lighthouse, streams),
@@ -168,11 +168,11 @@ impl Sensors {
                 ),
                 Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
                 Positioning::UwbTwr | Positioning::UwbTdoa => {
-                    Locator::Uwb(Box::new(Uwb::new(options, fleet, streams)))
+                    Locator::Uwb(Uwb::new(options, fleet, streams))
                 }
-                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, streams))),
+                Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
             },
-            altimeters: HeightSensor::ALL.iter().filter(has).map(|it| altimeter(&it)).collect(),
+            altimeters: HeightSensor::ALL.iter().filter(has).map(altimeter).collect(),
             heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
             ticks: 0,
@@ -245,21 +245,20 @@ impl Sensors {
         self.altimeters.iter().find_map(bias_m).unwrap_or(0.0)
     }
 
-    /// Warnings about the base stations.
-    pub fn warnings(&self) -> Vec<Warning> {
-        match &self.locator {
-            Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
-                let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
-                if blind_s > 0.0 { vec![Warning::Unseen(blind_s)] } else { Vec::new() }
-            }
-            _ => Vec::new(),
-        }
+    /// A warning about the base stations.
+    pub fn warning(&self) -> Option<Warning> {
+        let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
+        else {
+            return None;
+        };
+        let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
+        (blind_s > 0.0).then_some(Warning::Unseen(blind_s))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::density::{Series, white_density};
+    use super::density::white_density;
     use super::*;
     use crate::sensors::Generation;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -406,11 +405,9 @@ mod tests {
 
     #[test]
     fn positions_are_white_where_the_drone_stands() {
-        let mut series = Series::new(500.0);
-        for reading in readings(&SensorOptions::default(), 1 << 16) {
-            series.push(reading.position_m.unwrap().z);
-        }
-        for density in white_density(&series) {
+        let readings = readings(&SensorOptions::default(), 1 << 16);
+        let heights_m: Vec<f64> = readings.iter().map(|r| r.position_m.unwrap().z).collect();
+        for density in white_density(&heights_m, 500.0) {
             let want = 0.001 / f64::sqrt(250.0);
             assert!((density / want - 1.0).abs() < 0.15, "{density:e} m/√Hz of {want:e}");
         }
@@ -445,9 +442,7 @@ mod tests {
             let mean = angles.iter().sum::<f64>() / n;
             let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
             assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
-            let mut series = Series::new(rate);
-            angles.iter().for_each(|angle| series.push(*angle));
-            for density in white_density(&series) {
+            for density in white_density(&angles, rate) {
                 let want = sigma / (0.5 * rate).sqrt();
                 assert!((density / want - 1.0).abs() < 0.3, "{generation:?}: {density:e} rad/√Hz");
             }

@@ -267,7 +267,6 @@ impl Station {
     /// A station at `position_m` that looks at `target_m` with its horizon level.
     ///
     /// Looking straight up or down leaves the yaw at zero.
-    #[must_use]
     pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
         let forward = Vector3::from(target_m) - Vector3::from(position_m);
         Self::facing(generation, position_m, &forward, 0.0)
@@ -386,7 +385,6 @@ fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Re
 
 impl SensorOptions {
     /// Sensors without any error.
-    #[must_use]
     pub fn ideal() -> Self {
         Self {
             imu: ImuOptions {

@@ -185,7 +185,7 @@ impl Uwb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensors::density::{Series, white_density};
+    use crate::sensors::density::white_density;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 
@@ -222,9 +222,7 @@ mod tests {
                 let bias = mean(link.iter().copied());
                 let sigma = mean(link.iter().map(|e| (e - bias) * (e - bias))).sqrt();
                 assert!((sigma / 0.06 - 1.0).abs() < 0.03, "white part {sigma}");
-                let mut series = Series::new(180.0 / 8.0);
-                link.iter().for_each(|error| series.push(*error));
-                for density in white_density(&series) {
+                for density in white_density(link, 180.0 / 8.0) {
                     let want = 0.06 / f64::sqrt(0.5 * 180.0 / 8.0);
                     assert!((density / want - 1.0).abs() < 0.3, "{density} m/√Hz of {want}");
                 }

@@ -3,9 +3,8 @@
 use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
-use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
-use super::options::{ControllerKind, EstimatorKind, SetpointKind, Setpoints};
+use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
 use super::recorder::Snapshot;
 use crate::plan::Plan;
@@ -278,7 +277,7 @@ impl Avionics {
             setpoint: self.setpoint,
             heard: self.heard,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery: plant.battery_v().zip(plant.energy_j()),
+            battery: plant.battery(),
             covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
         }
     }
@@ -313,7 +312,7 @@ impl Avionics {
             .into_iter()
             .chain(silent)
             .chain(plant.warnings())
-            .chain(self.sensors.warnings())
+            .chain(self.sensors.warning())
             .collect()
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
-use super::drone::Drone;
+use super::options::Drone;
 use super::recorder::Recorder;
 use crate::plan::{Plan, Setpoint};
 use crate::sensors::{Air, Fleet, Member};

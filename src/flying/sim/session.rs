@@ -1,8 +1,8 @@
 //! A flight whose controller is outside the program.
 
 use super::controller::Reference;
-use super::drone::Drone;
 use super::fly::{Rig, rigs};
+use super::options::Drone;
 use crate::plan::Plan;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -72,7 +72,6 @@ impl Session {
     /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
     /// world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body
     /// frame; and the design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
-    #[must_use]
     pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
         let time_s = self.time_s();
         (!self.lands).then(|| {
@@ -85,19 +84,16 @@ impl Session {
     }
 
     /// Time since the first setpoint, s.
-    #[must_use]
     pub fn time_s(&self) -> f64 {
         f64::from(self.tick) * self.rig.tick_s
     }
 
     /// True position, m.
-    #[must_use]
     pub fn position_m(&self) -> [f64; 3] {
         self.rig.plant.body().position_m.into()
     }
 
     /// Position of the design, m.
-    #[must_use]
     pub fn design_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
@@ -122,7 +118,6 @@ impl Session {
     }
 
     /// The flight so far.
-    #[must_use]
     pub fn finish(self) -> Flight {
         self.rig.finish()
     }
@@ -151,24 +146,18 @@ impl Session {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
-    use crate::plan::Setpoint;
     use crate::sim::SimOptions;
+    use crate::tests::{flown, hover};
 
-    fn hover(end_s: f64) -> Plan {
-        let position_m = Vector3::new(0.1, 0.0, 0.5);
-        let setpoint = |time_s: f64| Setpoint { time_s, position_m, ..Setpoint::default() };
-        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], ..Plan::default() }
-    }
+    const PLACE_M: [f64; 3] = [0.1, 0.0, 0.5];
 
     #[test]
     fn the_commands_of_a_flight_lead_to_the_same_flight() {
         let mut options = SimOptions::default();
         options.rates.log_hz = options.rates.control_hz;
-        let (plan, drone) = (hover(2.0), Drone::new(&options, 1));
-        let flight = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let (plan, drone) = (hover(PLACE_M, 2.0), Drone::new(&options, 1));
+        let flight = flown(&plan, &options, 1).unwrap();
         let mut session = Session::new(plan, &drone).unwrap();
         for sample in &flight.samples {
             let (state, design) = session.waits().unwrap();
@@ -187,7 +176,7 @@ mod tests {
     #[test]
     fn commands_are_held_within_the_range_of_the_motors() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(0.1), &Drone::new(&options, 1)).unwrap();
+        let mut session = Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1)).unwrap();
         session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
         let mut n = 1;
         while session.waits().is_some() {
@@ -201,7 +190,7 @@ mod tests {
     #[test]
     fn a_lost_drone_ends_with_advice_for_its_controller() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(9.0), &Drone::new(&options, 1)).unwrap();
+        let mut session = Session::new(hover(PLACE_M, 9.0), &Drone::new(&options, 1)).unwrap();
         let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
         assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
     }
@@ -210,8 +199,8 @@ mod tests {
     fn a_filters_covariance_is_logged_and_changes_nothing() {
         let mut options = SimOptions::default();
         options.observer.kind = crate::sim::EstimatorKind::Ekf;
-        let (plan, drone) = (hover(3.0), Drone::new(&options, 1));
-        let plain = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let (plan, drone) = (hover(PLACE_M, 3.0), Drone::new(&options, 1));
+        let plain = flown(&plan, &options, 1).unwrap();
         let mut session = Session::with_covariance(plan, &drone).unwrap();
         session.fly_by_itself().unwrap();
         let mut logged = session.finish();

@@ -72,7 +72,6 @@ impl AltitudeFilter {
     /// The filter of a drone at rest at a known altitude.
     ///
     /// α⁰ begins at gravity, and α¹ at what then gives the believed hover throttle.
-    #[must_use]
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
@@ -170,13 +169,11 @@ impl AltitudeFilter {
     }
 
     /// Estimate of a state.
-    #[must_use]
     pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }
 
     /// Standard deviation of a state.
-    #[must_use]
     pub fn sigma(&self, state: AltitudeState) -> f64 {
         self.normal.sigma(state as usize)
     }
@@ -189,13 +186,11 @@ impl AltitudeFilter {
     }
 
     /// Readings since the last prediction, in the order in which they came.
-    #[must_use]
     pub fn readings(&self) -> &[HeightReading] {
         &self.readings
     }
 
     /// Steps of the floor that were found so far.
-    #[must_use]
     pub fn steps(&self) -> u32 {
         self.steps
     }

@@ -185,18 +185,14 @@ fn square(x: f64) -> f64 {
 }
 
 /// Root mean square of bounds over the lit strokes, or over one letter.
-#[must_use]
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
-    let (mut square, mut n) = (0.0, 0_u32);
-    for bound in bounds {
-        for (sigma_m, written) in bound.sigma_m.iter().zip(&bound.letter) {
-            if written.is_some() && (letter.is_none() || *written == letter) {
-                square += sigma_m * sigma_m;
-                n += 1;
-            }
-        }
-    }
-    (n > 0).then(|| (square / f64::from(n)).sqrt())
+    let rows = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
+    let is_wanted =
+        |written: &Option<usize>| written.is_some() && (letter.is_none() || *written == letter);
+    let wanted = rows.filter(|(_, written)| is_wanted(written));
+    let (sum, n) =
+        wanted.fold((0.0, 0_u32), |(sum, n), (sigma_m, _)| (sum + sigma_m * sigma_m, n + 1));
+    (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
 /// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most,
@@ -208,11 +204,9 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let all: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
-    let extent = |pick: fn(f64, f64) -> f64, start: f64| {
-        all.iter().fold(Vector3::repeat(start), |a, b| a.zip_map(b, pick))
-    };
-    let low_m = extent(f64::min, f64::INFINITY).add_scalar(-MARGIN_M);
-    let high_m = extent(f64::max, f64::NEG_INFINITY).add_scalar(MARGIN_M);
+    let [nowhere, anywhere] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
+    let low_m = all.iter().fold(anywhere, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
+    let high_m = all.iter().fold(nowhere, |a, b| a.sup(b)).add_scalar(MARGIN_M);
     let mut best = ([0.0; 3], f64::INFINITY);
     for i in 0..TRIED.iter().product() {
         let k = [i % TRIED[0], i / TRIED[0] % TRIED[1], i / (TRIED[0] * TRIED[1])];
@@ -241,16 +235,8 @@ pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::Setpoint;
     use crate::sensors::Positioning;
-
-    fn hover(place_m: [f64; 3], end_s: f64) -> Plan {
-        let position_m = Vector3::from(place_m);
-        let letter = Some(0);
-        let setpoint = |time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() };
-        let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
-        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], lights, ..Plan::default() }
-    }
+    use crate::tests::hover;
 
     fn options(anchors_m: &[[f64; 3]]) -> SimOptions {
         let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::default() };

@@ -5,18 +5,18 @@ use nalgebra::{Cholesky, SVector, Vector3};
 
 use super::Estimator;
 use super::ekf::Ekf;
-use crate::plan::{Extent, PlanOptions, plan};
+use crate::plan::{Extent, PlanOptions};
 use crate::sensors::{
     BarometerOptions, Fleet, HeightSensor, LighthouseOptions, Positioning, SensorOptions, Sensors,
     UwbOptions,
 };
+use crate::sim::SimOptions;
 use crate::sim::options::{EkfOptions, EstimatorKind};
-use crate::sim::{Drone, SimOptions, fly};
-use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State};
+use crate::tests::{flown, written};
+use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::flight::FlightSample;
 use noctograph_core::geometry::Attitude;
-use noctograph_letters::{LetterOptions, write};
 
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
@@ -40,11 +40,7 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     let turning =
         r.transpose() * (ahead.1.world_from_body() - behind.1.world_from_body()) / (2.0 * h);
     let rate = Vector3::new(turning[(2, 1)], turning[(0, 2)], turning[(1, 0)]);
-    let mut state = State::zeros();
-    state.fixed_rows_mut::<3>(0).copy_from(&p);
-    state.fixed_rows_mut::<3>(3).copy_from(&Vector3::new(a.yaw_rad, a.pitch_rad, a.roll_rad));
-    state.fixed_rows_mut::<3>(6).copy_from(&velocity);
-    state.fixed_rows_mut::<3>(9).copy_from(&rate);
+    let state = state(&p, a, &velocity, &rate);
     let middle_s = time_s - 0.5 * TICK_S;
     let place = |t: f64| motion(t).0;
     let bend = (place(middle_s + h) + place(middle_s - h) - place(middle_s) * 2.0) / (h * h);
@@ -214,19 +210,13 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
 
 /// Errors of the estimated position over a flight of NOOR's letters, after 2 s.
 fn errors_m(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Vec<Vector3<f64>> {
-    let flight = noor(positioning, kind, seed);
-    let error = |s: &FlightSample| s.estimate_m - s.position_m;
-    flight.samples.iter().filter(|s| s.time_s > 2.0).map(error).collect()
-}
-
-fn noor(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Flight {
-    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-    let plan =
-        plan(&strokes, &PlanOptions { extent: Extent::Letters, ..Default::default() }).unwrap();
+    let plan = written("NOOR", &PlanOptions { extent: Extent::Letters, ..Default::default() });
     let mut options = SimOptions::default();
     options.sensors.positioning = positioning;
     options.observer.kind = kind;
-    fly(&plan, &Drone::new(&options, seed), &mut |_| {}).unwrap()
+    let flight = flown(&plan, &options, seed).unwrap();
+    let error = |s: &FlightSample| s.estimate_m - s.position_m;
+    flight.samples.iter().filter(|s| s.time_s > 2.0).map(error).collect()
 }
 
 fn rms(values: &[Vector3<f64>]) -> f64 {
@@ -324,9 +314,10 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     options.observer.ekf.two_way_sigma_m = 0.06;
     options.observer.ekf.acceleration_noise_z_m_s2_sqrt_hz = 0.022;
     let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
+    let plan = written("NOOR", &PlanOptions::default());
     let rms_m = |options: &SimOptions| {
         let errors_m = |seed: u64| {
-            let flight = flown(options, seed);
+            let flight = flown(&plan, options, seed).unwrap();
             let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
             in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
         };
@@ -342,11 +333,4 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     println!("level floor {flat_m} m, table {without_m} m, with the test {with_m} m");
     assert!(flat_m < with_m, "{flat_m} m over a level floor");
     assert!(with_m < 0.8 * without_m, "{without_m} m without the test, {with_m} m with it");
-}
-
-/// A flight of NOOR.
-fn flown(options: &SimOptions, seed: u64) -> Flight {
-    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-    fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap()
 }
