@@ -9,3 +9,6 @@ pub mod plan;
 pub mod sensors;
 pub mod sim;
 pub mod vehicle;
+
+#[cfg(test)]
+mod tests;

@@ -49,3 +49,8 @@ pub struct Bias {
     /// Whether another bias in the list would explain the log as well without this one.
     pub in_doubt: bool,
 }
+
+/// What biases add to the ranges of a link.
+pub(super) fn bias_m(biases: &[Bias], link: Link) -> f64 {
+    biases.iter().filter(|bias| bias.of.covers(link)).map(|bias| bias.bias_m).sum()
+}

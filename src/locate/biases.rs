@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bias::bias_m;
 use super::pass::{Innovations, Model, STATES, together, work};
 use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_link};
 use super::solve::{Solved, solve};
@@ -58,10 +59,9 @@ impl Evidence {
         repaired: &Repaired,
         start: &Normal,
     ) -> Self {
-        let mut links: Vec<Link> = samples.iter().map(|sample| sample.link).collect();
-        links.sort_unstable();
-        links.dedup();
-        links.retain(|link| !repaired.left_out.contains(link));
+        let links: BTreeSet<Link> = samples.iter().map(|sample| sample.link).collect();
+        let is_used = |link: &Link| !repaired.left_out.contains(link);
+        let links: Vec<Link> = links.into_iter().filter(is_used).collect();
         let all = model.with_biases(links.iter().copied().map(BiasOf::Link).collect());
         let (n, size) = (STATES * model.n_drones(), links.len());
         let (mut filter, mut found) =
@@ -72,19 +72,11 @@ impl Evidence {
             all.advance(&mut filter, step, Some(&here), &mut found);
         }
         let Normal { mean, covariance, .. } = &filter.normal;
-        let places = covariance.view((n, n), (size, size)).into_owned();
-        let (information, vector) = places
-            .try_inverse()
-            .map(|inverse| {
-                let vector = &inverse * mean.rows(n, size);
-                let prior = DMatrix::from_diagonal_element(
-                    size,
-                    size,
-                    1.0 / (PRIOR_SIGMA_M * PRIOR_SIGMA_M),
-                );
-                (inverse - prior, vector)
-            })
-            .unwrap_or_else(|| (DMatrix::zeros(size, size), DVector::zeros(size)));
+        let of_biases = covariance.view((n, n), (size, size)).into_owned();
+        let (information, vector) = match of_biases.try_inverse() {
+            Some(inverse) => (&inverse - prior(size), inverse * mean.rows(n, size)),
+            None => (DMatrix::zeros(size, size), DVector::zeros(size)),
+        };
         Self { links, information, vector, dispersion: found.nis().unwrap_or(1.0).max(1.0) }
     }
 
@@ -94,21 +86,18 @@ impl Evidence {
             f64::from(u8::from(chosen[column].covers(self.links[row])))
         });
         let right = c.transpose() * &self.vector;
-        let prior = DMatrix::from_diagonal_element(chosen.len(), chosen.len(), 1.0)
-            / (PRIOR_SIGMA_M * PRIOR_SIGMA_M);
-        let normal = c.transpose() * &self.information * &c + prior;
+        let normal = c.transpose() * &self.information * &c + prior(chosen.len());
         let values = normal.cholesky().map_or_else(|| right.clone() * 0.0, |c| c.solve(&right));
         (right.dot(&values) / self.dispersion, values)
     }
 
     /// The biases that explain the log, and those that cannot be told from them.
     fn choose(&self, least_m: f64) -> (Vec<BiasOf>, Vec<BiasOf>) {
-        let links = self.links.iter().copied().map(BiasOf::Link);
-        let mut candidates: Vec<BiasOf> = links.collect();
-        let drones = self.links.iter().map(|link| link.drones().0);
-        let drones: BTreeSet<BiasOf> = drones.map(BiasOf::Drone).collect();
+        let drones: BTreeSet<usize> = self.links.iter().flat_map(|link| link.drones()).collect();
         let n_covered = |all: &BiasOf| self.links.iter().filter(|link| all.covers(**link)).count();
-        candidates.extend(drones.into_iter().filter(|all| n_covered(all) > 1));
+        let of_drones = drones.into_iter().map(BiasOf::Drone).filter(|all| n_covered(all) > 1);
+        let of_links = self.links.iter().copied().map(BiasOf::Link);
+        let candidates: Vec<BiasOf> = of_links.chain(of_drones).collect();
         let mut chosen: Vec<BiasOf> = Vec::new();
         for _ in 0..candidates.len() {
             let before = self.fit(&chosen).0;
@@ -152,6 +141,11 @@ impl Evidence {
             chosen.remove(idle);
         }
     }
+}
+
+/// Information on biases before the log.
+fn prior(n_biases: usize) -> DMatrix<f64> {
+    DMatrix::from_diagonal_element(n_biases, n_biases, 1.0 / (PRIOR_SIGMA_M * PRIOR_SIGMA_M))
 }
 
 /// The first `n` states, and as many biases of which nothing is known.
@@ -303,9 +297,8 @@ impl<'a> Log<'_, 'a> {
     fn wide_start(&self, model: &Model<'_>, left_out: &[Link], biases: &[Bias]) -> Result<Normal> {
         let used = self.samples.iter().filter(|sample| !left_out.contains(&sample.link));
         let corrected = used.map(|sample| {
-            let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));
-            let bias_m: f64 = covering.map(|bias| bias.bias_m).sum();
-            RangeSample { distance_m: sample.distance_m - bias_m, ..*sample }
+            let distance_m = sample.distance_m - bias_m(biases, sample.link);
+            RangeSample { distance_m, ..*sample }
         });
         let corrected: Vec<RangeSample> = corrected.collect();
         let room = model.options.room.as_ref();

@@ -19,44 +19,24 @@ const LEAST_SHARE: f64 = 0.5;
 /// Least fall of the mean square, from the median of all offsets, that an offset must show.
 const LEAST_FALL: f64 = 0.5;
 
-/// Positions of a drone on a clock of its own.
-struct Path<'a> {
-    time_s: &'a [f64],
-    position_m: &'a [Vector3<f64>],
-}
-
-impl Path<'_> {
-    fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
-        let after = self.time_s.partition_point(|t| *t < time_s);
-        let before = after.checked_sub(1)?;
-        let (a_s, b_s) = (self.time_s[before], *self.time_s.get(after)?);
-        let share = (time_s - a_s) / (b_s - a_s).max(1e-9);
-        Some(self.position_m[before] + (self.position_m[after] - self.position_m[before]) * share)
-    }
-}
-
 /// Seconds to add to the clock of the second of two drones, each located by its own log alone, so
 /// that the ranges between them fit; `None` where these do not tell.
 ///
 /// `between`: ranges between the drones: whether the log of the second holds it (`true`) or that of
 /// the first, its time on the clock of that log, s, and its distance, m.
-#[must_use]
 pub fn log_offset_s(
     first: &Located,
     second: &Located,
     between: &[(bool, f64, f64)],
 ) -> Option<f64> {
-    let span_s =
-        |located: &Located| located.time_s.first().copied().zip(located.time_s.last().copied());
-    let ((first_from_s, first_to_s), (second_from_s, second_to_s)) =
+    let span_s = |located: &Located| Some([*located.time_s.first()?, *located.time_s.last()?]);
+    let ([first_from_s, first_to_s], [second_from_s, second_to_s]) =
         (span_s(first)?, span_s(second)?);
-    let [a, b] = [first, second]
-        .map(|located| Path { time_s: &located.time_s, position_m: &located.position_m[0] });
     let left_m2 = |offset_s: f64, step: usize| {
         let square = |(of_second, time_s, distance_m): &(bool, f64, f64)| {
             let on_first_s = if *of_second { time_s + offset_s } else { *time_s };
-            let apart_m = a.position_m(on_first_s)? - b.position_m(on_first_s - offset_s)?;
-            let left_m = apart_m.norm() - distance_m;
+            let first_m = position_m(first, on_first_s)?;
+            let left_m = (first_m - position_m(second, on_first_s - offset_s)?).norm() - distance_m;
             Some(left_m * left_m)
         };
         mean(between.iter().step_by(step).map(square))
@@ -66,7 +46,6 @@ pub fn log_offset_s(
 
 /// Seconds to add to a reference's clock so that the located positions of a drone lie nearest to
 /// it; `None` where these do not tell.
-#[must_use]
 pub fn reference_offset_s(
     located: &Located,
     drone: usize,
@@ -86,6 +65,16 @@ pub fn reference_offset_s(
         mean(heard.clone().step_by(step).map(square))
     };
     best(left_m2, heard.len(), [from_s, to_s])
+}
+
+/// Position of the one drone that was located, between two times.
+fn position_m(located: &Located, time_s: f64) -> Option<Vector3<f64>> {
+    let after = located.time_s.partition_point(|t| *t < time_s);
+    let before = after.checked_sub(1)?;
+    let (a_s, b_s) = (located.time_s[before], *located.time_s.get(after)?);
+    let share = (time_s - a_s) / (b_s - a_s).max(1e-9);
+    let places_m = &located.position_m[0];
+    Some(places_m[before] + (places_m[after] - places_m[before]) * share)
 }
 
 /// Mean of the squares that there are, and their number.
@@ -108,19 +97,15 @@ fn best(
     #[expect(clippy::cast_possible_truncation, reason = "hours")]
     let steps = ((to_s - from_s) / STEP_S).ceil().clamp(0.0, 1e6) as u32;
     let offset_s = |k: u32| from_s + STEP_S * f64::from(k);
-    let tried: Vec<(f64, f64, f64)> = (0..=steps)
-        .map(|k| {
-            let (square, n) = left(offset_s(k), stride);
-            (offset_s(k), square, n)
-        })
-        .collect();
-    let most = tried.iter().map(|(_, _, n)| *n).fold(0.0, f64::max);
+    let at = |k: u32| (offset_s(k), left(offset_s(k), stride));
+    let tried: Vec<(f64, (f64, f64))> = (0..=steps).map(at).collect();
+    let most = tried.iter().map(|(_, (_, n))| *n).fold(0.0, f64::max);
     if most < 10.0 {
         return None;
     }
-    let enough = tried.iter().filter(|(_, _, n)| *n >= LEAST_SHARE * most);
-    let (near_s, least, _) = enough.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let usual = median(enough.map(|(_, square, _)| *square))?;
+    let enough = tried.iter().filter(|(_, (_, n))| *n >= LEAST_SHARE * most);
+    let (near_s, (least, _)) = enough.clone().min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+    let usual = median(enough.map(|(_, (square, _))| *square))?;
     if *least > LEAST_FALL * usual {
         return None;
     }

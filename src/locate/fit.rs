@@ -23,17 +23,6 @@ impl Observation {
     pub(super) fn new(link: Link, distance_m: f64, weight: f64) -> Self {
         Self { link, distance_m, weight, moved_m: [Vector3::zeros(); 2] }
     }
-
-    /// Slope over the places, and the range that is expected at them.
-    fn slope(&self, anchors_m: &[Vector3<f64>], places_m: &DVector<f64>) -> (Vec<Part>, f64) {
-        let mut then_m = places_m.clone();
-        let (first, second) = self.link.drones();
-        for (drone, moved_m) in [Some(first), second].into_iter().flatten().zip(self.moved_m) {
-            let mut at = then_m.fixed_rows_mut::<3>(3 * drone);
-            at += moved_m;
-        }
-        slope(self.link, anchors_m, then_m.as_slice(), 3)
-    }
 }
 
 /// Weighted slopes of the ranges over the places, and what the places leave of the ranges.
@@ -45,7 +34,12 @@ pub(super) fn residuals(
     let mut slopes = DMatrix::zeros(ranges.len(), places_m.len());
     let mut left = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
-        let (slope, expected_m) = range.slope(anchors_m, places_m);
+        let mut then_m = places_m.clone();
+        for (drone, moved_m) in range.link.drones().zip(range.moved_m) {
+            let mut at = then_m.fixed_rows_mut::<3>(3 * drone);
+            at += moved_m;
+        }
+        let (slope, expected_m) = slope(range.link, anchors_m, then_m.as_slice(), 3);
         for part in slope {
             let Part::Three(at, h) = part else { continue };
             slopes.fixed_view_mut::<1, 3>(row, at).tr_copy_from(&(h * range.weight));
@@ -55,33 +49,54 @@ pub(super) fn residuals(
     (slopes, left)
 }
 
-/// Steps of Gauss and Newton with Levenberg's damping: sum of squares and places.
+/// The places that fit some ranges, and the sum of squares that they leave.
 pub(super) fn fit(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
-    mut places_m: DVector<f64>,
+    places_m: DVector<f64>,
 ) -> (f64, DVector<f64>) {
-    // In the units of the slopes' squares.
+    // In the units of the slopes' squares; drones without a range have none.
     let scale = ranges.iter().map(|range| range.weight * range.weight).fold(0.0, f64::max);
-    let mut damping = 1e-2 * scale;
-    let mut cost = residuals(anchors_m, ranges, &places_m).1.norm_squared();
+    let residuals = |places_m: &DVector<f64>| residuals(anchors_m, ranges, places_m);
+    let (cost, places_m, _) = descend(residuals, |_| scale, places_m);
+    (cost, places_m)
+}
+
+/// Steps of Gauss and Newton from a start, given the slopes of a problem and what it leaves there:
+/// the sum of squares, the solution, and the slopes at it. `unit` is that of Levenberg's damping,
+/// for a diagonal element of the normal matrix.
+pub(super) fn descend(
+    problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
+    unit: impl Fn(f64) -> f64,
+    mut at: DVector<f64>,
+) -> (f64, DVector<f64>, DMatrix<f64>) {
+    let (mut slopes, mut left) = problem(&at);
+    let mut damping = 1e-2;
     for _ in 0..FIT_STEPS {
-        let (slopes, left) = residuals(anchors_m, ranges, &places_m);
         let mut normal = slopes.transpose() * &slopes;
-        for i in 0..places_m.len() {
-            normal[(i, i)] += damping;
-        }
-        let Some(step) = normal.cholesky().map(|c| c.solve(&(slopes.transpose() * left))) else {
-            break;
-        };
-        let next = &places_m + step;
-        let next_cost = residuals(anchors_m, ranges, &next).1.norm_squared();
-        if next_cost < cost {
-            (places_m, cost) = (next, next_cost);
-            damping = (damping * 0.2).max(1e-12 * scale);
+        (0..at.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
+        let right = slopes.transpose() * &left;
+        let Some(step) = normal.cholesky().map(|normal| normal.solve(&right)) else { break };
+        let next = &at + step;
+        let (next_slopes, next_left) = problem(&next);
+        if next_left.norm_squared() < left.norm_squared() {
+            (at, slopes, left) = (next, next_slopes, next_left);
+            damping = (damping * 0.2).max(1e-12);
         } else {
             damping *= 5.0;
         }
     }
-    (cost, places_m)
+    (left.norm_squared(), at, slopes)
+}
+
+/// Puts a drone behind a plane, as in a mirror.
+pub(super) fn reflect(
+    places_m: &mut DVector<f64>,
+    drone: usize,
+    on_plane_m: &Vector3<f64>,
+    normal: &Vector3<f64>,
+) {
+    let mut place_m = places_m.fixed_rows_mut::<3>(3 * drone);
+    let beyond_m = (place_m.clone_owned() - on_plane_m).dot(normal);
+    place_m -= normal * (2.0 * beyond_m);
 }

@@ -57,13 +57,11 @@ pub enum Link {
 
 impl Link {
     /// The link between two drones.
-    #[must_use]
     pub fn between(one: usize, other: usize) -> Self {
         Self::Drones(one.min(other), one.max(other))
     }
 
     /// The way along it to its first drone, with the drones at these places.
-    #[must_use]
     pub fn away_m(
         self,
         anchors_m: &[Vector3<f64>],
@@ -76,12 +74,12 @@ impl Link {
     }
 
     /// The drones at its ends.
-    #[must_use]
-    pub fn drones(self) -> (usize, Option<usize>) {
-        match self {
+    pub fn drones(self) -> impl Iterator<Item = usize> {
+        let (first, second) = match self {
             Self::Anchor { drone, .. } => (drone, None),
             Self::Drones(i, j) => (i, Some(j)),
-        }
+        };
+        std::iter::once(first).chain(second)
     }
 }
 
@@ -119,7 +117,6 @@ pub struct Room {
 
 impl Room {
     /// Whether a place is inside.
-    #[must_use]
     pub fn holds(&self, place_m: &Vector3<f64>) -> bool {
         (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&place_m[k]))
     }
@@ -134,7 +131,7 @@ impl Room {
 mod tests {
     use nalgebra::Vector3;
 
-    use super::{Link, Located, RangeSample, Track};
+    use super::{Located, RangeSample, Track};
     use noctograph_core::random::split_mix;
     use noctograph_flying::plan::{EvenStyle, PlanOptions, Style, fleet};
     use noctograph_letters::{LetterOptions, write};
@@ -147,13 +144,7 @@ mod tests {
         ("huddle", [[-0.5, 2.5, 1.5], [0.5, 2.5, 1.7], [0.0, 2.2, 2.2]]),
     ];
 
-    pub(super) const FIVE_LINKS: [Link; 5] = [
-        Link::Anchor { drone: 0, anchor: 0 },
-        Link::Anchor { drone: 0, anchor: 2 },
-        Link::Anchor { drone: 1, anchor: 1 },
-        Link::Anchor { drone: 1, anchor: 2 },
-        Link::Drones(0, 1),
-    ];
+    pub(super) use super::region::FIVE_LINKS;
 
     /// The designs of two drones that write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DVector, Matrix3, Vector3};
 use serde::Serialize;
 
-use super::fit::{Observation, fit, residuals};
+use super::fit::{Observation, fit, reflect, residuals};
 use super::{Link, LocateOptions, Located, RangeSample};
 use noctograph_core::flight::DroneIndex;
 use noctograph_core::statistics::median;
@@ -66,7 +66,15 @@ pub(super) fn ambiguities(
         if to_s - begin.time_s < 0.5 * span_s {
             break;
         }
-        let (ranges, places_m) = expected(anchors_m, span, located, options.range_sigma_m);
+        let middle_s = 0.5 * (begin.time_s + span[span.len() - 1].time_s);
+        let after = located.time_s.partition_point(|t| *t < middle_s);
+        let mut counts: BTreeMap<Link, f64> = BTreeMap::new();
+        span.iter().for_each(|sample| *counts.entry(sample.link).or_default() += 1.0);
+        let range =
+            |(link, n): (Link, f64)| Observation::new(link, 0.0, n.sqrt() / options.range_sigma_m);
+        let ranges = counts.into_iter().map(range);
+        let (ranges, places_m) =
+            expected(anchors_m, ranges, located, after.min(located.time_s.len() - 1));
         for (index, apart_m) in elsewhere(anchors_m, &ranges, &places_m, options) {
             let drone = DroneIndex(index);
             let before = ambiguities.iter_mut().rev().find(|a| a.drone == drone);
@@ -86,28 +94,23 @@ pub(super) fn ambiguities_of_motion(
     anchors_m: &[Vector3<f64>],
     samples: &[RangeSample],
     located: &Located,
-    moved_m: impl Fn(usize, f64) -> Vector3<f64>,
+    track_m: impl Fn(usize, f64) -> Vector3<f64>,
     options: &LocateOptions,
 ) -> Vec<Ambiguity> {
     let Some((first, last)) = samples.first().zip(samples.last()) else { return Vec::new() };
-    let n_drones = located.position_m.len();
     let Some(end) = located.time_s.len().checked_sub(1) else { return Vec::new() };
     let end_s = located.time_s[end];
-    let places = (0..n_drones).flat_map(|drone| located.position_m[drone][end].data.0[0]);
-    let places_m = DVector::from_iterator(3 * n_drones, places);
     let step = samples.len().div_ceil(MOST_RANGES);
     let weight = (step as f64).sqrt() / options.range_sigma_m;
     let range = |sample: &RangeSample| {
-        let (one, other) = sample.link.drones();
-        let moved = |drone: usize| moved_m(drone, sample.time_s) - moved_m(drone, end_s);
-        let moved_m = [moved(one), other.map_or_else(Vector3::zeros, moved)];
+        let mut moved_m = [Vector3::zeros(); 2];
+        for (drone, moved) in sample.link.drones().zip(&mut moved_m) {
+            *moved = track_m(drone, sample.time_s) - track_m(drone, end_s);
+        }
         Observation { moved_m, ..Observation::new(sample.link, 0.0, weight) }
     };
-    let mut ranges: Vec<Observation> = samples.iter().step_by(step).map(range).collect();
-    let (_, missing) = residuals(anchors_m, &ranges, &places_m);
-    for (range, missing) in ranges.iter_mut().zip(missing.iter()) {
-        range.distance_m = -missing / weight;
-    }
+    let ranges = samples.iter().step_by(step).map(range);
+    let (ranges, places_m) = expected(anchors_m, ranges, located, end);
     let (from_s, to_s) = (first.time_s, last.time_s);
     let others_m = elsewhere(anchors_m, &ranges, &places_m, options).into_iter();
     let ambiguity =
@@ -125,24 +128,16 @@ fn span_s(samples: &[RangeSample]) -> f64 {
     median(pauses).map_or(SPAN_S, |pause_s| SPAN_S.max(3.0 * pause_s))
 }
 
-/// The ranges of a span as they would be at the located places, one for each link, and the places
-/// in its middle.
+/// The ranges as they would be at the places that are located at an index, and these places.
 fn expected(
     anchors_m: &[Vector3<f64>],
-    span: &[RangeSample],
+    ranges: impl Iterator<Item = Observation>,
     located: &Located,
-    sigma_m: f64,
+    index: usize,
 ) -> (Vec<Observation>, DVector<f64>) {
-    let middle_s = 0.5 * (span[0].time_s + span[span.len() - 1].time_s);
-    let after = located.time_s.partition_point(|t| *t < middle_s);
-    let index = after.min(located.time_s.len() - 1);
-    let n_drones = located.position_m.len();
-    let places = (0..n_drones).flat_map(|drone| located.position_m[drone][index].data.0[0]);
-    let places_m = DVector::from_iterator(3 * n_drones, places);
-    let mut counts: BTreeMap<Link, f64> = BTreeMap::new();
-    span.iter().for_each(|sample| *counts.entry(sample.link).or_default() += 1.0);
-    let range = |(link, n): (Link, f64)| Observation::new(link, 0.0, n.sqrt() / sigma_m);
-    let mut ranges: Vec<Observation> = counts.into_iter().map(range).collect();
+    let places = located.position_m.iter().flat_map(|places_m| places_m[index].data.0[0]);
+    let places_m = DVector::from_iterator(3 * located.position_m.len(), places);
+    let mut ranges: Vec<Observation> = ranges.collect();
     let (_, missing) = residuals(anchors_m, &ranges, &places_m);
     for (range, missing) in ranges.iter_mut().zip(missing.iter()) {
         range.distance_m = -missing / range.weight;
@@ -157,11 +152,7 @@ fn elsewhere(
     places_m: &DVector<f64>,
     options: &LocateOptions,
 ) -> BTreeMap<usize, f64> {
-    let heard: BTreeSet<usize> = ranges
-        .iter()
-        .flat_map(|range| [Some(range.link.drones().0), range.link.drones().1])
-        .flatten()
-        .collect();
+    let heard: BTreeSet<usize> = ranges.iter().flat_map(|range| range.link.drones()).collect();
     let mut farthest_m: BTreeMap<usize, f64> = BTreeMap::new();
     for from in others(anchors_m, ranges, places_m, &heard) {
         let (cost, other_m) = fit(anchors_m, ranges, from);
@@ -195,11 +186,7 @@ fn others(
     let mirrored = |drones: &[usize], ends_m: &[Vector3<f64>]| {
         let (middle_m, normal) = plane(ends_m)?;
         let mut p = places_m.clone();
-        for drone in drones {
-            let beyond_m = (at(*drone) - middle_m).dot(&normal);
-            let mut place = p.fixed_rows_mut::<3>(3 * drone);
-            place -= normal * (2.0 * beyond_m);
-        }
+        drones.iter().for_each(|drone| reflect(&mut p, *drone, &middle_m, &normal));
         Some(p)
     };
     let mut all_anchors = BTreeSet::new();

@@ -47,6 +47,14 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
+    /// Counts a range: its normalized innovation squared, or none where it was refused.
+    pub(super) fn note(&mut self, link: Link, nis: Option<f64>) {
+        match nis {
+            Some(nis) => (self.sum, self.taken) = (self.sum + nis, self.taken + 1),
+            None => *self.refused.entry(link).or_default() += 1,
+        }
+    }
+
     /// Mean normalized innovation squared; `None` without a range.
     pub(super) fn nis(&self) -> Option<f64> {
         (self.taken > 0).then(|| self.sum / self.taken as f64)
@@ -153,14 +161,9 @@ impl<'a> Model<'a> {
             let value = sample.distance_m - expected_m + along(&slope, at);
             let measurement = Measurement { slope: &slope, value, variance };
             let is_stray = self.left_out.get(filter.ranges + index).is_some_and(|stray| *stray);
-            let mut corrected = || gate.correct(normal, sample.link, &measurement);
-            match if is_stray { None } else { corrected() } {
-                Some(innovation) => {
-                    (innovations.sum, innovations.taken) =
-                        (innovations.sum + innovation.nis(), innovations.taken + 1);
-                }
-                None => *innovations.refused.entry(sample.link).or_default() += 1,
-            }
+            let taken =
+                (!is_stray).then(|| gate.correct(normal, sample.link, &measurement)).flatten();
+            innovations.note(sample.link, taken.map(|innovation| innovation.nis()));
         }
         (filter.last_s, filter.ranges) = (Some(time_s), filter.ranges + step.len());
         Step { time_s, transition, predicted, updated: normal.clone() }

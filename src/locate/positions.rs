@@ -17,7 +17,6 @@ pub struct Positions {
 impl Positions {
     /// Independent drones near these places, each axis with a standard deviation. Ranges farther
     /// from their prediction than `gate_sigmas` are refused.
-    #[must_use]
     pub fn new(
         anchors_m: &[Vector3<f64>],
         starts_m: &[Vector3<f64>],
@@ -34,7 +33,6 @@ impl Positions {
     }
 
     /// Place of a drone, and its covariance.
-    #[must_use]
     pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
     }
@@ -70,8 +68,6 @@ pub(super) fn slope(
 ) -> (Vec<Part>, f64) {
     let at = |drone: usize| Vector3::from_column_slice(&states[stride * drone..][..3]);
     let (direction, length_m) = toward(&link.away_m(anchors_m, at));
-    let (first, second) = link.drones();
-    let mut slope = vec![Part::Three(stride * first, direction)];
-    slope.extend(second.map(|second| Part::Three(stride * second, -direction)));
-    (slope, length_m)
+    let ends = link.drones().zip([direction, -direction]);
+    (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }

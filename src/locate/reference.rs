@@ -3,11 +3,10 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::residuals::SIGMA_PER_MAD;
+use super::residuals::spread_by_link;
 use super::{Link, Located, RangeSample};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
-use noctograph_core::statistics::median;
 
 /// The reference is not interpolated over longer gaps.
 const LONGEST_GAP_S: f64 = 0.2;
@@ -23,7 +22,6 @@ pub struct Reference<'a> {
 
 impl Reference<'_> {
     /// The position between the two nearest samples; `None` beyond the ends and in gaps.
-    #[must_use]
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
         let (samples, at_s) = (&self.flight.samples, time_s - self.offset_s);
         let after = samples.partition_point(|s| s.time_s < at_s);
@@ -95,7 +93,6 @@ pub struct LinkError {
 }
 
 /// Compares the ranges of every link with the distances of the references, one for each drone.
-#[must_use]
 pub fn link_errors(
     samples: &[RangeSample],
     anchors_m: &[Vector3<f64>],
@@ -108,18 +105,15 @@ pub fn link_errors(
             Link::Drones(i, j) => (place_m(i)? - place_m(j)?).norm(),
         })
     };
-    let mut links: Vec<Link> = samples.iter().map(|sample| sample.link).collect();
-    links.sort_unstable();
-    links.dedup();
-    let error = |link: Link| {
-        let of_link = samples.iter().filter(|sample| sample.link == link);
-        let errors_m: Vec<f64> =
-            of_link.filter_map(|sample| Some(sample.distance_m - true_m(sample)?)).collect();
-        let median_m = median(errors_m.iter().copied())?;
-        let scatter_m = SIGMA_PER_MAD * median(errors_m.iter().map(|e| (e - median_m).abs()))?;
-        Some(LinkError { link: link.to_string(), median_m, scatter_m, ranges: errors_m.len() })
+    let off = |sample: &RangeSample| Some((*sample, sample.distance_m - true_m(sample)?));
+    let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = samples.iter().filter_map(off).unzip();
+    let row = |(link, (median_m, scatter_m, ranges)): (Link, (f64, f64, usize))| LinkError {
+        link: link.to_string(),
+        median_m,
+        scatter_m,
+        ranges,
     };
-    links.into_iter().filter_map(error).collect()
+    spread_by_link(&compared, &errors_m).into_iter().map(row).collect()
 }
 
 #[cfg(test)]

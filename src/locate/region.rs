@@ -4,11 +4,23 @@
 //! well do the ranges fix the places at the start, if the motion is known exactly? Noise is left
 //! out of the first and motion noise out of the second.
 
-use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
+use super::Link;
+use super::fit::{Observation, residuals};
 use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
+
+/// The links of two drones to their own anchors, the first and the second, to the one that they
+/// share, the third, and to each other.
+pub(super) const FIVE_LINKS: [Link; 5] = [
+    Link::Anchor { drone: 0, anchor: 0 },
+    Link::Anchor { drone: 0, anchor: 2 },
+    Link::Anchor { drone: 1, anchor: 1 },
+    Link::Anchor { drone: 1, anchor: 2 },
+    Link::Drones(0, 1),
+];
 
 /// Steps per second of the observer, as on board.
 const RATE_HZ: f64 = 100.0;
@@ -51,7 +63,6 @@ pub enum Outputs {
 }
 
 /// Runs the observer from `n` starts with an error of one length, along a path and without noise.
-#[must_use]
 pub fn share_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -113,7 +124,6 @@ fn run(
 
 /// What measurements up to a time tell of the places at the start, with `rate_hz` ranges a second
 /// of noise `sigma_m`, taken in turn.
-#[must_use]
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -151,15 +161,11 @@ fn seen(
     places_m: &[Vector3<f64>; 2],
     sigma_m: f64,
 ) -> Matrix6<f64> {
-    let ends = [observer.own_m[0], observer.shared_m, observer.own_m[1], observer.shared_m];
-    let mut slopes = SMatrix::<f64, 5, 6>::zeros();
-    for (k, end) in ends.iter().enumerate() {
-        let unit = (places_m[k / 2] - end).normalize();
-        slopes.fixed_view_mut::<1, 3>(k, 3 * (k / 2)).copy_from(&unit.transpose());
-    }
-    let unit = (places_m[0] - places_m[1]).normalize();
-    slopes.fixed_view_mut::<1, 3>(4, 0).copy_from(&unit.transpose());
-    slopes.fixed_view_mut::<1, 3>(4, 3).copy_from(&-unit.transpose());
+    let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
+    let ranges = FIVE_LINKS.map(|link| Observation::new(link, 0.0, 1.0));
+    let places = DVector::from_iterator(6, places_m.iter().flatten().copied());
+    let slopes = residuals(&anchors_m, &ranges, &places).0;
+    let slopes = slopes.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
         return slopes.transpose() * slopes / (sigma_m * sigma_m);
     }

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::bias::bias_m;
 use super::pass::together;
 use super::{Bias, Link, Located, RangeSample};
 use noctograph_core::statistics::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
-pub(super) const SIGMA_PER_MAD: f64 = 1.4826;
+const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median over that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
 /// Standard errors from which a median counts as other than zero: once in two million.
@@ -41,7 +42,6 @@ pub struct LinkResidual {
 }
 
 /// The interval of the mean normalized innovation squared of `n` ranges.
-#[must_use]
 pub fn nis_interval(n: usize) -> [f64; 2] {
     let chance = 3.0 * (2.0 / n.max(1) as f64).sqrt();
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
@@ -57,8 +57,7 @@ pub(super) fn residuals_m(
     let steps = together(samples).enumerate();
     let residual = |k: usize, sample: &RangeSample| {
         let distance_m = sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm();
-        let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));
-        sample.distance_m - distance_m - covering.map(|bias| bias.bias_m).sum::<f64>()
+        sample.distance_m - distance_m - bias_m(biases, sample.link)
     };
     steps.flat_map(|(k, step)| step.iter().map(move |sample| residual(k, sample))).collect()
 }

@@ -51,7 +51,6 @@ pub struct FiveRanges {
 
 /// The anchor of the first drone alone, that of the second, and the one that both hear, where two
 /// drones hear two anchors each.
-#[must_use]
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -64,7 +63,6 @@ pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
 
 impl SharedAnchorObserver {
     /// The true ranges of drones at two places.
-    #[must_use]
     pub fn ranges(&self, places_m: &[Vector3<f64>; 2]) -> FiveRanges {
         FiveRanges {
             own_m: [0, 1].map(|i| (places_m[i] - self.own_m[i]).norm()),
@@ -74,7 +72,6 @@ impl SharedAnchorObserver {
     }
 
     /// The outputs `y_11`, `y_12` and `y_2`.
-    #[must_use]
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
         let square = |x: f64| x * x;
         let shared_sq = self.shared_m.norm_squared();
@@ -87,7 +84,6 @@ impl SharedAnchorObserver {
     }
 
     /// Rates of the estimates, less the velocities of the drones.
-    #[must_use]
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],
@@ -100,30 +96,6 @@ impl SharedAnchorObserver {
             let own = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
             (c * own + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
         })
-    }
-
-    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form, and the extra terms.
-    #[must_use]
-    pub fn lyapunov_rate(
-        &self,
-        places_m: &[Vector3<f64>; 2],
-        estimates_m: &[Vector3<f64>; 2],
-        weight: f64,
-    ) -> [f64; 2] {
-        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
-        let true_r = places_m.map(|p| p - self.shared_m);
-        let believed_r = estimates_m.map(|p| p - self.shared_m);
-        let (mut quadratic, mut extra) = (0.0, 0.0);
-        for i in 0..2 {
-            let j = 1 - i;
-            let gain = 2.0 * self.gains[i] * if i == 0 { 1.0 } else { weight };
-            let own = (self.shared_m - self.own_m[i]).dot(&error[i]);
-            let other = true_r[j].dot(&error[i]);
-            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
-            quadratic -= gain * (own * own + other * other + mixed);
-            extra += gain * error[0].dot(&error[1]) * other;
-        }
-        [quadratic, extra]
     }
 }
 
@@ -219,6 +191,28 @@ mod tests {
         }
     }
 
+    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and the extra terms.
+    fn lyapunov_rate(
+        observer: &SharedAnchorObserver,
+        places_m: &[Vector3<f64>; 2],
+        estimates_m: &[Vector3<f64>; 2],
+        weight: f64,
+    ) -> f64 {
+        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
+        let true_r = places_m.map(|p| p - observer.shared_m);
+        let believed_r = estimates_m.map(|p| p - observer.shared_m);
+        let rate = |i: usize| {
+            let j = 1 - i;
+            let gain = 2.0 * observer.gains[i] * [1.0, weight][i];
+            let own = (observer.shared_m - observer.own_m[i]).dot(&error[i]);
+            let other = true_r[j].dot(&error[i]);
+            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
+            let extra = error[0].dot(&error[1]) * other;
+            gain * (extra - (own * own + other * other + mixed))
+        };
+        rate(0) + rate(1)
+    }
+
     #[test]
     fn the_lyapunov_rate_is_the_difference_quotient() {
         let mut random = Random(2);
@@ -233,8 +227,7 @@ mod tests {
                 0.5 * square(0) + 0.5 * weight * square(1)
             };
             let want = (function(1e-5) - function(-1e-5)) / 2e-5;
-            let [quadratic, extra] = observer.lyapunov_rate(&p, &e, weight);
-            let found = quadratic + extra;
+            let found = lyapunov_rate(&observer, &p, &e, weight);
             assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
         }
     }

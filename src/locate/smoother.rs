@@ -178,8 +178,7 @@ fn is_inconsistent(model: &Model<'_>, samples: &[RangeSample], solved: &Solved) 
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
-        let (first, second) = sample.link.drones();
-        for drone in [Some(first), second].into_iter().flatten() {
+        for drone in sample.link.drones() {
             let [from_s, to_s] = heard_s[drone];
             heard_s[drone] = [from_s.min(sample.time_s), to_s.max(sample.time_s)];
         }
@@ -208,7 +207,6 @@ impl Located {
     }
 
     /// The indices at which a drone was heard.
-    #[must_use]
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
         // The last ranges of a step come after its time.

@@ -80,16 +80,16 @@ pub(super) fn start(
 }
 
 fn begin_together(heard_s: &[[f64; 2]], mean: &Observation) -> bool {
-    let (first, second) = mean.link.drones();
-    second.is_none_or(|second| (heard_s[first][0] - heard_s[second][0]).abs() <= LATE_S)
+    let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
+    begins_s.iter().all(|begin_s| (begin_s - begins_s[0]).abs() <= LATE_S)
 }
 
 /// Mean range of each link in the first second in which its drones are heard.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
-        let (first, second) = sample.link.drones();
-        let since_s = heard_s[first][0].max(second.map_or(f64::NEG_INFINITY, |d| heard_s[d][0]));
+        let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
+        let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
             let (sum_m, count) = sums.entry(sample.link).or_default();
             (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);

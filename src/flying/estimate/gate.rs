@@ -25,7 +25,6 @@ pub struct Gate<K> {
 
 impl<K: Ord> Gate<K> {
     /// A gate at so many standard deviations of the innovation.
-    #[must_use]
     pub fn new(sigmas: f64) -> Self {
         Self { sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
@@ -77,7 +76,6 @@ pub enum Floor {
 impl StepTest {
     /// A test with a gate in standard deviations; smaller innovations than `least_m` are no step. A
     /// step widens the floor's height by `sigma_m`.
-    #[must_use]
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }

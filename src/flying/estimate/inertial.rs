@@ -57,7 +57,6 @@ pub struct Span {
 /// Variance that the integral of white noise gains in a second: the noise's two-sided spectral
 /// density. `per_sqrt_hz` is its one-sided noise density, as in data sheets and in every key of a
 /// scene.
-#[must_use]
 pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
     0.5 * (per_sqrt_hz * per_sqrt_hz)
 }
@@ -73,7 +72,6 @@ pub struct Density {
 
 impl Inertial {
     /// A level drone at rest that looks along world x.
-    #[must_use]
     pub fn at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
@@ -113,7 +111,6 @@ impl Inertial {
     }
 
     /// Whether the covariance is to be carried now: for a measurement, or after a while without.
-    #[must_use]
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
@@ -140,7 +137,6 @@ impl Inertial {
 impl Normal {
     /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and
     /// turn (rad), and of further states.
-    #[must_use]
     pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
         let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);
         sigmas.extend(further);

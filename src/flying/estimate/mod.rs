@@ -11,10 +11,8 @@ mod attitude;
 mod gate;
 mod inertial;
 mod normal;
-mod smoother;
 
 pub use attitude::{Turned, angles};
 pub use gate::{Floor, Gate, StepTest};
 pub use inertial::{Density, ERRORS, GRAVITY_M_S2, Inertial, Span, TURN, VELOCITY, variance_rate};
-pub use normal::{Entry, Innovation, Measurement, Normal, Part, along, toward};
-pub use smoother::Step;
+pub use normal::{Entry, Innovation, Measurement, Normal, Part, Step, along, toward};

@@ -61,20 +61,17 @@ pub struct Innovation {
 
 impl Innovation {
     /// Distance from the prediction in standard deviations.
-    #[must_use]
     pub fn sigmas(&self) -> f64 {
         self.value.abs() / self.variance.sqrt()
     }
 
     /// Normalized innovation squared (NIS): 1 on average where the filter is consistent.
-    #[must_use]
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
     }
 
     /// Whether it is farther from the prediction than the root of `gate_sq` standard deviations
     /// (χ²).
-    #[must_use]
     pub fn is_beyond(&self, gate_sq: f64) -> bool {
         self.value * self.value > gate_sq * self.variance
     }
@@ -82,14 +79,12 @@ impl Innovation {
 
 impl Normal {
     /// A mean and a covariance.
-    #[must_use]
     pub fn new(mean: DVector<f64>, covariance: DMatrix<f64>) -> Self {
         let gain = vec![0.0; mean.len()];
         Self { mean, covariance, gain }
     }
 
     /// Independent states around zero with these standard deviations.
-    #[must_use]
     pub fn independent(sigmas: &[f64]) -> Self {
         let variances = DVector::from_iterator(sigmas.len(), sigmas.iter().map(|s| s * s));
         Self::new(DVector::zeros(sigmas.len()), DMatrix::from_diagonal(&variances))
@@ -97,20 +92,17 @@ impl Normal {
 
     /// Mean of three states.
     #[inline]
-    #[must_use]
     pub fn three(&self, at: usize) -> Vector3<f64> {
         self.mean.fixed_rows::<3>(at).into_owned()
     }
 
     /// Covariance of three states with three.
     #[inline(always)]
-    #[must_use]
     pub fn block(&self, row: usize, column: usize) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(row, column).into_owned()
     }
 
     /// Standard deviation of a state.
-    #[must_use]
     pub fn sigma(&self, state: usize) -> f64 {
         self.covariance[(state, state)].max(0.0).sqrt()
     }
@@ -222,7 +214,6 @@ fn reduce(p: &mut [f64], k: &[f64], n: usize) {
 
 /// Change of a measurement with states.
 #[inline(always)]
-#[must_use]
 pub fn along(slope: &[Part], states: &[f64]) -> f64 {
     let one = |part: &Part| match *part {
         Part::One(at, h) => h * states[at],
@@ -231,9 +222,39 @@ pub fn along(slope: &[Part], states: &[f64]) -> f64 {
     slope.iter().map(one).sum()
 }
 
+/// One step that a filter recorded.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// When.
+    pub time_s: f64,
+    /// Transition from the step before, as [`Normal::predict`] takes it.
+    pub transition: Vec<Entry>,
+    /// Before the measurements of this step.
+    pub predicted: Normal,
+    /// After them.
+    pub updated: Normal,
+}
+
+impl Step {
+    /// The states of this step as all measurements have them, given the step after it and what
+    /// these make of that one (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965); `None` where its
+    /// predicted covariance is not positive.
+    pub fn smoothed(&self, after: &Self, smooth: &Normal) -> Option<Normal> {
+        let (updated, predicted) = (&self.updated, &after.predicted);
+        let inverse = predicted.covariance.clone().cholesky()?;
+        let mut carried = updated.covariance.clone();
+        for &(row, column, value) in &after.transition {
+            (0..carried.ncols()).for_each(|i| carried[(row, i)] += value * carried[(column, i)]);
+        }
+        let gain = inverse.solve(&carried).transpose();
+        let mean = &updated.mean + &gain * (&smooth.mean - &predicted.mean);
+        let change = &gain * (&smooth.covariance - &predicted.covariance) * gain.transpose();
+        Some(Normal::new(mean, &updated.covariance + change))
+    }
+}
+
 /// Direction and length of a way: the slope of its length over its end.
 #[inline]
-#[must_use]
 pub fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let length_m = away_m.norm();
     (away_m / length_m.max(f64::MIN_POSITIVE), length_m)

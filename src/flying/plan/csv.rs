@@ -97,9 +97,11 @@ impl Plan {
             let (x, y, z) = (x?, y?, z?);
             sent_m = (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect();
         }
-        let lit =
-            if table.has(LIT_COLUMN) { table.quantity(LIT_COLUMN)?.to_vec() } else { Vec::new() };
-        let yaws: &[f64] = if table.has(YAW_COLUMN) { table.quantity(YAW_COLUMN)? } else { &[] };
+        let or_none = |name| match table.has(name) {
+            true => table.quantity(name).map(<[f64]>::to_vec),
+            false => Ok(Vec::new()),
+        };
+        let (lit, yaws) = (or_none(LIT_COLUMN)?, or_none(YAW_COLUMN)?);
         let yaw_rad = yaws.first().copied().unwrap_or_default();
         if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
             let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
@@ -113,24 +115,28 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{PlanOptions, plan};
-    use noctograph_letters::{LetterOptions, write};
+    use crate::plan::PlanOptions;
+    use crate::tests::written;
 
     #[test]
     fn a_plan_reads_back_bit_by_bit() {
-        let strokes = write("NOX", &LetterOptions::default()).unwrap();
-        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-        let mut file = Vec::new();
-        plan.write_csv(&mut file).unwrap();
-        let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
-        assert_eq!(back, plan);
+        let plan = written("NOX", &PlanOptions::default());
+        let written = |plan: &Plan| {
+            let mut file = Vec::new();
+            plan.write_csv(&mut file).unwrap();
+            file
+        };
         let n = plan.setpoints.len();
-        let led = Plan { lit: vec![0.5; n], sent_m: vec![Vector3::x(); n], yaw_rad: -1.5, ..plan };
-        let mut file = Vec::new();
-        led.write_csv(&mut file).unwrap();
-        let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
-        assert_eq!(back, led, "with feedforward, timed lights and a heading");
-        let turning = String::from_utf8(file).unwrap().replacen("-1.5", "-1.25", 1);
+        let led = Plan {
+            lit: vec![0.5; n],
+            sent_m: vec![Vector3::x(); n],
+            yaw_rad: -1.5,
+            ..plan.clone()
+        };
+        for plan in [plan, led.clone()] {
+            assert_eq!(Plan::parse_csv(&written(&plan), "plan.csv").unwrap(), plan);
+        }
+        let turning = String::from_utf8(written(&led)).unwrap().replacen("-1.5", "-1.25", 1);
         let error = Plan::parse_csv(turning.as_bytes(), "plan.csv").unwrap_err().to_string();
         assert!(error.contains("one heading"), "{error}");
     }

@@ -45,6 +45,10 @@ struct Segment {
 }
 
 impl Segment {
+    fn is_lit(&self) -> bool {
+        matches!(self.path, Path::Lit(_) | Path::Dot(_))
+    }
+
     /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the
     /// lamps.
     fn letter_at(&self, time_s: f64) -> Option<usize> {
@@ -138,9 +142,7 @@ impl Course<'_> {
     }
 
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
-        let is_lit = |segment: &Segment| matches!(segment.path, Path::Lit(_) | Path::Dot(_));
-        let drawing = self.segments.iter().any(is_lit);
-        let letter = Some(stroke.letter).filter(|_| drawing);
+        let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
         if let Some(at_m) = stroke.dot_m() {
             self.go(letter, &rest(at_m.x, at_m.y))?;
             self.push(letter, Path::Still(at_m), SETTLE_S)?;
@@ -205,20 +207,15 @@ impl Course<'_> {
         self.at = path.at(lasts_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += lasts_s;
-        self.check_duration()
-    }
-
-    /// Refuses what lasts too long before more of it is planned, sampled or flown.
-    fn check_duration(&self) -> Result<()> {
+        // Refused before more of it is planned, sampled or flown.
         if self.end_s <= MAX_DURATION_S {
             return Ok(());
         }
-        let is_lit = |segment: &&Segment| matches!(segment.path, Path::Lit(_) | Path::Dot(_));
-        let drawn = self.segments.iter().filter(is_lit).count();
+        let (n, n_drawn) =
+            (self.n_strokes, self.segments.iter().filter(|segment| segment.is_lit()).count());
         Err(Error::Infeasible {
             what: format!(
-                "{drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
-                self.n_strokes
+                "{n_drawn} of {n} strokes take more than {MAX_DURATION_S} s, the longest flight"
             ),
             hint: SHORTER.into(),
         })
@@ -227,13 +224,10 @@ impl Course<'_> {
     /// Setpoints on the grid, and where a stroke begins or ends.
     fn sampled(&self) -> Plan {
         let interval_s = self.options.setpoint_interval_s;
-        let mut times_s: Vec<f64> = self.segments.iter().map(|segment| segment.start_s).collect();
-        times_s.push(self.end_s);
-        let mut n = 0.0;
-        while n * interval_s < self.end_s {
-            times_s.push(n * interval_s);
-            n += 1.0;
-        }
+        let starts_s = self.segments.iter().map(|segment| segment.start_s);
+        let on_grid_s = (0..).map(|n| f64::from(n) * interval_s);
+        let on_grid_s = on_grid_s.take_while(|time_s| *time_s < self.end_s);
+        let mut times_s: Vec<f64> = starts_s.chain([self.end_s]).chain(on_grid_s).collect();
         times_s.sort_unstable_by(f64::total_cmp);
         times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
         let mut plan = Plan::with_channels(&self.options.lights);
@@ -287,10 +281,11 @@ fn rest(x_m: f64, height_m: f64) -> State {
 #[cfg(test)]
 mod tests {
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
+    use crate::tests::written;
     use noctograph_letters::{Ink, LetterOptions, draw, write};
 
     fn noor(options: &PlanOptions) -> Plan {
-        plan(&write("NOOR", &LetterOptions::default()).unwrap(), options).unwrap()
+        written("NOOR", options)
     }
 
     #[test]

@@ -20,7 +20,6 @@ const RIDGE: f64 = 0.02;
 /// # Panics
 ///
 /// If the plan's times do not rise.
-#[must_use]
 pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a>; 3] {
     axes(|axis| {
         let times_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s);
@@ -40,12 +39,9 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
         }
         inverse[axis].inputs(|time_s| plan.design_m(time_s)[axis])
     });
-    sending(plan, |row, setpoint| {
-        if setpoint.on_floor() {
-            return setpoint.position_m;
-        }
+    sending(plan, |row| {
         let input = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row].max(0.0));
-        input + (plan.sent_m(row) - setpoint.position_m)
+        input + (plan.sent_m(row) - plan.setpoints[row].position_m)
     })
 }
 
@@ -62,20 +58,15 @@ pub fn learn(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
             sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
         })
     });
-    sending(plan, |row, setpoint| {
-        let more = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row]);
-        let more = if setpoint.on_floor() { Vector3::zeros() } else { more };
-        plan.sent_m(row) + more
+    sending(plan, |row| {
+        plan.sent_m(row) + Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row])
     })
 }
 
 /// Moves the positions that are sent against a mean error `flown − design` of earlier flights.
 #[must_use]
 pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
-    sending(plan, |row, setpoint| {
-        let shift = if setpoint.on_floor() { Vector3::zeros() } else { mean_error_m };
-        plan.sent_m(row) - shift
-    })
+    sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }
 
 /// Of each of the three axes, which are independent.
@@ -84,22 +75,23 @@ fn axes<T: Send>(of: impl Fn(usize) -> T + Sync) -> [T; 3] {
     [x, y, z]
 }
 
-/// The plan with other positions to send.
-fn sending(plan: &Plan, sent_m: impl Fn(usize, &Setpoint) -> Vector3<f64>) -> Plan {
-    let rows = plan.setpoints.iter().enumerate();
-    let sent_m = rows.map(|(row, setpoint)| sent_m(row, setpoint).map(on_grid)).collect();
-    Plan { sent_m, ..plan.clone() }
+/// The plan with other positions to send in the air.
+fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
+    let sent = |(row, setpoint): (usize, &Setpoint)| match setpoint.on_floor() {
+        true => plan.sent_m(row),
+        false => sent_m(row).map(on_grid),
+    };
+    Plan { sent_m: plan.setpoints.iter().enumerate().map(sent).collect(), ..plan.clone() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{PlanOptions, plan};
-    use noctograph_letters::{LetterOptions, write};
+    use crate::plan::PlanOptions;
+    use crate::tests::written;
 
     fn noor() -> Plan {
-        let strokes = write("NO", &LetterOptions::default()).unwrap();
-        plan(&strokes, &PlanOptions::even()).unwrap()
+        written("NO", &PlanOptions::even())
     }
 
     #[test]

@@ -59,11 +59,11 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
     };
-    let mut found: Vec<Assignment> = Vec::new();
+    let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
-        found.extend(Assignment::new(strokes, whole_letters, options, style)?);
+        assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
     }
-    let first = found.into_iter().min_by_key(|assignment| assignment.end);
+    let first = assignments.into_iter().min_by_key(|assignment| assignment.end);
     let assignment = first.ok_or_else(|| Error::Infeasible {
         what: "two drones come too close to each other, however long one waits, or no start was \
                found in a billion comparisons of places"
@@ -100,12 +100,16 @@ impl Assignment {
             });
         }
         let homes_m = homes_x_m(&shares);
-        let ways = |share: &[PenStroke]| match is_kept(strokes, style) {
-            true => vec![share.to_vec()],
-            false => ways(share, options, style),
-        };
         let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
-            ways(share).into_iter().map(|way| Route::new(way, options, style, *home_m)).collect()
+            let ways = match is_kept(strokes, style) {
+                true => vec![share.clone()],
+                false => ways(share, options, style),
+            };
+            let route = |strokes: Vec<PenStroke>| {
+                let track = Track::of(&even::plan(&strokes, options, style, Some(*home_m))?);
+                Ok(Route { strokes, track })
+            };
+            ways.into_iter().map(route).collect()
         };
         let routes = shares.iter().zip(&homes_m).map(routes).collect::<Result<Vec<_>>>()?;
         let starts = starts(&routes);
@@ -128,18 +132,6 @@ impl Assignment {
 struct Route {
     strokes: Vec<PenStroke>,
     track: Track,
-}
-
-impl Route {
-    fn new(
-        strokes: Vec<PenStroke>,
-        options: &PlanOptions,
-        style: &EvenStyle,
-        home_x_m: f64,
-    ) -> Result<Self> {
-        let track = Track::of(&even::plan(&strokes, options, style, Some(home_x_m))?);
-        Ok(Self { strokes, track })
-    }
 }
 
 /// Which route a drone takes, and after how many steps.
@@ -351,7 +343,6 @@ fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
 
 /// The closest moment of two plans that are too close to each other, if they ever are: within
 /// [`MIN_HORIZONTAL_M`] horizontally, and not above each other ([`closest`]).
-#[must_use]
 pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
 }
@@ -359,7 +350,6 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
 /// The moment of least horizontal distance of two plans while they are not above each other: within
 /// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
 /// motors off. `None`: they are always above each other.
-#[must_use]
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::of(a), Track::of(b));
     let place = |step: usize| {
@@ -373,20 +363,17 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
 /// The moment of least difference in height of two plans while both fly, one within
 /// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of
 /// the first plan is then `vertical_m` above the other one's, or below it where that is negative.
-#[must_use]
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
-    let (mut nearest, mut time_s): (Option<Approach>, f64) = (None, 0.0);
-    while time_s <= a.duration_s().min(b.duration_s()) {
+    let end_s = a.duration_s().min(b.duration_s());
+    let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));
+    let approaches = times_s.take_while(|time_s| *time_s <= end_s).filter_map(|time_s| {
         let flies = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(|s| !s.on_floor());
         let apart_m = a.design_m(time_s) - b.design_m(time_s);
         let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z);
-        let nearer = nearest.is_none_or(|n| vertical_m.abs() < n.vertical_m.abs());
-        if horizontal_m < MIN_HORIZONTAL_M - 1e-9 && nearer && flies(a) && flies(b) {
-            nearest = Some(Approach { time_s, horizontal_m, vertical_m });
-        }
-        time_s += CHECK_STEP_S;
-    }
-    nearest
+        let is_near = horizontal_m < MIN_HORIZONTAL_M - 1e-9;
+        (is_near && flies(a) && flies(b)).then_some(Approach { time_s, horizontal_m, vertical_m })
+    });
+    approaches.min_by(|a, b| a.vertical_m.abs().total_cmp(&b.vertical_m.abs()))
 }
 
 #[cfg(test)]
@@ -425,22 +412,17 @@ mod tests {
     fn two_drones_write_the_whole_word_apart_and_in_less_time() {
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let plans = fleet(&strokes("NOOR"), &options).unwrap();
-        assert_eq!(plans.len(), 2);
-        assert_eq!(conflict(&plans[0], &plans[1]), None);
         let alone = super::super::plan(&strokes("NOOR"), &options).unwrap();
         let together: f64 = plans.iter().map(Plan::full_light_s).sum();
         assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
         let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
         assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
-    }
-
-    #[test]
-    fn a_drone_waits_until_its_way_is_clear() {
         // Neighboring letters: the second drone may not begin beside the first one's end.
-        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
-        let plans = fleet(&strokes("OO"), &options).unwrap();
-        assert_eq!(conflict(&plans[0], &plans[1]), None);
-        assert!(conflict(&plans[0], &plans[0]).is_some(), "two drones in one place");
+        for plans in [plans, fleet(&strokes("OO"), &options).unwrap()] {
+            assert_eq!(plans.len(), 2);
+            assert_eq!(conflict(&plans[0], &plans[1]), None);
+            assert!(conflict(&plans[0], &plans[0]).is_some(), "two drones in one place");
+        }
     }
 
     #[test]

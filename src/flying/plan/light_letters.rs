@@ -10,7 +10,6 @@ use super::Plan;
 impl Plan {
     /// The letter whose stroke the light that is commanded at each setpoint draws; `None` in the
     /// dark, and of light that no letter follows.
-    #[must_use]
     pub fn light_letters(&self) -> Vec<Option<usize>> {
         let letter = |row: usize| self.setpoints[row].letter;
         let of_rows = |rows: Range<usize>| {
@@ -84,9 +83,8 @@ mod tests {
         let setpoint = |(row, letter): (u32, Option<usize>)| Setpoint {
             time_s: 0.1 * f64::from(row),
             position_m: Vector3::z(),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
             letter,
+            ..Setpoint::default()
         };
         let mut plan = Plan {
             setpoints: (0..).zip(letters).map(setpoint).collect(),

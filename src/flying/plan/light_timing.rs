@@ -149,6 +149,7 @@ fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
 mod tests {
     use super::*;
     use crate::plan::{PlanOptions, plan};
+    use crate::tests::written;
     use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
 
@@ -156,8 +157,7 @@ mod tests {
         LampTiming { delay_s: 0.025, tick_s: 0.05, phase_s: 0.0, rise_s: 0.0, decay_s: 0.0 };
 
     fn noor() -> Plan {
-        let strokes = write("NOE", &LetterOptions::default()).unwrap();
-        plan(&strokes, &PlanOptions::even()).unwrap()
+        written("NOE", &PlanOptions::even())
     }
 
     /// A flight that follows the design exactly, late by `lag_s` and 0.1 m to the left.

@@ -75,7 +75,7 @@ pub struct Plan {
 /// Until the next setpoint the design position is
 /// `position + velocity Δt + acceleration Δt² / 2`. A controller that reads positions only holds
 /// `position` instead, and lags.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Since the first setpoint.
     pub time_s: f64,
@@ -91,7 +91,6 @@ pub struct Setpoint {
 
 impl Plan {
     /// When the last setpoint is sent: the end of the plan.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
     }
@@ -108,26 +107,22 @@ impl Plan {
     }
 
     /// The position that is sent with a setpoint.
-    #[must_use]
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }
 
     /// Row of the setpoint in force at a time; before the first one, its row.
-    #[must_use]
     pub fn row_at(&self, time_s: f64) -> usize {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
     /// The setpoint in force at a time; before the first one, that one.
-    #[must_use]
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }
 
     /// Position of the design at a time; before the first setpoint, at it. The origin for a plan
     /// without any.
-    #[must_use]
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         match self.setpoint_at(time_s) {
             Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
@@ -146,7 +141,6 @@ impl Plan {
     }
 
     /// Level that is commanded from each setpoint on: the highest of all lamps.
-    #[must_use]
     pub fn commanded(&self) -> Vec<f64> {
         let lamps: Vec<&Vec<f64>> = self.lamps().map(|(_, levels)| levels).collect();
         let highest = |row: usize| lamps.iter().map(|levels| levels[row]).fold(0.0, f64::max);
@@ -155,13 +149,11 @@ impl Plan {
 
     /// Light level of the design from each setpoint on: that of the commands where these are not
     /// sent ahead of it.
-    #[must_use]
     pub fn lit(&self) -> Vec<f64> {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
 
     /// Time at full light that the design asks for: levels below 1 count in proportion.
-    #[must_use]
     pub fn full_light_s(&self) -> f64 {
         let lit = self.lit();
         let rows = self.setpoints.windows(2).zip(&lit);
@@ -183,14 +175,12 @@ impl Plan {
 
 impl Setpoint {
     /// Position of the design at `time_s`, at or after this setpoint.
-    #[must_use]
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         let dt = time_s - self.time_s;
         self.position_m + self.velocity_m_s * dt + self.acceleration_m_s2 * (0.5 * dt * dt)
     }
 
     /// Whether it asks for motors off.
-    #[must_use]
     pub fn on_floor(&self) -> bool {
         self.position_m.z <= 0.0
     }
@@ -232,12 +222,12 @@ fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::written;
     use noctograph_core::error::Error;
     use noctograph_letters::{LetterOptions, write};
 
     fn noor(extent: Extent) -> Plan {
-        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        plan(&strokes, &PlanOptions { extent, ..PlanOptions::default() }).unwrap()
+        written("NOOR", &PlanOptions { extent, ..PlanOptions::default() })
     }
 
     #[test]

@@ -124,7 +124,7 @@ impl Motion {
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
         for (off_s, sign) in corners {
-            let (pen, once, twice) = self.pen_at(middle_s + off_s);
+            let (pen, once, twice) = self.piece_at(middle_s + off_s).at(middle_s + off_s);
             average.position_m += twice * sign;
             average.velocity_m_s += once * sign;
             average.acceleration_m_s2 += pen * sign;
@@ -135,11 +135,6 @@ impl Motion {
             velocity_m_s: average.velocity_m_s * (self.pace / area_s2),
             acceleration_m_s2: average.acceleration_m_s2 * (self.pace * self.pace / area_s2),
         }
-    }
-
-    /// The pen and its first and second integral.
-    fn pen_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
-        self.piece_at(time_s).at(time_s)
     }
 
     fn piece_at(&self, time_s: f64) -> &Piece {
@@ -164,10 +159,9 @@ impl Pen {
         a: Vector2<f64>,
         lasts_s: f64,
     ) {
-        let (_, once_m_s, twice_m_s2) = self
-            .pieces
-            .last()
-            .map_or_else(|| (p, Vector2::zeros(), Vector2::zeros()), |last| last.at(self.end_s));
+        let still = Vector2::zeros();
+        let before = self.pieces.last().map(|last| last.at(self.end_s));
+        let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
         self.pieces.push(Piece {
             start_s: self.end_s,
             letter,

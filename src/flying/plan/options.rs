@@ -133,7 +133,6 @@ settings! {
 
 impl PlanOptions {
     /// Style `even`: setpoints at 20 Hz with feedforward, light commands timed on the flight.
-    #[must_use]
     pub fn even() -> Self {
         Self {
             setpoint_interval_s: 0.05,
@@ -147,7 +146,6 @@ impl PlanOptions {
     }
 
     /// Style `even` with other settings.
-    #[must_use]
     pub fn even_with(style: EvenStyle) -> Self {
         Self { style: Style::Even(style), ..Self::even() }
     }

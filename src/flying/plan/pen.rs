@@ -33,10 +33,17 @@ pub(super) struct PenStroke {
     pub(super) letter: usize,
     /// Its corners in the plane of the word, neighbors apart; one alone is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
-    /// Index of the letter of each leg: others than the first along a gradient.
-    pub(super) letters: Vec<usize>,
-    /// Speed along each leg, as a share of the stroke speed.
-    pub(super) pace: Vec<f64>,
+    /// The legs between them.
+    pub(super) legs: Vec<Leg>,
+}
+
+/// A leg of a stroke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Leg {
+    /// Index of its letter: another than the first leg's along a gradient.
+    pub(super) letter: usize,
+    /// Speed along it, as a share of the stroke speed.
+    pub(super) pace: f64,
 }
 
 /// A way to draw a stroke: how it is entered and left.
@@ -63,17 +70,15 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             if (to - from).norm() <= SAME_M {
                 continue;
             }
-            match runs.last_mut().filter(|run| {
-                open && run.points_m.last().is_some_and(|end| (end - from).norm() <= SAME_M)
-            }) {
+            let drawn = Leg { letter, pace: leg.pace };
+            let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
+            match runs.last_mut().filter(|run| open && ends_here(run)) {
                 Some(run) => {
                     run.points_m.push(to);
-                    run.letters.push(letter);
-                    run.pace.push(leg.pace);
+                    run.legs.push(drawn);
                 }
                 None => {
-                    let (points_m, letters, pace) = (vec![from, to], vec![letter], vec![leg.pace]);
-                    runs.push(PenStroke { letter, points_m, letters, pace });
+                    runs.push(PenStroke { letter, points_m: vec![from, to], legs: vec![drawn] });
                 }
             }
             open = true;
@@ -81,8 +86,8 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     }
     let mut runs = joined(runs, &strokes.joints_m);
     for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
-        let middle_m = (run.points_m[0] + run.points_m[run.points_m.len() - 1]) * 0.5;
-        (run.points_m, run.letters, run.pace) = (vec![middle_m], Vec::new(), Vec::new());
+        let middle_m = (run.points_m[0] + run.last_m()) * 0.5;
+        (run.points_m, run.legs) = (vec![middle_m], Vec::new());
     }
     runs
 }
@@ -104,13 +109,12 @@ fn joined(runs: Vec<PenStroke>, joints_m: &[[f64; 2]]) -> Vec<PenStroke> {
     // What goes on from nothing, in a circle of joints, is begun anywhere.
     for head in heads.into_iter().chain(0..left.len()) {
         let Some(mut run) = left[head].take() else { continue };
-        while let Some(begun) = next.get_mut(&key(run.points_m[run.points_m.len() - 1].into()))
+        while let Some(begun) = next.get_mut(&key(run.last_m().into()))
             && let Some(index) = begun.pop()
         {
             let Some(more) = left[index].take() else { continue };
             run.points_m.extend_from_slice(&more.points_m[1..]);
-            run.letters.extend(more.letters);
-            run.pace.extend(more.pace);
+            run.legs.extend(more.legs);
         }
         joined.push(run);
     }
@@ -121,8 +125,8 @@ impl PenStroke {
     /// A stroke in an even pace.
     #[cfg(test)]
     pub(super) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
-        let n_legs = points_m.len() - 1;
-        Self { letter, points_m, letters: vec![letter; n_legs], pace: vec![1.0; n_legs] }
+        let legs = vec![Leg { letter, pace: 1.0 }; points_m.len() - 1];
+        Self { letter, points_m, legs }
     }
 
     /// The place of a dot; `None` of a stroke.
@@ -133,10 +137,13 @@ impl PenStroke {
         }
     }
 
+    fn last_m(&self) -> Vector2<f64> {
+        self.points_m[self.points_m.len() - 1]
+    }
+
     /// Whether it ends where it began.
     fn closed(&self) -> bool {
-        let (first, last) = (self.points_m[0], self.points_m[self.points_m.len() - 1]);
-        self.points_m.len() > 3 && (last - first).norm() <= SAME_M
+        self.points_m.len() > 3 && (self.last_m() - self.points_m[0]).norm() <= SAME_M
     }
 
     /// Whether it comes back to its beginning without a corner.
@@ -148,14 +155,13 @@ impl PenStroke {
     /// The same loop, drawn on over its beginning for a length, or once more at most.
     pub(super) fn overlapped(&self, mut left_m: f64) -> Self {
         let mut out = self.clone();
-        for ((leg, pace), letter) in self.points_m.windows(2).zip(&self.pace).zip(&self.letters) {
+        for (ends, leg) in self.points_m.windows(2).zip(&self.legs) {
             if left_m < SAME_M {
                 break;
             }
-            let length_m = (leg[1] - leg[0]).norm();
-            out.points_m.push(leg[0].lerp(&leg[1], (left_m / length_m).min(1.0)));
-            out.pace.push(*pace);
-            out.letters.push(*letter);
+            let length_m = (ends[1] - ends[0]).norm();
+            out.points_m.push(ends[0].lerp(&ends[1], (left_m / length_m).min(1.0)));
+            out.legs.push(*leg);
             left_m -= length_m;
         }
         out
@@ -167,22 +173,20 @@ impl PenStroke {
 
     /// The same stroke, drawn a way.
     pub(super) fn along(&self, way: usize) -> Self {
-        let Self { letter, mut points_m, mut letters, mut pace } = self.clone();
+        let Self { letter, mut points_m, mut legs } = self.clone();
         if way >= 2 {
-            let begin = way / 2 * pace.len() / self.starts();
+            let begin = way / 2 * legs.len() / self.starts();
             points_m.pop();
             points_m.rotate_left(begin);
             points_m.push(points_m[0]);
-            letters.rotate_left(begin);
-            pace.rotate_left(begin);
+            legs.rotate_left(begin);
         }
         if way % 2 == 1 {
             points_m.reverse();
-            letters.reverse();
-            pace.reverse();
+            legs.reverse();
         }
-        let letter = letters.first().copied().unwrap_or(letter);
-        Self { letter, points_m, letters, pace }
+        let letter = legs.first().map_or(letter, |leg| leg.letter);
+        Self { letter, points_m, legs }
     }
 
     /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1`
@@ -210,7 +214,7 @@ impl PenStroke {
 
     /// Time along it, corners not counted.
     pub(super) fn duration_s(&self, speed_m_s: f64) -> f64 {
-        self.lengths_m().zip(&self.pace).map(|(leg_m, pace)| leg_m / (pace * speed_m_s)).sum()
+        self.lengths_m().zip(&self.legs).map(|(leg_m, leg)| leg_m / (leg.pace * speed_m_s)).sum()
     }
 
     fn lengths_m(&self) -> impl Iterator<Item = f64> {
@@ -251,7 +255,7 @@ mod tests {
             let off =
                 |leg: &[Vector2<f64>]| segment_distance(end.into(), [leg[0].into(), leg[1].into()]);
             let off_m = around.points_m.windows(2).take(8).map(off).fold(1.0, f64::min);
-            assert!(off_m < 1e-9 && over.pace.len() + 1 == over.points_m.len(), "{off_m} m");
+            assert!(off_m < 1e-9 && over.legs.len() + 1 == over.points_m.len(), "{off_m} m");
         }
         assert!((o.overlapped(9.0).length_m() - 2.0 * o.length_m()).abs() < 1e-9, "once more");
     }

@@ -47,12 +47,10 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     }
     let logged = logged(flight);
     let median = MedianStep::new(&logged);
-    let mut replay = Replay::default();
-    let lights = flight.lights.keys().map(|channel| (channel.clone(), Vec::new()));
-    replay.plan.lights = lights.collect();
+    let channels: Vec<String> = flight.lights.keys().cloned().collect();
+    let mut replay = Replay { plan: Plan::with_channels(&channels), n_restored: 0 };
     for (index, (setpoint, row)) in logged.iter().enumerate() {
-        let before = index.checked_sub(1).map(|before| &logged[before]);
-        if let Some((before, row)) = before {
+        if let Some((before, row)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n = median.lost_between(before, setpoint);
             for k in 1..=n {
                 let done = f64::from(k) / f64::from(n + 1);
@@ -94,9 +92,8 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
         Setpoint {
             time_s: on_grid(sample.time_s - flight.samples[0].time_s),
             position_m: sample.design_m,
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
             letter: sample.letter,
+            ..Setpoint::default()
         }
     };
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
@@ -137,7 +134,6 @@ fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
 mod tests {
     use super::*;
     use noctograph_core::flight::FlightSample;
-    use noctograph_core::geometry::Attitude;
 
     /// A log at 100 Hz of setpoints `(time, x, light)`, each held until the next, to 1 s.
     fn logged(sent: &[(f64, f64, f64)]) -> Flight {
@@ -145,14 +141,9 @@ mod tests {
         let times_s = (0..=100).map(|k| f64::from(k) / 100.0);
         let sample = |time_s: f64| FlightSample {
             time_s: time_s + 40.0,
-            position_m: Vector3::zeros(),
-            attitude: Attitude::default(),
             velocity_body_m_s: Vector3::x(),
-            rate_body_rad_s: Vector3::zeros(),
-            estimate_m: Vector3::zeros(),
             design_m: Vector3::new(held(time_s).1, 0.0, 0.5),
-            motors: [0.0; 4],
-            letter: None,
+            ..FlightSample::default()
         };
         let lights = times_s.clone().map(|time_s| held(time_s).2).collect();
         Flight {

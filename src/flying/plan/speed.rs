@@ -35,16 +35,16 @@ pub(super) fn profile(
     smoothing: &Smoothing,
     stroke_speed_m_s: f64,
 ) -> Vec<Node> {
-    let PenStroke { points_m, letters, pace, .. } = stroke;
+    let PenStroke { points_m, legs, .. } = stroke;
     let fastest_m_s = stroke_speed_m_s;
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
-    let last_leg = letters.len() - 1;
+    let last_leg = legs.len() - 1;
     let node = |position_m, pace: f64, leg: usize| {
-        let letter = letters[leg.min(last_leg)];
+        let letter = legs[leg.min(last_leg)].letter;
         Node { position_m, speed_m_s: pace * fastest_m_s, letter }
     };
-    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && pace.iter().all(|pace| *pace == 1.0) {
+    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && legs.iter().all(|leg| leg.pace == 1.0) {
         let points = points_m.iter().enumerate();
         return points.map(|(index, point)| node(*point, 1.0, index)).collect();
     }
@@ -58,14 +58,12 @@ pub(super) fn profile(
     for (index, leg) in points_m.windows(2).enumerate() {
         let length_m = corners.at_m[index + 1] - corners.at_m[index];
         let n = (length_m / step_m).ceil().max(1.0);
-        let mut k = 0.0;
-        while k < n {
-            nodes.push(node(leg[0].lerp(&leg[1], k / n), pace[index], index));
+        for k in (0..).map(f64::from).take_while(|k| *k < n) {
+            nodes.push(node(leg[0].lerp(&leg[1], k / n), legs[index].pace, index));
             at_m.push(corners.at_m[index] + length_m * k / n);
-            k += 1.0;
         }
     }
-    nodes.push(node(points_m[points_m.len() - 1], pace[last_leg], last_leg));
+    nodes.push(node(points_m[points_m.len() - 1], legs[last_leg].pace, last_leg));
     at_m.push(corners.at_m[points_m.len() - 1]);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
     limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
@@ -81,17 +79,14 @@ struct Corners {
 
 impl Corners {
     fn new(points_m: &[Vector2<f64>]) -> Self {
-        let mut at_m = vec![0.0];
-        let mut turn = vec![0.0];
-        for (index, leg) in points_m.windows(2).enumerate() {
-            at_m.push(at_m[index] + (leg[1] - leg[0]).norm());
-            let along = (leg[1] - leg[0]).normalize();
-            turn.push(
-                points_m
-                    .get(index + 2)
-                    .map_or(0.0, |next| ((next - leg[1]).normalize() - along).norm()),
-            );
+        let along = |leg: &[Vector2<f64>]| (leg[1] - leg[0]).normalize();
+        let (mut at_m, mut turn) = (vec![0.0], vec![0.0]);
+        for leg in points_m.windows(2) {
+            at_m.push(at_m[at_m.len() - 1] + (leg[1] - leg[0]).norm());
         }
+        let corners = points_m.windows(3);
+        turn.extend(corners.map(|three| (along(&three[1..]) - along(three)).norm()));
+        turn.push(0.0);
         Self { at_m, turn }
     }
 
@@ -186,7 +181,8 @@ mod tests {
     #[test]
     fn legs_keep_their_pace_but_for_the_way_to_speed_up() {
         let points = [0.0, 1.0, 2.0].map(|x| Vector2::new(x, 0.0)).to_vec();
-        let stroke = PenStroke { pace: vec![1.0, 0.5], ..PenStroke::even(0, points) };
+        let mut stroke = PenStroke::even(0, points);
+        stroke.legs[1].pace = 0.5;
         let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
         // From 0.25 to 0.5 m/s at 2 m/s² takes 47 mm.
         let speed_at = |x| nodes.iter().find(|node| node.position_m.x >= x).unwrap().speed_m_s;

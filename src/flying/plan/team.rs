@@ -10,8 +10,7 @@ use nalgebra::Vector3;
 use super::pen::{DOT_M, dot_s};
 use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::table::MAX_DURATION_S;
-use noctograph_core::flight::table::on_grid;
+use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::polyline_length_m;
 use noctograph_core::strokes::{Glyph, Strokes};
 
@@ -78,11 +77,12 @@ impl Script<'_> {
     fn write(&mut self, glyph: &Glyph) {
         let mut last = self.position_m();
         for (index, leg) in glyph.moves.iter().enumerate() {
-            if index == 0 && !leg.lit && leg.from_m == leg.to_m {
-                self.fly(last, in_word_plane(leg.to_m), false);
+            let [from, to] = [leg.from_m, leg.to_m].map(|[x, up]| Vector3::new(x, 0.0, up));
+            if index == 0 && !leg.lit && from == to {
+                self.fly(last, to, false);
             }
-            last = in_word_plane(leg.to_m);
-            self.fly(in_word_plane(leg.from_m), last, leg.lit);
+            last = to;
+            self.fly(from, to, leg.lit);
         }
         let cell = glyph.cell;
         let beside_m = cell.left_m + cell.width_m + self.style.step_m;
@@ -134,8 +134,8 @@ impl Script<'_> {
             time_s: on_grid(self.time_s),
             position_m: position.map(on_grid),
             velocity_m_s: velocity.map(on_grid),
-            acceleration_m_s2: Vector3::zeros(),
             letter: self.letter,
+            ..Setpoint::default()
         };
         self.plan.push(setpoint, f64::from(lit));
     }
@@ -143,8 +143,4 @@ impl Script<'_> {
     fn position_m(&self) -> Vector3<f64> {
         self.plan.setpoints.last().map_or_else(Vector3::zeros, |last| last.position_m)
     }
-}
-
-fn in_word_plane([x, up]: [f64; 2]) -> Vector3<f64> {
-    Vector3::new(x, 0.0, up)
 }

@@ -44,9 +44,7 @@ impl Transit {
             if most_m_s2 <= BEYOND * style.acceleration_m_s2 {
                 return Some(way);
             }
-            if gentlest.as_ref().is_none_or(|(least_m_s2, _)| most_m_s2 < *least_m_s2) {
-                gentlest = Some((most_m_s2, way));
-            }
+            gentlest = gentlest.filter(|(least, _)| *least <= most_m_s2).or(Some((most_m_s2, way)));
         }
         gentlest.map(|(_, way)| way)
     }
@@ -114,10 +112,8 @@ fn input(
     let target = way(to.position_m - from.position_m);
     // The limits are at least the values at either end.
     let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
-    let along_m_s = (style.dark_speed_m_s * along).max(most(&states, 0));
-    let across_m_s = (style.dark_speed_m_s * across).max(most(&states, 1));
-    for (axis, (speed_m_s, share)) in [(along_m_s, cos), (across_m_s, sin)].into_iter().enumerate()
-    {
+    for (axis, (speed, share)) in [(along, cos), (across, sin)].into_iter().enumerate() {
+        let speed_m_s = (style.dark_speed_m_s * speed).max(most(&states, axis));
         input.current_velocity[axis] = states[0][axis];
         input.current_acceleration[axis] = accelerations[0][axis];
         input.target_position[axis] = target[axis];

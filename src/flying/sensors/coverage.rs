@@ -85,14 +85,12 @@ pub fn coverage(
 
 impl Coverage {
     /// Share of the places that at least two stations see.
-    #[must_use]
     pub fn seen_frac(&self) -> f64 {
         let seen = self.places.iter().filter(|place| place.n_stations >= 2).count();
         seen as f64 / self.places.len() as f64
     }
 
     /// Errors where at least two stations see the drone, rising.
-    #[must_use]
     pub fn errors_m(&self) -> Vec<f64> {
         let seen = self.places.iter().filter(|place| place.n_stations >= 2);
         let mut errors_m: Vec<f64> = seen.filter_map(|place| place.error_m).collect();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::streams::Streams;
+use super::streams::{Clock, Streams};
 use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
@@ -19,25 +19,6 @@ const FAR_NOISE_M: f64 = 0.0025;
 pub(crate) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
-}
-
-/// When a sensor of a steady rate is due.
-#[derive(Debug)]
-struct Clock {
-    rate_hz: f64,
-    measured: u32,
-}
-
-impl Clock {
-    fn new(rate_hz: f64) -> Self {
-        Self { rate_hz, measured: 0 }
-    }
-
-    fn due(&mut self, time_s: f64) -> bool {
-        let due = f64::from(self.measured) <= time_s * self.rate_hz;
-        self.measured += u32::from(due);
-        due
-    }
 }
 
 /// Infrared ranger that looks down along the body's z axis onto the floor.
@@ -70,9 +51,7 @@ impl TimeOfFlight {
         world_from_body: impl Fn() -> Matrix3<f64>,
         time_s: f64,
     ) -> Option<f64> {
-        if !self.clock.due(time_s) {
-            return None;
-        }
+        self.clock.due(time_s)?;
         // Without noise nearby there is none far off.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
@@ -117,10 +96,9 @@ impl Barometer {
     }
 
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
-        self.clock.due(time_s).then(|| {
-            self.walked_m += self.walk.normal() * self.step_m;
-            height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m
-        })
+        self.clock.due(time_s)?;
+        self.walked_m += self.walk.normal() * self.step_m;
+        Some(height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m)
     }
 }
 
@@ -149,9 +127,7 @@ impl Gnss {
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
-        if !self.clock.due(time_s) {
-            return None;
-        }
+        self.clock.due(time_s)?;
         let fix_m = position_m + self.noise.normals() * self.options.noise_m;
         (!self.options.is_silent(time_s)).then_some(fix_m)
     }
@@ -160,7 +136,7 @@ impl Gnss {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensors::density::{Series, random_walk_density, white_density};
+    use crate::sensors::density::{random_walk_density, white_density};
     use noctograph_core::geometry::Attitude;
 
     const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
@@ -168,12 +144,8 @@ mod tests {
     const STREAMS: Streams = Streams { seed: 9, room_seed: 9, drone: 0 };
 
     /// Readings of a sensor in `n` ticks of 500 Hz.
-    fn series(rate_hz: f64, n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Series {
-        let mut series = Series::new(rate_hz);
-        for value in (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)) {
-            series.push(value);
-        }
-        series
+    fn series(n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Vec<f64> {
+        (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)).collect()
     }
 
     #[test]
@@ -183,9 +155,9 @@ mod tests {
         let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, &STREAMS);
         for distance_m in [0.5, 2.5, 3.5] {
             let (mut ranger, above_m) = (ranger(), Vector3::z() * distance_m);
-            let found = series(40.0, 1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
+            let found = series(1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
             let want = sigma_m(distance_m) / f64::sqrt(20.0);
-            for (band, density) in white_density(&found).into_iter().enumerate() {
+            for (band, density) in white_density(&found, 40.0).into_iter().enumerate() {
                 assert!((density / want - 1.0).abs() < 0.2, "{distance_m} m, band {band}");
             }
         }
@@ -201,12 +173,12 @@ mod tests {
     fn barometer_is_white_and_drifts() {
         let options = BarometerOptions { drift_m_sqrt_s: 0.0, ..Default::default() };
         let mut barometer = Barometer::new(&options, &STREAMS);
-        for density in white_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
+        for density in white_density(&series(1 << 19, |t| barometer.read(0.7, t)), 50.0) {
             assert!((density / (0.09 / 5.0) - 1.0).abs() < 0.15, "σ 0.09 m at 50 Hz: {density}");
         }
         let options = BarometerOptions { noise_m: 0.0, ..Default::default() };
         let mut barometer = Barometer::new(&options, &STREAMS);
-        for walk in random_walk_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
+        for walk in random_walk_density(&series(1 << 19, |t| barometer.read(0.7, t)), 50.0) {
             assert!((walk / f64::sqrt(2.0) / 0.012 - 1.0).abs() < 0.15, "after a second: {walk}");
         }
     }
@@ -214,11 +186,12 @@ mod tests {
     #[test]
     fn satellites_are_white_ten_times_a_second() {
         let mut gnss = Gnss::new(&GnssOptions::default(), &STREAMS);
-        let found = series(10.0, 1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
-        for density in white_density(&found) {
+        let found = series(1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
+        for density in white_density(&found, 10.0) {
             assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");
         }
     }
+
     #[test]
     fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
         let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::ImuOptions;
 use super::streams::Streams;
-use noctograph_core::random::{Noise, Normals};
+use noctograph_core::random::Normals;
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
 /// modeled: noise is white up to half the rate at which it is read.
@@ -30,16 +30,15 @@ struct Axes {
 impl Axes {
     /// White noise of density `n`, sampled at rate f, has σ = n √(f/2); a bias whose derivative has
     /// density `b` steps by b √(1/2f).
-    fn new(density: f64, walk: f64, rate_hz: u32, noise: Noise, steps: Noise) -> Self {
+    fn new(density: f64, walk: f64, rate_hz: u32, streams: &Streams, name: &str) -> Self {
         let half_rate = (0.5 * f64::from(rate_hz)).sqrt();
-        let step = walk * (0.5 / f64::from(rate_hz)).sqrt();
-        let (noise, steps) = (Normals::new(noise), Normals::new(steps));
-        Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
-    }
-
-    /// The same with a bias from the start.
-    fn biased(self, bias: [f64; 3]) -> Self {
-        Self { bias: bias.into(), ..self }
+        Self {
+            sigma: density * half_rate,
+            noise: Normals::new(streams.own(name)),
+            step: walk * (0.5 / f64::from(rate_hz)).sqrt(),
+            steps: Normals::new(streams.own(&format!("{name} bias"))),
+            bias: Vector3::zeros(),
+        }
     }
 
     fn bias(&mut self) -> Vector3<f64> {
@@ -53,20 +52,22 @@ impl Axes {
 impl Imu {
     pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
-            gyro: Axes::new(
-                options.gyro_noise_rad_s_sqrt_hz,
-                options.gyro_bias_walk_rad_s2_sqrt_hz,
-                rate_hz,
-                streams.own("gyro"),
-                streams.own("gyro bias"),
-            )
-            .biased(options.gyro_bias_rad_s),
+            gyro: Axes {
+                bias: options.gyro_bias_rad_s.into(),
+                ..Axes::new(
+                    options.gyro_noise_rad_s_sqrt_hz,
+                    options.gyro_bias_walk_rad_s2_sqrt_hz,
+                    rate_hz,
+                    streams,
+                    "gyro",
+                )
+            },
             accelerometer: Axes::new(
                 options.accelerometer_noise_m_s2_sqrt_hz,
                 options.accelerometer_bias_walk_m_s3_sqrt_hz,
                 rate_hz,
-                streams.own("accelerometer"),
-                streams.own("accelerometer bias"),
+                streams,
+                "accelerometer",
             ),
             accelerometer_xy: Normals::new(streams.own("accelerometer xy")),
         }
@@ -90,13 +91,13 @@ impl Imu {
 mod tests {
     use super::*;
     use crate::estimate::variance_rate;
-    use crate::sensors::density::{Series, gathered, random_walk_density, white_density};
+    use crate::sensors::density::{gathered, random_walk_density, white_density};
 
-    const RATE_HZ: u32 = 500;
+    const RATE_HZ: f64 = 500.0;
 
-    fn series(options: &ImuOptions, n: usize) -> [Series; 6] {
-        let mut imu = Imu::new(options, RATE_HZ, &Streams::alone(3));
-        let mut series: [Series; 6] = std::array::from_fn(|_| Series::new(f64::from(RATE_HZ)));
+    fn series(options: &ImuOptions, n: usize) -> [Vec<f64>; 6] {
+        let mut imu = Imu::new(options, 500, &Streams::alone(3));
+        let mut series: [Vec<f64>; 6] = Default::default();
         for _ in 0..n {
             let rate = imu.rate_rad_s(Vector3::zeros());
             let force = imu.specific_force_m_s2(Vector3::zeros());
@@ -112,7 +113,7 @@ mod tests {
         let want = [2.44e-4, 2.44e-4, 2.44e-4, 1.86e-3, 1.86e-3, 1.86e-3];
         let series = series(&ImuOptions::default(), 1 << 17);
         for (axis, (series, want)) in series.iter().zip(want).enumerate() {
-            for (band, found) in white_density(series).into_iter().enumerate() {
+            for (band, found) in white_density(series, RATE_HZ).into_iter().enumerate() {
                 // 1024 blocks at the slowest: 2.2 % one sigma.
                 assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
             }
@@ -123,7 +124,7 @@ mod tests {
     fn noise_gathers_the_variance_that_filters_take_it_for() {
         let found = series(&ImuOptions::default(), 1 << 17);
         for (series, density) in [(&found[0], 2.44e-4), (&found[5], 1.86e-3)] {
-            let rate = gathered(series) / variance_rate(density);
+            let rate = gathered(series, RATE_HZ) / variance_rate(density);
             // 131,072 values: 0.4 % one sigma.
             assert!((rate - 1.0).abs() < 0.015, "{rate} of what a filter adds in a second");
         }
@@ -142,7 +143,7 @@ mod tests {
         for (axis, (series, want)) in
             series.iter().zip([1e-4, 1e-4, 1e-4, 2e-3, 2e-3, 2e-3]).enumerate()
         {
-            for (band, found) in random_walk_density(series).into_iter().enumerate() {
+            for (band, found) in random_walk_density(series, RATE_HZ).into_iter().enumerate() {
                 assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
             }
         }

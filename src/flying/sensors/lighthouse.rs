@@ -94,11 +94,7 @@ impl Lighthouse {
             rotors: (0..n).map(rotor).collect(),
             turn: turn(options),
             scale: 1.0 + options.frame_scale_error,
-            bend: Field::new(
-                &mut streams.shared_by_room("lighthouse distortion"),
-                options.distortion_m,
-                options.distortion_length_m,
-            ),
+            bend: bend(options, streams),
             bend_m: Vector3::zeros(),
             bent_s: f64::NEG_INFINITY,
             loss_frac: options.sweep_loss_frac,
@@ -162,6 +158,12 @@ impl Lighthouse {
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
+}
+
+/// The distortion that all stations share.
+pub(super) fn bend(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
+    let mut noise = streams.shared_by_room("lighthouse distortion");
+    Field::new(&mut noise, options.distortion_m, options.distortion_length_m)
 }
 
 /// The rotation from the room into the Lighthouse's frame.

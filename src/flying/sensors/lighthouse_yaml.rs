@@ -3,15 +3,14 @@
 //! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style after the release
 //! of its YAML library. World and station frames are ours already.
 //!
-//! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) are read and
-//! checked, and have no effect: the firmware undoes them before it uses an angle
-//! (`lighthouse_calibration.c`), and angles here are those after that. They would change
-//! the slant of second-generation planes, by the tilt of up to 0.05 rad about 30°: a tenth of the
-//! height's noise. A warning says so.
+//! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) have no
+//! effect: the firmware undoes them before it uses an angle (`lighthouse_calibration.c`), and
+//! angles here are those after that. They would change the slant of second-generation planes, by
+//! the tilt of up to 0.05 rad about 30°: a tenth of the height's noise. A warning says so.
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::{Generation, Station};
 use noctograph_core::error::{Error, Result};
@@ -25,17 +24,9 @@ const ROTATION_TOLERANCE: f64 = 1e-3;
 const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
                     stations' geometry estimated";
 
-/// Keys of the file, of a station's geometry and calibration; others are named in a warning.
+/// Keys of the file and of a station's geometry; others are named in a warning.
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
-const CALIBRATION: [&str; 2] = ["sweeps", "uid"];
-/// Figures of a plane's calibration, under the firmware's names; the first generation lacks the
-/// last two.
-const SWEEP: [&str; 7] = ["phase", "tilt", "curve", "gibmag", "gibphase", "ogeemag", "ogeephase"];
-const N_SWEEP: usize = 5;
-
-/// Largest figure of a calibration, rad: phases lie within a turn, all others far below one.
-const LARGEST_CALIBRATION: f64 = 10.0;
 
 /// Content of a Lighthouse configuration file.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,8 +57,8 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
         if wanted.contains(&text) {
             return Ok(text.to_owned());
         }
-        let at = format!("{file}:{}: {key}", value.line);
-        Err(Error::input(at, text, wanted.join(" or "), HINT))
+        let place = format!("{file}:{}: {key}", value.line);
+        Err(Error::input(place, text, wanted.join(" or "), HINT))
     };
     must_be("type", &["lighthouse_system_configuration"])?;
     must_be("version", &["1"])?;
@@ -93,15 +84,13 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
         others.extend(unknown(geometry, &GEOMETRY).map_err(broken)?);
         stations.push(station(generation, geometry, file, *id)?);
     }
-    for (id, calibration) in &calibs {
-        others.extend(check(calibration, file, *id)?);
-    }
     let mut warnings = warnings(&geos, &calibs);
     if !others.is_empty() {
         warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
     }
     Ok(LighthouseConfig { stations, warnings })
 }
+
 /// A station of its geometry.
 fn station(generation: Generation, geometry: &Yaml, file: &str, id: u8) -> Result<Station> {
     let broken = |broken: Broken| broken.error(file, HINT);
@@ -125,28 +114,6 @@ fn station(generation: Generation, geometry: &Yaml, file: &str, id: u8) -> Resul
         return Err(refused(rotation, "rotation", format!("{rows:?}"), "a rotation"));
     }
     Ok(placed(generation, position_m, &r))
-}
-
-/// Checks the factory calibration of a station; its keys that are not known.
-fn check(calibration: &Yaml, file: &str, id: u8) -> Result<Vec<String>> {
-    let broken = |broken: Broken| broken.error(file, HINT);
-    let sweeps = calibration.get("sweeps").map_err(broken)?;
-    let mut others = unknown(calibration, &CALIBRATION).map_err(broken)?;
-    for sweep in sweeps.items::<2>().map_err(broken)? {
-        others.extend(unknown(sweep, &SWEEP).map_err(broken)?);
-        for (index, key) in SWEEP.into_iter().enumerate() {
-            if index >= N_SWEEP && sweep.find(key).map_err(broken)?.is_none() {
-                continue;
-            }
-            let figure = sweep.get(key).and_then(Yaml::number).map_err(broken)?;
-            if figure.is_nan() || figure.abs() > LARGEST_CALIBRATION {
-                let place = format!("{file}:{}: calibs.{id}", sweeps.line);
-                let wanted = format!("figures within ±{LARGEST_CALIBRATION}");
-                return Err(Error::input(place, figure, wanted, HINT));
-            }
-        }
-    }
-    Ok(others)
 }
 
 /// The keys of a mapping that are not among those known, with their lines.
@@ -178,18 +145,15 @@ fn warnings(geos: &[(u8, &Yaml)], calibs: &[(u8, &Yaml)]) -> Vec<String> {
 }
 
 /// A station from its rotation matrix.
-fn placed(
-    generation: Generation,
-    position_m: [f64; 3],
-    world_from_station: &Matrix3<f64>,
-) -> Station {
-    let [forward, left, up]: [Vector3<f64>; 3] =
-        [0, 1, 2].map(|axis| world_from_station.column(axis).into_owned());
-    Station::facing(generation, position_m, &forward, libm::atan2(left.z, up.z))
+fn placed(generation: Generation, position_m: [f64; 3], turn: &Matrix3<f64>) -> Station {
+    let forward = turn.column(0).into_owned();
+    Station::facing(generation, position_m, &forward, libm::atan2(turn[(2, 1)], turn[(2, 2)]))
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::sensors::StationPose;
 
@@ -280,10 +244,6 @@ version: '1'
             (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
             (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "but geoz (line 13)"),
             (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
-            (BLOCK.replace("gibmag: 0.006", "gibmag: much"), "lh.yaml:5", "much"),
-            (BLOCK.replace("gibmag: 0.006", "gibmag: .nan"), "lh.yaml:4: calibs.0", "NaN"),
-            (BLOCK.replace("tilt: 0.05", "tilt: 50"), "lh.yaml:4: calibs.0", "50"),
-            (BLOCK.replace("      gibphase: 1.1\n", ""), "lh.yaml:", "gibphase"),
             (String::new(), "lh.yaml:1", ""),
             ("\u{0}\u{1}[{".to_owned(), "lh.yaml:1", ""),
         ];

@@ -41,12 +41,11 @@ pub use self::options::{
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub use self::peers::Target;
-pub(crate) use self::peers::{
-    Air, Fleet, Leg, Member, Message, Reckoning, SharedHeight, SharedRange,
-};
+pub(crate) use self::peers::{Air, Fleet, Leg, Member, Message, Reckoning, Shared};
 pub(crate) use self::station::StationPose;
-pub(crate) use self::uwb::PeerRange;
+pub(crate) use self::streams::Clock;
 pub use self::uwb::Range;
+pub(crate) use self::uwb::{PeerRange, Turn, turns};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +70,26 @@ pub(crate) struct Readings<'a> {
     pub heights: &'a [(HeightSensor, f64)],
 }
 
-impl Readings<'_> {
+impl<'a> Readings<'a> {
+    /// Inertial readings alone.
+    pub(crate) fn inertial(
+        truth: &'a RigidBody,
+        rate_rad_s: Vector3<f64>,
+        specific_force_m_s2: Vector3<f64>,
+    ) -> Self {
+        Self {
+            truth,
+            throttle: 0.0,
+            rate_rad_s,
+            specific_force_m_s2,
+            position_m: None,
+            sweeps: &[],
+            ranges: &[],
+            peer_ranges: &[],
+            heights: &[],
+        }
+    }
+
     /// Whether anything besides the inertial readings is due.
     pub(crate) fn measures_place(&self) -> bool {
         !self.sweeps.is_empty()
@@ -95,40 +113,30 @@ pub struct Sensors {
 
 /// Measurement of the position.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
-    Position(Box<PositionSensor>),
+    Position(PositionSensor),
     CrossingBeams(Lighthouse, CrossingBeams),
     Sweeps(Lighthouse),
-    Uwb(Box<Uwb>),
-    Gnss(Box<Gnss>),
+    Uwb(Uwb),
+    Gnss(Gnss),
 }
 
 /// Measurement of the height.
 #[derive(Debug)]
 enum Altimeter {
-    TimeOfFlight(Box<TimeOfFlight>),
-    Barometer(Box<Barometer>),
+    TimeOfFlight(TimeOfFlight),
+    Barometer(Barometer),
 }
 
 impl Sensors {
-    /// Sensors of a drone above a floor, read `rate_hz` times a second, in the room of their seed.
+    /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
+    /// and one of the room.
     ///
     /// # Panics
     ///
     /// As `Uwb::new`.
-    #[cfg(test)]
     pub(crate) fn new(
-        options: &SensorOptions,
-        floor: &FloorOptions,
-        rate_hz: u32,
-        seed: u64,
-        fleet: &Fleet,
-    ) -> Self {
-        Self::in_room(options, floor, rate_hz, [seed; 2], fleet)
-    }
-
-    /// The same with a seed of their noise and one of the room.
-    pub(crate) fn in_room(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -137,18 +145,14 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        let uwb = |differences| {
-            Box::new(Uwb::new(&options.uwb, differences, &options.peers, fleet, streams))
-        };
         let lighthouse = &options.lighthouse;
-        let altimeter = |sensor: &&HeightSensor| match sensor {
-            HeightSensor::TimeOfFlight => Altimeter::TimeOfFlight(Box::new(TimeOfFlight::new(
-                &options.time_of_flight,
-                floor,
-                streams,
-            ))),
+        let altimeter = |sensor: &HeightSensor| match sensor {
+            HeightSensor::TimeOfFlight => {
+                let sensor = TimeOfFlight::new(&options.time_of_flight, floor, streams);
+                Altimeter::TimeOfFlight(sensor)
+            }
             HeightSensor::Barometer => {
-                Altimeter::Barometer(Box::new(Barometer::new(&options.barometer, streams)))
+                Altimeter::Barometer(Barometer::new(&options.barometer, streams))
             }
         };
         let has = |sensor: &&HeightSensor| options.heights.contains(sensor);
@@ -156,18 +160,19 @@ impl Sensors {
             imu: Imu::new(&options.imu, rate_hz, streams),
             locator: match options.positioning {
                 Positioning::Position => {
-                    Locator::Position(Box::new(PositionSensor::new(lighthouse, rate_hz, streams)))
+                    Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
                 }
                 Positioning::CrossingBeams => Locator::CrossingBeams(
                     Lighthouse::new(lighthouse, streams),
                     CrossingBeams::new(&lighthouse.stations),
                 ),
                 Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
-                Positioning::UwbTwr => Locator::Uwb(uwb(false)),
-                Positioning::UwbTdoa => Locator::Uwb(uwb(true)),
-                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, streams))),
+                Positioning::UwbTwr | Positioning::UwbTdoa => {
+                    Locator::Uwb(Uwb::new(options, fleet, streams))
+                }
+                Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
             },
-            altimeters: HeightSensor::ALL.iter().filter(has).map(|it| altimeter(&it)).collect(),
+            altimeters: HeightSensor::ALL.iter().filter(has).map(altimeter).collect(),
             heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
             ticks: 0,
@@ -196,17 +201,11 @@ impl Sensors {
         let position_m = body.position_m;
         // Not needed at most ticks.
         let world_from_body = || body.matrix();
-        let mut readings = Readings {
-            truth: body,
-            throttle: 0.0,
-            rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),
-            specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
-            position_m: None,
-            sweeps: &[],
-            ranges: &[],
-            peer_ranges: &[],
-            heights: &[],
-        };
+        let mut readings = Readings::inertial(
+            body,
+            self.imu.rate_rad_s(body.rate_rad_s),
+            self.imu.specific_force_m_s2(specific_force_m_s2),
+        );
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
             Locator::CrossingBeams(lighthouse, beams) => {
@@ -246,21 +245,20 @@ impl Sensors {
         self.altimeters.iter().find_map(bias_m).unwrap_or(0.0)
     }
 
-    /// Warnings about the base stations.
-    pub fn warnings(&self) -> Vec<Warning> {
-        match &self.locator {
-            Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
-                let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
-                if blind_s > 0.0 { vec![Warning::Unseen(blind_s)] } else { Vec::new() }
-            }
-            _ => Vec::new(),
-        }
+    /// A warning about the base stations.
+    pub fn warning(&self) -> Option<Warning> {
+        let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
+        else {
+            return None;
+        };
+        let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
+        (blind_s > 0.0).then_some(Warning::Unseen(blind_s))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::density::{Series, white_density};
+    use super::density::white_density;
     use super::*;
     use crate::sensors::Generation;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -277,9 +275,13 @@ mod tests {
         heights: Vec<(HeightSensor, f64)>,
     }
 
+    fn sensors(options: &SensorOptions, seeds: [u64; 2], drone: u64) -> Sensors {
+        Sensors::new(options, &FloorOptions::default(), 500, seeds, &Fleet::alone(drone))
+    }
+
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
         let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
-        let mut sensors = Sensors::new(options, &FloorOptions::default(), 500, 1, &Fleet::alone(0));
+        let mut sensors = sensors(options, [1, 1], 0);
         let read = |_| {
             let r = sensors.read(&body, force, &[]);
             Written {
@@ -296,29 +298,22 @@ mod tests {
     #[test]
     fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
         let at_m = Vector3::new(0.4, -0.1, 0.9);
-        let settled_m = |options: &SensorOptions, seed, drone| {
-            Sensors::new(options, &FloorOptions::default(), 500, seed, &Fleet::alone(drone))
-                .settled_m(at_m)
-        };
+        let body = RigidBody::at(at_m);
         let options = SensorOptions::default();
-        assert_eq!(settled_m(&options, 1, 0), settled_m(&options, 1, 3), "one room");
-        assert_ne!(settled_m(&options, 1, 0), settled_m(&options, 2, 0), "another room");
+        let settled_m = |seed, drone| sensors(&options, [seed; 2], drone).settled_m(at_m);
+        assert_eq!(settled_m(1, 0), settled_m(1, 3), "one room");
+        assert_ne!(settled_m(1, 0), settled_m(2, 0), "another room");
         let first = |drone| {
-            let mut sensors =
-                Sensors::new(&options, &FloorOptions::default(), 500, 1, &Fleet::alone(drone));
-            let body = RigidBody::at(at_m);
-            sensors.read(&body, Vector3::z() * 9.81, &[]).position_m
+            sensors(&options, [1, 1], drone).read(&body, Vector3::z() * 9.81, &[]).position_m
         };
         assert_ne!(first(0), first(1), "each has jitter of its own");
 
         // Base stations that are not where the estimator has them, without any noise.
-        let mut sweeps = SensorOptions { positioning: Positioning::CrossingBeams, ..options };
+        let mut sweeps =
+            SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
         let settled_m = |seeds, drone| {
-            let fleet = Fleet::alone(drone);
-            let floor = FloorOptions::default();
-            let mut sensors = Sensors::in_room(&sweeps, &floor, 500, seeds, &fleet);
-            let body = RigidBody::at(at_m);
+            let mut sensors = sensors(&sweeps, seeds, drone);
             let read = |_| sensors.read(&body, Vector3::z() * 9.81, &[]).position_m;
             (0..500).filter_map(read).last().unwrap()
         };
@@ -410,11 +405,9 @@ mod tests {
 
     #[test]
     fn positions_are_white_where_the_drone_stands() {
-        let mut series = Series::new(500.0);
-        for reading in readings(&SensorOptions::default(), 1 << 16) {
-            series.push(reading.position_m.unwrap().z);
-        }
-        for density in white_density(&series) {
+        let readings = readings(&SensorOptions::default(), 1 << 16);
+        let heights_m: Vec<f64> = readings.iter().map(|r| r.position_m.unwrap().z).collect();
+        for density in white_density(&heights_m, 500.0) {
             let want = 0.001 / f64::sqrt(250.0);
             assert!((density / want - 1.0).abs() < 0.15, "{density:e} m/√Hz of {want:e}");
         }
@@ -449,9 +442,7 @@ mod tests {
             let mean = angles.iter().sum::<f64>() / n;
             let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
             assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
-            let mut series = Series::new(rate);
-            angles.iter().for_each(|angle| series.push(*angle));
-            for density in white_density(&series) {
+            for density in white_density(&angles, rate) {
                 let want = sigma / (0.5 * rate).sqrt();
                 assert!((density / want - 1.0).abs() < 0.3, "{generation:?}: {density:e} rad/√Hz");
             }

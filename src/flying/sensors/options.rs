@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use noctograph_core::error::{Error, Result};
+use noctograph_core::input_error;
 use noctograph_core::settings::{Described, Shape, settings};
 
 /// Most base stations: the channels of the second generation.
@@ -266,7 +267,6 @@ impl Station {
     /// A station at `position_m` that looks at `target_m` with its horizon level.
     ///
     /// Looking straight up or down leaves the yaw at zero.
-    #[must_use]
     pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
         let forward = Vector3::from(target_m) - Vector3::from(position_m);
         Self::facing(generation, position_m, &forward, 0.0)
@@ -306,6 +306,11 @@ impl Described for Station {
 }
 
 impl Positioning {
+    /// Whether it is by ultra-wideband ranges.
+    pub(crate) fn is_by_ranges(self) -> bool {
+        matches!(self, Self::UwbTwr | Self::UwbTdoa)
+    }
+
     /// Whether it gives positions, rather than angles or distances.
     pub(crate) fn gives_positions(self) -> bool {
         matches!(self, Self::Position | Self::CrossingBeams | Self::Gnss)
@@ -324,28 +329,46 @@ impl UwbOptions {
     ///
     /// [`Error::Input`] for a drone that the list leaves out.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
-        let found = usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone));
-        match found {
+        match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
             None if self.heard.is_empty() => Ok((0..self.anchors_m.len()).collect()),
-            None => Err(Error::input(
-                "sensors.uwb.heard",
-                format!("{} lists, and a drone {}", self.heard.len(), drone + 1),
-                "a list for each drone, or none",
-                "list the anchors that each drone hears",
-            )),
+            None => {
+                let (n, drone) = (self.heard.len(), drone + 1);
+                Err(input_error!(
+                    "sensors.uwb.heard",
+                    "{n} lists, and a drone {drone}",
+                    "a list for each drone, or none",
+                    "list the anchors that each drone hears"
+                ))
+            }
         }
     }
 
-    /// Refuses two anchors at one place.
-    fn check_anchors(&self) -> Result<()> {
+    /// Refuses two anchors at one place, and lists of those heard that are not of `least` to all.
+    fn check_anchors(&self, least: usize) -> Result<()> {
         for (i, anchor) in self.anchors_m.iter().enumerate() {
             if self.anchors_m[..i].contains(anchor) {
-                return Err(Error::input(
+                return Err(input_error!(
                     format!("sensors.uwb.anchors_m[{i}]"),
-                    format!("{anchor:?}, the place of another anchor"),
+                    "{anchor:?}, the place of another anchor",
                     "each anchor once",
-                    "list every anchor at its own place",
+                    "list every anchor at its own place"
+                ));
+            }
+        }
+        let n = self.anchors_m.len();
+        for (drone, heard) in self.heard.iter().enumerate() {
+            let place = format!("sensors.uwb.heard[{drone}]");
+            let hint = "list the anchors that the drone hears";
+            check_count(&place, heard.len(), [least, n], hint)?;
+            let is_wrong = |i: &usize| heard[*i] >= n || heard[..*i].contains(&heard[*i]);
+            if let Some(i) = (0..heard.len()).find(is_wrong) {
+                let (anchor, most) = (heard[i], n - 1);
+                return Err(input_error!(
+                    format!("{place}[{i}]"),
+                    "{anchor}",
+                    "each index once, from 0 to {most}",
+                    "indices count the list sensors.uwb.anchors_m from 0"
                 ));
             }
         }
@@ -353,9 +376,15 @@ impl UwbOptions {
     }
 }
 
+fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
+    if (least..=most).contains(&n) {
+        return Ok(());
+    }
+    Err(Error::input(key, format!("{n} of them"), format!("{least} to {most}"), hint))
+}
+
 impl SensorOptions {
     /// Sensors without any error.
-    #[must_use]
     pub fn ideal() -> Self {
         Self {
             imu: ImuOptions {
@@ -429,35 +458,15 @@ impl SensorOptions {
             Positioning::UwbTwr => (0, 1),
             Positioning::UwbTdoa => (0, 2),
         };
-        let check = |key: &str, n: usize, least: usize, most: usize, hint: &str| {
-            if (least..=most).contains(&n) {
-                return Ok(());
-            }
-            Err(Error::input(key, format!("{n} of them"), format!("{least} to {most}"), hint))
-        };
         let known = &self.lighthouse.stations;
         let n_v1 = known.iter().filter(|s| s.generation == Generation::V1).count();
-        let (place, stations_max) = ("sensors.lighthouse.stations", MAX_STATIONS);
-        check(place, known.len(), stations, stations_max, "list the room's base stations")?;
+        let hint = "list the room's base stations";
+        let place = "sensors.lighthouse.stations";
+        check_count(place, known.len(), [stations, MAX_STATIONS], hint)?;
         let hint = "the first generation takes turns: one or two stations; use v2 for more";
-        check(&format!("{place}, generation v1"), n_v1, 0, 2, hint)?;
-        let (place, n) = ("sensors.uwb.anchors_m", self.uwb.anchors_m.len());
-        check(place, n, anchors, MAX_ANCHORS, "list the places of the anchors")?;
-        if anchors == 0 {
-            return Ok(());
-        }
-        self.uwb.check_anchors()?;
-        for (drone, heard) in self.uwb.heard.iter().enumerate() {
-            let place = format!("sensors.uwb.heard[{drone}]");
-            check(&place, heard.len(), anchors, n, "list the anchors that the drone hears")?;
-            for (i, anchor) in heard.iter().enumerate() {
-                if *anchor >= n || heard[..i].contains(anchor) {
-                    let wanted = format!("each index once, from 0 to {}", n - 1);
-                    let hint = "indices count the list sensors.uwb.anchors_m from 0";
-                    return Err(Error::input(format!("{place}[{i}]"), anchor, wanted, hint));
-                }
-            }
-        }
-        Ok(())
+        check_count(&format!("{place}, generation v1"), n_v1, [0, 2], hint)?;
+        let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
+        check_count(place, self.uwb.anchors_m.len(), [anchors, MAX_ANCHORS], hint)?;
+        if anchors == 0 { Ok(()) } else { self.uwb.check_anchors(anchors) }
     }
 }

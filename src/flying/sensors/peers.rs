@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{PeerOptions, Positioning, SensorOptions};
+use super::streams::Clock;
+use super::{PeerOptions, SensorOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
@@ -41,8 +42,8 @@ impl Member {
         index: u64,
         start_m: Vector3<f64>,
     ) -> Self {
-        let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
-        let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
+        let error_m =
+            if sensors.positioning.is_by_ranges() { sensors.uwb.start_error_m } else { 0.0 };
         let start_m = match error_m > 0.0 {
             true => start_m + Noise::new(seed, index, "start").normals() * error_m,
             false => start_m,
@@ -64,21 +65,12 @@ pub enum Target {
     Air,
 }
 
-/// A range in a message.
+/// A range or a height over the floor in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SharedRange {
+pub(crate) struct Shared {
     pub time_s: f64,
     pub target: Target,
-    pub distance_m: f64,
-}
-
-/// A height over the floor in a message.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SharedHeight {
-    pub time_s: f64,
-    /// [`Target::Floor`] or [`Target::Air`].
-    pub target: Target,
-    pub height_m: f64,
+    pub measured_m: f64,
     pub variance: f64,
 }
 
@@ -123,8 +115,8 @@ pub(crate) struct Message {
     pub from: usize,
     pub motion: Reckoning,
     /// Since the last message.
-    pub ranges: Vec<SharedRange>,
-    pub heights: Vec<SharedHeight>,
+    pub ranges: Vec<Shared>,
+    pub heights: Vec<Shared>,
     /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
     pub estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
@@ -137,7 +129,7 @@ pub(crate) struct Air {
     luck: Vec<Vec<Noise>>,
     /// Messages on their way with the time of arrival and the receiver, in the order of sending.
     under_way: VecDeque<(f64, usize, Message)>,
-    sent: u32,
+    clock: Clock,
 }
 
 impl Air {
@@ -151,15 +143,13 @@ impl Air {
             options: options.clone(),
             luck: indices.iter().map(luck).collect(),
             under_way: VecDeque::new(),
-            sent: 0,
+            clock: Clock::new(options.rate_hz),
         }
     }
 
     /// Whether messages are due by `time_s`; they count as sent.
     pub(crate) fn is_due(&mut self, time_s: f64) -> bool {
-        let due = f64::from(self.sent) <= time_s * self.options.rate_hz;
-        self.sent += u32::from(due);
-        due
+        self.clock.due(time_s).is_some()
     }
 
     /// Sends a message to all others; each hears it or not.

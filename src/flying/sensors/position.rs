@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
-use super::lighthouse::turn;
+use super::lighthouse::{bend, turn};
 use super::streams::Streams;
 use noctograph_core::random::{Field, Normals};
 
@@ -29,11 +29,7 @@ impl PositionSensor {
             frame: turn(options) * (1.0 + options.frame_scale_error),
             jitter_m: options.jitter_m,
             jitter: Normals::new(streams.own("lighthouse jitter")),
-            distortion: Field::new(
-                &mut streams.shared_by_room("lighthouse distortion"),
-                options.distortion_m,
-                options.distortion_length_m,
-            ),
+            distortion: bend(options, streams),
             distortion_m: Vector3::zeros(),
             ticks_per_fix: (rate_hz / FIX_RATE_HZ).max(1),
         }

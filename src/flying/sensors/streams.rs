@@ -1,4 +1,4 @@
-//! Streams of noise: whose each is.
+//! Streams of noise, whose each is; and when a sensor is due.
 
 use noctograph_core::random::Noise;
 
@@ -34,5 +34,26 @@ impl Streams {
     #[cfg(test)]
     pub(super) fn alone(seed: u64) -> Self {
         Self { seed, room_seed: seed, drone: 0 }
+    }
+}
+
+/// When something at a steady rate is due.
+#[derive(Debug)]
+pub(crate) struct Clock {
+    rate_hz: f64,
+    n: u32,
+}
+
+impl Clock {
+    pub(crate) fn new(rate_hz: f64) -> Self {
+        Self { rate_hz, n: 0 }
+    }
+
+    /// The number of the next one, from 0, where it is due by `time_s`; it counts as done.
+    pub(crate) fn due(&mut self, time_s: f64) -> Option<usize> {
+        (f64::from(self.n) <= time_s * self.rate_hz).then(|| {
+            self.n += 1;
+            self.n as usize - 1
+        })
     }
 }

@@ -8,8 +8,9 @@
 
 use nalgebra::Vector3;
 
-use super::streams::Streams;
-use super::{Fleet, PeerOptions, UwbOptions};
+use super::streams::{Clock, Streams};
+use super::{Fleet, Positioning, SensorOptions, UwbOptions};
+use noctograph_core::error::Result;
 use noctograph_core::random::{Field, Noise};
 
 /// Distance over which a link's error changes: an assumption, of the size of the furniture.
@@ -34,41 +35,78 @@ pub(crate) struct PeerRange {
     pub distance_m: f64,
 }
 
-/// A turn in the round of all links.
+/// A link in the round of all, with drones by their places in the fleet.
 #[derive(Clone, Copy, Debug)]
-enum Turn {
-    /// To an anchor, and the one whose distance is subtracted from a difference.
-    Anchor(usize, usize),
-    /// To a drone: its place, and the index of the link.
-    Drone(usize, usize),
-    /// Of other drones.
-    Others,
+pub(crate) enum Turn {
+    /// To an anchor, less the distance to another one where differences are measured.
+    Anchor {
+        drone: usize,
+        anchor: usize,
+        minus: Option<usize>,
+    },
+    Drones(usize, usize),
 }
 
-/// The link to another drone.
+/// The links of drones with these indices in their turn: those of each drone to its anchors, then
+/// the pairs of drones.
+pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
+    let differences = options.positioning == Positioning::UwbTdoa;
+    // In the order of the indices: the names of the drones do not matter.
+    let mut places: Vec<usize> = (0..indices.len()).collect();
+    places.sort_by_key(|place| indices[*place]);
+    let mut turns = Vec::new();
+    for &drone in &places {
+        let heard = options.uwb.heard_by(indices[drone])?;
+        let next = heard.iter().cycle().skip(1);
+        turns.extend(heard.iter().zip(next).map(|(&anchor, &next)| {
+            let minus = differences.then_some(next);
+            Turn::Anchor { drone, anchor, minus }
+        }));
+    }
+    for (k, &first) in places.iter().enumerate().filter(|_| options.peers.ranging) {
+        turns.extend(places[k + 1..].iter().map(|second| Turn::Drones(first, *second)));
+    }
+    Ok(turns)
+}
+
+/// White noise and strays of ranges.
 #[derive(Debug)]
-struct PeerLink {
-    bias: Field<1>,
+struct Errors {
     noise: Noise,
     strays: Noise,
+}
+
+impl Errors {
+    /// A distance with its errors. Those of outliers are exponential; a difference strays either
+    /// way.
+    fn added_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
+        let white_m = self.noise.normal() * options.noise_m;
+        let [luck, size] = [self.strays.uniform(), self.strays.uniform()];
+        let either = if differences { size } else { 0.5 + 0.5 * size };
+        let astray_m = match luck < options.outlier_frac {
+            true if either < 0.5 => options.outlier_m * libm::log(1.0 - 2.0 * either),
+            true => -options.outlier_m * libm::log(2.0 * (1.0 - either)),
+            false => 0.0,
+        };
+        distance_m + white_m + astray_m
+    }
 }
 
 /// The anchors and the tag on the drone.
 #[derive(Debug)]
 pub(super) struct Uwb {
+    options: UwbOptions,
+    differences: bool,
+    /// Its place in the fleet.
+    own: usize,
     anchors_m: Vec<Vector3<f64>>,
     turns: Vec<Turn>,
-    peers: Vec<PeerLink>,
-    differences: bool,
-    rate_hz: f64,
-    noise_m: f64,
-    outlier_frac: f64,
-    outlier_m: f64,
-    /// One per link: an anchor, or the pair that begins with it.
+    clock: Clock,
+    /// Of each link: an anchor, or the pair that begins with it.
     biases: Vec<Field<1>>,
-    noise: Noise,
-    strays: Noise,
-    measured: u32,
+    errors: Errors,
+    /// Bias and errors of the link to each drone of the fleet.
+    peers: Vec<(Field<1>, Errors)>,
     ranges: Vec<Range>,
     peer_ranges: Vec<PeerRange>,
 }
@@ -79,42 +117,32 @@ impl Uwb {
     /// # Panics
     ///
     /// If the options leave out the anchors of the drone, see [`UwbOptions::heard_by`].
-    pub(super) fn new(
-        options: &UwbOptions,
-        differences: bool,
-        peers: &PeerOptions,
-        fleet: &Fleet,
-        streams: &Streams,
-    ) -> Self {
-        let own = fleet.members[fleet.place].index;
-        let bias = |i: usize| {
-            let mut noise = streams.shared_by_room(&format!("uwb link {i}"));
-            Field::new(&mut noise, options.bias_m, BIAS_LENGTH_M)
-        };
-        let link = |other: u64| {
-            let (first, second) = (own.min(other), own.max(other));
+    pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
+        let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
+        let uwb = &options.uwb;
+        let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
+        let own = indices[fleet.place];
+        let peer = |other: &u64| {
+            let (first, second) = (own.min(*other), own.max(*other));
             let stream = |what: &str| streams.of_drone(first, &format!("uwb peer {second} {what}"));
-            let bias = Field::new(&mut stream("link"), options.bias_m, BIAS_LENGTH_M);
-            PeerLink { bias, noise: stream("noise"), strays: stream("strays") }
+            let errors = Errors { noise: stream("noise"), strays: stream("strays") };
+            (bias(stream("link")), errors)
         };
-        let anchors_m = options.anchors();
-        let (turns, linked) = turns(options, peers.ranging, fleet);
+        let anchors_m = uwb.anchors();
+        let links = 0..anchors_m.len();
         Self {
-            turns,
-            peers: linked.into_iter().map(link).collect(),
-            differences,
-            rate_hz: options.rate_hz,
-            noise_m: options.noise_m,
-            outlier_frac: options.outlier_frac,
-            outlier_m: options.outlier_m,
-            biases: (0..anchors_m.len()).map(bias).collect(),
-            noise: streams.own("uwb noise"),
-            strays: streams.own("uwb strays"),
-            measured: 0,
+            differences: options.positioning == Positioning::UwbTdoa,
+            own: fleet.place,
+            turns: turns(options, &indices).expect("checked before"),
+            clock: Clock::new(uwb.rate_hz),
+            biases: links.map(|i| bias(streams.shared_by_room(&format!("uwb link {i}")))).collect(),
+            errors: Errors { noise: streams.own("uwb noise"), strays: streams.own("uwb strays") },
+            peers: indices.iter().map(peer).collect(),
             // A rate of 2 kHz on a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),
             anchors_m,
+            options: uwb.clone(),
         }
     }
 
@@ -127,98 +155,45 @@ impl Uwb {
     ) -> (&[Range], &[PeerRange]) {
         self.ranges.clear();
         self.peer_ranges.clear();
-        while f64::from(self.measured) <= time_s * self.rate_hz {
-            let turn = self.turns[self.measured as usize % self.turns.len()];
-            self.measured += 1;
-            match turn {
-                Turn::Anchor(anchor, next) => {
-                    let range = self.range(anchor, next, position_m);
-                    self.ranges.push(range);
+        while let Some(k) = self.clock.due(time_s) {
+            match self.turns[k % self.turns.len()] {
+                Turn::Anchor { drone, anchor, minus } if drone == self.own => {
+                    let distance = |i: usize| (position_m - self.anchors_m[i]).norm();
+                    let true_m = distance(anchor) - minus.map_or(0.0, distance);
+                    let biased_m = true_m + self.biases[anchor].component(0, position_m);
+                    let distance_m =
+                        self.errors.added_to(biased_m, &self.options, self.differences);
+                    self.ranges.push(Range { anchor, minus, distance_m });
                 }
-                Turn::Drone(drone, link) => {
-                    let distance_m = self.peer_m(link, position_m, &fleet_m[drone]);
+                Turn::Drones(i, j) if i == self.own || j == self.own => {
+                    let drone = if i == self.own { j } else { i };
+                    let (bias, errors) = &mut self.peers[drone];
+                    // Midway, so that both ends read the same.
+                    let middle_m = (position_m + fleet_m[drone]) * 0.5;
+                    let true_m = (position_m - fleet_m[drone]).norm();
+                    let biased_m = true_m + bias.component(0, &middle_m);
+                    let distance_m = errors.added_to(biased_m, &self.options, self.differences);
                     self.peer_ranges.push(PeerRange { drone, distance_m });
                 }
-                Turn::Others => {}
+                Turn::Anchor { .. } | Turn::Drones(..) => {}
             }
         }
         (&self.ranges, &self.peer_ranges)
     }
-
-    fn range(&mut self, anchor: usize, next: usize, position_m: &Vector3<f64>) -> Range {
-        let distance = |i: usize| (position_m - self.anchors_m[i]).norm();
-        let minus = self.differences.then_some(next);
-        let true_m = distance(anchor) - minus.map_or(0.0, distance);
-        let bias_m = self.biases[anchor].component(0, position_m);
-        let white_m = self.noise.normal() * self.noise_m;
-        let luck = [self.strays.uniform(), self.strays.uniform()];
-        let astray_m = self.astray_m(luck);
-        Range { anchor, minus, distance_m: true_m + bias_m + white_m + astray_m }
-    }
-
-    /// Distance to another drone. Its bias depends on the place midway, so that both ends read the
-    /// same.
-    fn peer_m(&mut self, link: usize, own_m: &Vector3<f64>, other_m: &Vector3<f64>) -> f64 {
-        let peer = &mut self.peers[link];
-        let bias_m = peer.bias.component(0, &((own_m + other_m) * 0.5));
-        let white_m = peer.noise.normal() * self.noise_m;
-        let luck = [peer.strays.uniform(), peer.strays.uniform()];
-        (own_m - other_m).norm() + bias_m + white_m + self.astray_m(luck)
-    }
-
-    /// Error of an outlier, exponential; a difference strays either way.
-    fn astray_m(&self, [luck, size]: [f64; 2]) -> f64 {
-        let either = if self.differences { size } else { 0.5 + 0.5 * size };
-        match luck < self.outlier_frac {
-            true if either < 0.5 => self.outlier_m * libm::log(1.0 - 2.0 * either),
-            true => -self.outlier_m * libm::log(2.0 * (1.0 - either)),
-            false => 0.0,
-        }
-    }
-}
-
-/// The turns of a round as one drone sees them, and the indices of the drones that it ranges to.
-fn turns(options: &UwbOptions, peer_ranging: bool, fleet: &Fleet) -> (Vec<Turn>, Vec<u64>) {
-    // In the order of the indices: the names of the drones do not matter.
-    let mut places: Vec<usize> = (0..fleet.members.len()).collect();
-    places.sort_by_key(|place| fleet.members[*place].index);
-    let (mut turns, mut linked) = (Vec::new(), Vec::new());
-    for &place in &places {
-        let heard = options.heard_by(fleet.members[place].index).expect("checked before");
-        for (i, anchor) in heard.iter().enumerate() {
-            let next = heard[(i + 1) % heard.len()];
-            let own = place == fleet.place;
-            turns.push(if own { Turn::Anchor(*anchor, next) } else { Turn::Others });
-        }
-    }
-    for (k, &first) in places.iter().enumerate() {
-        for &second in places[k + 1..].iter().filter(|_| peer_ranging) {
-            let other = match fleet.place {
-                place if place == first => second,
-                place if place == second => first,
-                _ => {
-                    turns.push(Turn::Others);
-                    continue;
-                }
-            };
-            turns.push(Turn::Drone(other, linked.len()));
-            linked.push(fleet.members[other].index);
-        }
-    }
-    (turns, linked)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensors::density::{Series, white_density};
+    use crate::sensors::density::white_density;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 
     /// Errors of ten minutes at rest, by link.
     fn errors(options: &UwbOptions, differences: bool) -> Vec<Vec<f64>> {
-        let peers = PeerOptions::default();
-        let mut uwb = Uwb::new(options, differences, &peers, &Fleet::alone(0), &Streams::alone(4));
+        let positioning = [Positioning::UwbTwr, Positioning::UwbTdoa][usize::from(differences)];
+        let options = SensorOptions { positioning, uwb: options.clone(), ..Default::default() };
+        let mut uwb = Uwb::new(&options, &Fleet::alone(0), &Streams::alone(4));
         let anchors = uwb.anchors_m.clone();
         let mut errors = vec![Vec::new(); anchors.len()];
         for tick in 0..300_000 {
@@ -247,9 +222,7 @@ mod tests {
                 let bias = mean(link.iter().copied());
                 let sigma = mean(link.iter().map(|e| (e - bias) * (e - bias))).sqrt();
                 assert!((sigma / 0.06 - 1.0).abs() < 0.03, "white part {sigma}");
-                let mut series = Series::new(180.0 / 8.0);
-                link.iter().for_each(|error| series.push(*error));
-                for density in white_density(&series) {
+                for density in white_density(link, 180.0 / 8.0) {
                     let want = 0.06 / f64::sqrt(0.5 * 180.0 / 8.0);
                     assert!((density / want - 1.0).abs() < 0.3, "{density} m/√Hz of {want}");
                 }

@@ -3,9 +3,8 @@
 use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
-use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
-use super::options::{ControllerKind, EstimatorKind, SetpointKind, Setpoints};
+use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
 use super::recorder::Snapshot;
 use crate::plan::Plan;
@@ -26,7 +25,7 @@ pub(super) const LOST: f64 = 1e4;
 #[derive(Debug)]
 pub struct Avionics {
     controller: Box<dyn Controller>,
-    estimator: Estimator,
+    estimator: Box<dyn Estimator>,
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
@@ -56,8 +55,8 @@ pub struct Avionics {
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
-    /// Whether the filter of a drone alone logs its covariance; a fleet's always does.
-    logs_covariance: bool,
+    /// Whether the filter logs its covariance, as a fleet's always does.
+    pub(super) logs_covariance: bool,
 }
 
 /// Kinds of setpoints that the firmware tells apart.
@@ -82,7 +81,7 @@ impl Avionics {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
-        let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
+        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         let mut estimator = estimator(believed, settled_m, fleet, seed)?;
         estimator.set_yaw(yaw_rad);
@@ -112,7 +111,7 @@ impl Avionics {
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
-            logs_covariance: false,
+            logs_covariance: believed.observer.kind == EstimatorKind::Cooperative,
         })
     }
 
@@ -152,7 +151,7 @@ impl Avionics {
             self.stopped_s.get_or_insert(time_s);
         }
         if stands || self.stopped_s.is_some() {
-            if let Estimator::Cooperative(filter) = &mut self.estimator {
+            if let Some(filter) = self.estimator.of_fleet() {
                 filter.rest();
             }
             self.refresh_estimate();
@@ -192,8 +191,8 @@ impl Avionics {
         if kind == Kind::Level {
             level_out(&mut estimate, &mut reference);
         }
-        if let Estimator::Altitude(filters) = &self.estimator {
-            self.controller.set_thrust_map(filters.vertical.thrust_map());
+        if let Some(filter) = self.estimator.altitude() {
+            self.controller.set_thrust_map(filter.thrust_map());
         }
         let reference = reference.turned(-self.yaw_rad);
         self.command = self.controller.command(&ahead(&estimate, self.yaw_rad), &reference);
@@ -241,15 +240,12 @@ impl Avionics {
 
     /// A message to the fleet.
     pub(super) fn message(&mut self) -> Option<Message> {
-        match &mut self.estimator {
-            Estimator::Cooperative(filter) => filter.message(),
-            _ => None,
-        }
+        self.estimator.of_fleet()?.message()
     }
 
     /// Receives a message of the fleet.
     pub(super) fn receive(&mut self, message: &Message) {
-        if let Estimator::Cooperative(filter) = &mut self.estimator {
+        if let Some(filter) = self.estimator.of_fleet() {
             filter.receive(message);
             self.fresh = false;
         }
@@ -262,10 +258,7 @@ impl Avionics {
 
     /// The altitude filter, where the estimator has one.
     pub fn altitude(&self) -> Option<&AltitudeFilter> {
-        match &self.estimator {
-            Estimator::Altitude(filters) => Some(&filters.vertical),
-            _ => None,
-        }
+        self.estimator.altitude()
     }
 
     /// The sensors.
@@ -284,19 +277,9 @@ impl Avionics {
             setpoint: self.setpoint,
             heard: self.heard,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery: plant.battery_v().zip(plant.energy_j()),
-            covariance_m2: match &self.estimator {
-                Estimator::Cooperative(filter) => Some(filter.covariance_m2()),
-                Estimator::Ekf(filter) if self.logs_covariance => Some(filter.covariance_m2()),
-                Estimator::Firmware(filter) if self.logs_covariance => Some(filter.covariance_m2()),
-                _ => None,
-            },
+            battery: plant.battery(),
+            covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
         }
-    }
-
-    /// From now on, a filter that has a covariance logs it.
-    pub(super) fn log_covariance(&mut self) {
-        self.logs_covariance = true;
     }
 
     /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at
@@ -329,7 +312,7 @@ impl Avionics {
             .into_iter()
             .chain(silent)
             .chain(plant.warnings())
-            .chain(self.sensors.warnings())
+            .chain(self.sensors.warning())
             .collect()
     }
 }

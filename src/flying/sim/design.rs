@@ -11,18 +11,19 @@
 //! printed, its poles and margins have it. Not modeled: the observer's own part in the margins,
 //! the time between two ticks.
 
-use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
+use nalgebra::{Complex, DMatrix, Matrix4, SMatrix};
 use serde::{Serialize, Serializer};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
+use super::estimator::{hover_model, observer_gain, without_yaw};
 use super::options::{ControllerKind, SimOptions};
-use crate::vehicle::{Mixer, Motion, State, Vehicle, VehicleOptions, Wrench, motion_derivative};
+use crate::vehicle::{Mixer, State, Vehicle, VehicleOptions, Wrench};
 use noctograph_core::control::{
-    Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain,
-    poles, unobservable_states, with_input_lag,
+    Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
+    unobservable_states, with_input_lag,
 };
 use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::error::{Error, Result, within};
+use noctograph_core::error::{Result, within};
 
 /// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
 /// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights
@@ -114,8 +115,9 @@ fn rows<'a, S: Serializer>(
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`], [`Error::Input`] for a lag outside 1 µs to 1 s,
-/// [`Error::Infeasible`] for weights that have no gain.
+/// Those of [`SimOptions::check`], [`Error::Input`](noctograph_core::error::Error::Input) for a lag
+/// outside 1 µs to 1 s, [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) for
+/// weights that have no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
     within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
@@ -123,168 +125,123 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let real = a + drag(&options.vehicle);
-    let mut design = match options.controller.kind {
-        ControllerKind::Pid | ControllerKind::Geometric => Design::of_loops(
-            &dynamic(&real),
-            &dynamic(&b),
-            &LinearController::new(options),
-            motor_lag_s,
-        ),
-        _ => {
-            let model = with_integrals(options, &a, &b);
-            let gain = Gain::new(options, &model)?;
-            let model = with_integrals(options, &real, &b);
-            Design::of_gain(&model, &gain, modeled_lag_s(options), motor_lag_s)
-        }
+    let is_regulator =
+        !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
+    let (feedback, states) = if is_regulator {
+        let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
+        regulator(&with_integrals(options, &real, &b), &gain, modeled_lag_s(options))
+    } else {
+        (loops(&dynamic(&real), &dynamic(&b), &LinearController::new(options)), Vec::new())
     };
+    let [fed_a, fed_b, k] = &feedback;
+    let lagging = |lag_s: f64| {
+        let [a, b, k] = with_input_lag(fed_a, fed_b, k, lag_s);
+        let closed = &a - &b * &k;
+        ([a, b, k], closed)
+    };
+    let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
+    let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
+    let lagging_margins = margins(&a_lag, &b_lag, &k_lag).map(of_inputs);
+    let longest_lag_s = longest(|lag_s| is_hurwitz(&lagging(lag_s).1));
+
+    // The observer: the nine states of `Motion` with body rate and thrust as inputs.
+    let (motion_a, _) = hover_model(linearize_finely);
+    let l = observer_gain(&options.observer.luenberger, &motion_a)?;
+    let (observed_a, position) = (without_yaw(&motion_a), DMatrix::identity(3, 9));
+    let motion_a = dynamic(&motion_a);
     // The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
-    (design.a, design.b) = (dynamic(&real), dynamic(&b));
-    design.controllability_rank =
-        observability_rank(&dynamic(&real.transpose()), &dynamic(&per_size.transpose()));
-    design.observe(options)?;
-    design.weigh(options, &vehicle);
-    design.warn(options);
-    Ok(design)
+    let largest_inputs = largest_inputs(&options.vehicle, &vehicle);
+    Ok(Design {
+        a: dynamic(&real),
+        b: dynamic(&b),
+        states,
+        n_controller_states: fed_a.nrows() - 12,
+        controllability_rank: observability_rank(
+            &dynamic(&real.transpose()),
+            &dynamic(&per_size.transpose()),
+        ),
+        observability_rank: observability_rank(&motion_a, &position),
+        unobservable: unobservable_states(&motion_a, &position)
+            .iter()
+            .map(|i| STATES[*i])
+            .collect(),
+        regulator_poles: poles(&(fed_a - fed_b * k)),
+        observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
+        l: dynamic(&l),
+        margins: margins(fed_a, fed_b, k).map(of_inputs),
+        motor_lag_s,
+        lagging_poles: poles(&closed_lag),
+        warnings: warnings(options, motor_lag_s, lagging_margins.is_some(), longest_lag_s),
+        lagging_margins,
+        longest_lag_s,
+        largest_inputs,
+        bryson_r: largest_inputs.map(|largest| 1.0 / (largest * largest)),
+        k: is_regulator.then(|| k.clone()),
+    })
 }
 
-impl Design {
-    /// The regulator's part, for lagging or immediate motors.
-    fn of_gain(
-        [a, b]: &[DMatrix<f64>; 2],
-        gain: &Gain,
-        known_lag_s: Option<f64>,
-        motor_lag_s: f64,
-    ) -> Self {
-        let n = a.nrows();
-        let states = STATES[..n].iter().copied();
-        let Some(known_lag_s) = known_lag_s else {
-            return Self {
-                k: Some(gain.k.clone()),
-                states: states.collect(),
-                ..Self::of_feedback(a, b, &gain.k, motor_lag_s)
-            };
-        };
-        // The modeled rotors run on the regulator's own commands: they are part of it, not of the
-        // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
-        let mut whole = a.clone().resize(n + 4, n + 4, 0.0);
-        whole.view_mut((n, 0), (4, n)).copy_from(&(-&gain.k / known_lag_s));
-        let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
-        whole.view_mut((n, n), (4, 4)).copy_from(&back);
-        let mut k = gain.k.clone().resize_horizontally(n + 4, 0.0);
-        k.columns_mut(n, 4).copy_from(&gain.k_rotor);
-        let b = b.clone().resize_vertically(n + 4, 0.0);
-        let feedback = Self::of_feedback(&whole, &b, &k, motor_lag_s);
-        Self { k: Some(k), states: states.chain(ROTOR_STATES).collect(), ..feedback }
-    }
+/// The feedback `u = −K x` of a regulator, for lagging or immediate motors, as A, B and K, and its
+/// states.
+fn regulator(
+    [a, b]: &[DMatrix<f64>; 2],
+    gain: &Gain,
+    known_lag_s: Option<f64>,
+) -> ([DMatrix<f64>; 3], Vec<&'static str>) {
+    let n = a.nrows();
+    let states = STATES[..n].iter().copied();
+    let Some(known_lag_s) = known_lag_s else {
+        return ([a.clone(), b.clone(), gain.k.clone()], states.collect());
+    };
+    // The modeled rotors run on the regulator's own commands: they are part of it, not of the
+    // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
+    let mut whole = a.clone().resize(n + 4, n + 4, 0.0);
+    whole.view_mut((n, 0), (4, n)).copy_from(&(-&gain.k / known_lag_s));
+    let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
+    whole.view_mut((n, n), (4, 4)).copy_from(&back);
+    let mut k = gain.k.clone().resize_horizontally(n + 4, 0.0);
+    k.columns_mut(n, 4).copy_from(&gain.k_rotor);
+    ([whole, b.clone().resize_vertically(n + 4, 0.0), k], states.chain(ROTOR_STATES).collect())
+}
 
-    /// The loops of a controller with states of its own.
-    fn of_loops(
-        a: &DMatrix<f64>,
-        b: &DMatrix<f64>,
-        loops: &LinearController,
-        motor_lag_s: f64,
-    ) -> Self {
-        let m = loops.f.nrows();
-        let mut whole = a.clone().resize(12 + m, 12 + m, 0.0);
-        whole.view_mut((12, 0), (m, 12)).copy_from(&loops.g);
-        whole.view_mut((12, 12), (m, m)).copy_from(&loops.f);
-        let mut k = (-&loops.k).resize_horizontally(12 + m, 0.0);
-        k.columns_mut(12, m).copy_from(&-&loops.h);
-        Self::of_feedback(&whole, &b.clone().resize_vertically(12 + m, 0.0), &k, motor_lag_s)
-    }
+/// The feedback of a controller with states of its own, which follow the drone's twelve.
+fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, loops: &LinearController) -> [DMatrix<f64>; 3] {
+    let m = loops.f.nrows();
+    let mut whole = a.clone().resize(12 + m, 12 + m, 0.0);
+    whole.view_mut((12, 0), (m, 12)).copy_from(&loops.g);
+    whole.view_mut((12, 12), (m, m)).copy_from(&loops.f);
+    let mut k = (-&loops.k).resize_horizontally(12 + m, 0.0);
+    k.columns_mut(12, m).copy_from(&-&loops.h);
+    [whole, b.clone().resize_vertically(12 + m, 0.0), k]
+}
 
-    /// Poles and margins of the feedback `u = −K x`, for lagging and immediate motors; the
-    /// controller's own states follow the drone's twelve.
-    fn of_feedback(a: &DMatrix<f64>, b: &DMatrix<f64>, k: &DMatrix<f64>, motor_lag_s: f64) -> Self {
-        let lagging = |lag_s: f64| {
-            let [a, b, k] = with_input_lag(a, b, k, lag_s);
-            let closed = &a - &b * &k;
-            ([a, b, k], closed)
-        };
-        let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
-        let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
-        Self {
-            a: DMatrix::zeros(12, 12),
-            b: DMatrix::zeros(12, 4),
-            k: None,
-            states: Vec::new(),
-            n_controller_states: a.nrows() - 12,
-            l: DMatrix::zeros(8, 3),
-            controllability_rank: 0,
-            observability_rank: 0,
-            unobservable: Vec::new(),
-            regulator_poles: poles(&(a - b * k)),
-            observer_poles: None,
-            margins: margins(a, b, k).map(of_inputs),
-            motor_lag_s,
-            lagging_poles: poles(&closed_lag),
-            lagging_margins: margins(&a_lag, &b_lag, &k_lag).map(of_inputs),
-            longest_lag_s: longest(|lag_s| is_hurwitz(&lagging(lag_s).1)),
-            largest_inputs: [0.0; 4],
-            bryson_r: [0.0; 4],
-            warnings: Vec::new(),
-        }
-    }
+/// How far each input by itself may deviate from hover until the first motor reaches its limit.
+fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
+    let mixer = Mixer::new(options);
+    let hover = mixer.motors(&vehicle.hover()).0;
+    let room = hover.map(|motor| motor.min(options.motor_max - motor));
+    std::array::from_fn(|input| {
+        let mut unit = Wrench::zeros();
+        unit[input] = 1.0;
+        room.component_div(&mixer.unbounded_motors(&unit).abs()).min()
+    })
+}
 
-    /// The observer's part: the nine states of [`Motion`] with body rate and thrust as inputs, and
-    /// the gain without the yaw.
-    fn observe(&mut self, options: &SimOptions) -> Result<()> {
-        let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
-        let (a, _) = linearize_finely(
-            |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
-            &Motion::zeros(),
-            &at_hover,
-        );
-        let a = dynamic(&a);
-        let position = DMatrix::identity(3, 9);
-        self.observability_rank = observability_rank(&a, &position);
-        self.unobservable =
-            unobservable_states(&a, &position).iter().map(|&state| STATES[state]).collect();
-        let a = a.remove_row(YAW).remove_column(YAW);
-        let c = DMatrix::identity(3, 8);
-        let variances = |trust: &[f64]| {
-            DMatrix::from_diagonal(&DVector::from_column_slice(trust).map(f64::recip))
-        };
-        let model = variances(&options.observer.luenberger.r);
-        let measured = variances(&options.observer.luenberger.q);
-        let l = observer_gain(&a, &c, &model, &measured).map_err(|error| Error::Infeasible {
-            what: format!("observer.luenberger.q and .r have no gain: {error}"),
-            hint: error.hint().into(),
-        })?;
-        self.observer_poles = poles(&(a - &l * c));
-        self.l = l;
-        Ok(())
-    }
-
-    /// Bryson's rule: an input may deviate until the first motor reaches its limit.
-    fn weigh(&mut self, options: &SimOptions, vehicle: &Vehicle) {
-        let mixer = Mixer::new(&options.vehicle);
-        let hover = mixer.motors(&vehicle.hover()).0;
-        for (i, largest) in self.largest_inputs.iter_mut().enumerate() {
-            let mut unit = Wrench::zeros();
-            unit[i] = 1.0;
-            let per_unit = mixer.unbounded_motors(&unit);
-            let room = hover.map(|m| m.min(options.vehicle.motor_max - m));
-            *largest = room.component_div(&per_unit.abs()).min();
-        }
-        self.bryson_r = self.largest_inputs.map(|largest| 1.0 / (largest * largest));
-    }
-
-    fn warn(&mut self, options: &SimOptions) {
-        let lag_s = self.motor_lag_s;
-        if self.lagging_margins.is_none() {
-            self.warnings.push(format!(
-                "the loop is stable only without motor lag: with {lag_s} s it is not{}",
-                self.longest_lag_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"))
-            ));
-        }
-        if options.controller.kind == ControllerKind::Altitude {
-            let text = "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of the \
-                        altitude";
-            self.warnings.push(text.into());
-        }
-    }
+fn warnings(
+    options: &SimOptions,
+    lag_s: f64,
+    is_stable: bool,
+    longest_s: Option<f64>,
+) -> Vec<String> {
+    let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+    let unstable = (!is_stable).then(|| {
+        format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}")
+    });
+    let altitude = (options.controller.kind == ControllerKind::Altitude).then(|| {
+        "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of the altitude"
+            .to_owned()
+    });
+    unstable.into_iter().chain(altitude).collect()
 }
 
 /// What the air adds to A at hover: drag of body and rotors, and the moment of the air across the
@@ -304,9 +261,6 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag[(RATE + 1, VELOCITY)] = -vehicle.airspeed_moment_n_s / j_y;
     drag
 }
-
-/// Row of the yaw, which the observer leaves out.
-const YAW: usize = 3;
 
 /// Longest stable lag; `None` where even [`MAX_LAG_S`] is stable.
 fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {

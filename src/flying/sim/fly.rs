@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
-use super::drone::Drone;
+use super::options::Drone;
 use super::recorder::Recorder;
 use crate::plan::{Plan, Setpoint};
 use crate::sensors::{Air, Fleet, Member};
@@ -11,6 +11,7 @@ use crate::vehicle::{Downwash, FloorOptions, Plant, Wake};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::input_error;
 
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
@@ -86,19 +87,17 @@ pub fn fly_watched(
             if blows {
                 rig.plant.enter(wakes[..place].iter().chain(&wakes[place + 1..]));
             }
-            rig.tick(fleet[place].0, tick, time_s, &fleet_m, watch).map_err(
-                |error| match error {
-                    Error::Infeasible { what, hint } if !alone => {
-                        Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
-                    }
-                    error => error,
-                },
-            )?;
+            let ticked = rig.tick(fleet[place].0, tick, time_s, &fleet_m, watch);
+            ticked.map_err(|error| match error {
+                Error::Infeasible { what, hint } if !alone => {
+                    Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
+                }
+                error => error,
+            })?;
         }
         if !alone && air.is_due(time_s) {
-            rigs.iter_mut()
-                .filter_map(|rig| rig.avionics.message())
-                .for_each(|message| air.send(&message));
+            let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
+            messages.for_each(|message| air.send(&message));
         }
         if tick.is_multiple_of(TICKS_PER_REPORT) {
             progress(f64::from(tick) / f64::from(n_ticks.max(1)));
@@ -123,10 +122,10 @@ pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<(Vec<Rig>, Vec<u64>)>
         members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
     }
     let indices = members.iter().map(|member| member.index).collect();
-    let mut rigs = Vec::with_capacity(fleet.len());
-    for (place, (plan, drone)) in fleet.iter().enumerate() {
-        rigs.push(Rig::new(plan, drone, &Fleet { members: members.clone(), place })?);
-    }
+    let rig = |(place, (plan, drone)): (usize, &(&Plan, Drone<'_>))| {
+        Rig::new(plan, drone, &Fleet { members: members.clone(), place })
+    };
+    let rigs = fleet.iter().enumerate().map(rig).collect::<Result<Vec<_>>>()?;
     Ok((rigs, indices))
 }
 
@@ -149,15 +148,10 @@ impl Rig {
         let n_ticks = n_ticks(plan, rates.control_hz)?;
         let ticks_per_sample = rates.control_hz / rates.log_hz;
         let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+        let start_m = start_m(plan, &drone.actual.floor);
+        let plant = Plant::new(drone.actual.plant(), dt_s, drone.seed, drone.index, start_m);
         Ok(Self {
-            plant: Plant::new(
-                drone.actual.plant(),
-                dt_s,
-                drone.seed,
-                drone.index,
-                start_m(plan, &drone.actual.floor),
-            )
-            .facing(plan.yaw_rad),
+            plant: plant.facing(plan.yaw_rad),
             avionics: Avionics::new(drone, fleet, plan)?,
             recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
             n_ticks,
@@ -228,11 +222,10 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     for (i, s) in plan.setpoints.iter().enumerate() {
         let sent_m = plan.sent_m(i);
         let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
-        for value in s.position_m.iter().chain(moving).chain(&sent_m) {
-            if value.is_nan() || value.abs() >= LOST {
-                let wanted = format!("a number within ±{LOST}");
-                return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
-            }
+        let mut values = s.position_m.iter().chain(moving).chain(&sent_m);
+        if let Some(value) = values.find(|value| value.is_nan() || value.abs() >= LOST) {
+            let wanted = format!("a number within ±{LOST}");
+            return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
         }
     }
     check_above(plan, floor)
@@ -254,15 +247,14 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
         let s = &all[*i];
         inside(s) && ((first..=last).contains(i) || !higher(s))
     };
-    match (0..all.len()).find(refused) {
-        None => Ok(()),
-        Some(i) => Err(Error::input(
-            format!("plan, setpoint {i}"),
-            format!("a height of {} m", all[i].position_m.z),
-            format!("more than the floor's {} m there", below_m(&all[i])),
-            "write higher (letters.baseline_m), or lower or move floor.steps",
-        )),
-    }
+    let Some(i) = (0..all.len()).find(refused) else { return Ok(()) };
+    let (height_m, floor_m) = (all[i].position_m.z, below_m(&all[i]));
+    Err(input_error!(
+        format!("plan, setpoint {i}"),
+        "a height of {height_m} m",
+        "more than the floor's {floor_m} m there",
+        "write higher (letters.baseline_m), or lower or move floor.steps"
+    ))
 }
 
 /// Control ticks from the first setpoint to the last.

@@ -23,7 +23,6 @@
 mod avionics;
 mod controller;
 pub mod design;
-mod drone;
 mod estimator;
 mod fly;
 mod options;
@@ -33,17 +32,15 @@ mod session;
 
 pub use avionics::Avionics;
 pub use controller::{ThrustMap, altitude_gains};
-pub use drone::Drone;
 pub use estimator::{
     AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,
     writing_sigma_m,
 };
-pub use fly::fly_watched;
-pub use fly::{fly, fly_fleet};
+pub use fly::{fly, fly_fleet, fly_watched};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
-    EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, LqrOptions,
-    LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions, RateOptions,
-    SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
+    Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce,
+    LqrOptions, LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions,
+    RateOptions, SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
 };
 pub use session::Session;

@@ -19,9 +19,7 @@ const SWITCH_S: f64 = 2.5e-3;
 /// What a drone hears of its host.
 #[derive(Debug)]
 pub(super) struct Link {
-    loss_frac: f64,
-    every_s: f64,
-    outage_s: f64,
+    options: RadioOptions,
     chance: Noise,
     outages: Noise,
     /// From when to when the present outage lasts, or the next one.
@@ -44,9 +42,7 @@ impl Link {
         let switch_s = if options.drones > 1 { SWITCH_S } else { 0.0 };
         let place = (index % u64::from(options.drones)) as f64;
         let mut link = Self {
-            loss_frac: options.loss_frac,
-            every_s: options.outage_every_s,
-            outage_s: options.outage_s,
+            options: options.clone(),
             chance: Noise::new(seed, index, "radio"),
             // Other senders disturb all drones alike.
             outages: Noise::new(seed, 0, "radio outages"),
@@ -56,7 +52,7 @@ impl Link {
             heard: (0, 0.0),
             since_s: 0.0,
         };
-        if link.every_s > 0.0 {
+        if options.outage_every_s > 0.0 {
             link.outage = [0.0; 2];
             link.next_outage();
         }
@@ -69,7 +65,8 @@ impl Link {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
-            let lost = self.chance.uniform() < self.loss_frac || self.turn_s >= self.outage[0];
+            let lost =
+                self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
             if !lost {
                 if self.heard.0 != newest {
                     self.since_s = self.turn_s;
@@ -92,7 +89,7 @@ impl Link {
     }
 
     fn next_outage(&mut self) {
-        let [after_s, lasts_s] = [self.every_s, self.outage_s]
+        let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]
             .map(|mean_s| -mean_s * libm::log(1.0 - self.outages.uniform()));
         let from_s = self.outage[1] + after_s;
         // A turn at least passes, so that the search for the next outage ends.

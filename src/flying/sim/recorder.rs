@@ -11,16 +11,16 @@ use noctograph_core::flight::{
     Warning,
 };
 
+/// Further columns of a flight, where they are logged.
+const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
+
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
 /// decimals gives back exactly the flight that was written.
 #[derive(Debug)]
 pub(super) struct Recorder {
     flight: Flight,
-    saturated_s: Vec<f64>,
-    battery_v: Vec<f64>,
-    energy_j: Vec<f64>,
-    sigma_m: Vec<f64>,
-    nees: Vec<f64>,
+    /// [`COLUMNS`].
+    extra: [Vec<f64>; 5],
 }
 
 /// State and commands of the drone at one tick.
@@ -49,11 +49,7 @@ impl Recorder {
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
         Self {
             flight: Flight { samples: Vec::with_capacity(n), lights, ..Flight::default() },
-            saturated_s: Vec::with_capacity(n),
-            battery_v: Vec::new(),
-            energy_j: Vec::new(),
-            sigma_m: Vec::new(),
-            nees: Vec::new(),
+            extra: Default::default(),
         }
     }
 
@@ -63,29 +59,23 @@ impl Recorder {
         for (column, sent) in self.flight.lights.values_mut().zip(plan.lights.values()) {
             column.push(on_grid(sent[snapshot.heard]));
         }
-        self.saturated_s.push(on_grid(snapshot.saturated_s));
+        let [saturated_s, battery_v, energy_j, sigma_m, nees] = &mut self.extra;
+        saturated_s.push(on_grid(snapshot.saturated_s));
         if let Some((volts, joules)) = snapshot.battery {
-            self.battery_v.push(on_grid(volts));
-            self.energy_j.push(on_grid(joules));
+            battery_v.push(on_grid(volts));
+            energy_j.push(on_grid(joules));
         }
         if let Some(covariance_m2) = snapshot.covariance_m2 {
             let error_m = position(&snapshot.estimate) - position(&snapshot.state);
             let inverse = covariance_m2.try_inverse().unwrap_or_default();
-            self.sigma_m.push(on_grid(covariance_m2.trace().sqrt()));
-            self.nees.push(on_grid(error_m.dot(&(inverse * error_m)) / 3.0));
+            sigma_m.push(on_grid(covariance_m2.trace().sqrt()));
+            nees.push(on_grid(error_m.dot(&(inverse * error_m)) / 3.0));
         }
     }
 
     pub(super) fn finish(self, warnings: Vec<Warning>) -> Flight {
-        let columns = [
-            (SATURATED_S, self.saturated_s),
-            (BATTERY_V, self.battery_v),
-            (ENERGY_J, self.energy_j),
-            (ESTIMATE_SIGMA_M, self.sigma_m),
-            (ESTIMATE_NEES, self.nees),
-        ];
-        let logged = columns.into_iter().filter(|(_, column)| !column.is_empty());
-        let extra = logged.map(|(name, column)| (name.to_owned(), column)).collect();
+        let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
+        let extra = columns.filter(|(_, column)| !column.is_empty()).collect();
         Flight { warnings, extra, ..self.flight }
     }
 }

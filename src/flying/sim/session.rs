@@ -1,8 +1,8 @@
 //! A flight whose controller is outside the program.
 
 use super::controller::Reference;
-use super::drone::Drone;
 use super::fly::{Rig, rigs};
+use super::options::Drone;
 use crate::plan::Plan;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -28,8 +28,7 @@ impl Session {
     ///
     /// As [`fly`](crate::sim::fly).
     pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        let rig = rigs(&[(&plan, *drone)])?.0.remove(0);
-        Self { plan, rig, tick: 0, lands: false }.begun()
+        Self::begun(plan, drone, false)
     }
 
     /// The same, whose flight has the standard deviation of the estimated position and its
@@ -44,14 +43,15 @@ impl Session {
     ///
     /// As [`Self::new`].
     pub fn with_covariance(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
-        rig.avionics.log_covariance();
-        Self { plan, rig, tick: 0, lands: false }.begun()
+        Self::begun(plan, drone, true)
     }
 
-    fn begun(mut self) -> Result<Self> {
-        self.run()?;
-        Ok(self)
+    fn begun(plan: Plan, drone: &Drone<'_>, logs_covariance: bool) -> Result<Self> {
+        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
+        rig.avionics.logs_covariance |= logs_covariance;
+        let mut session = Self { plan, rig, tick: 0, lands: false };
+        session.run()?;
+        Ok(session)
     }
 
     /// Flies to the end by the drone's own controller.
@@ -63,9 +63,7 @@ impl Session {
         while !self.lands {
             let time_s = self.time_s();
             self.rig.avionics.control(&self.plan, time_s);
-            let Self { plan, rig, tick, .. } = self;
-            rig.conclude(plan, *tick, time_s, &mut |_, _, _| {})?;
-            self.tick += 1;
+            self.conclude()?;
             self.run()?;
         }
         Ok(())
@@ -74,34 +72,28 @@ impl Session {
     /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
     /// world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body
     /// frame; and the design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
-    #[must_use]
     pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
         let time_s = self.time_s();
         (!self.lands).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
                 self.rig.avionics.design(&self.plan, time_s);
-            let mut design = [0.0; 9];
-            for (place, of) in [position_m, velocity_m_s, acceleration_m_s2].iter().enumerate() {
-                design[3 * place..][..3].copy_from_slice(of.as_slice());
-            }
+            let design = [position_m, velocity_m_s, acceleration_m_s2];
+            let design = std::array::from_fn(|i| design[i / 3][i % 3]);
             ((*self.rig.avionics.estimate()).into(), design)
         })
     }
 
     /// Time since the first setpoint, s.
-    #[must_use]
     pub fn time_s(&self) -> f64 {
         f64::from(self.tick) * self.rig.tick_s
     }
 
     /// True position, m.
-    #[must_use]
     pub fn position_m(&self) -> [f64; 3] {
         self.rig.plant.body().position_m.into()
     }
 
     /// Position of the design, m.
-    #[must_use]
     pub fn design_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
@@ -116,12 +108,16 @@ impl Session {
             return Ok(());
         }
         self.rig.avionics.command(motors);
-        self.conclude()?;
-        self.run()
+        self.conclude().and_then(|()| self.run()).map_err(|error| match error {
+            Error::Infeasible { what, .. } => {
+                let hint = "check your controller's signs, units and gains".into();
+                Error::Infeasible { what, hint }
+            }
+            error => error,
+        })
     }
 
     /// The flight so far.
-    #[must_use]
     pub fn finish(self) -> Flight {
         self.rig.finish()
     }
@@ -144,41 +140,24 @@ impl Session {
         let time_s = self.time_s();
         let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});
         self.tick += 1;
-        concluded.map_err(|error| match error {
-            Error::Infeasible { what, .. } => {
-                let hint = "check your controller's signs, units and gains".into();
-                Error::Infeasible { what, hint }
-            }
-            error => error,
-        })
+        concluded
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
-    use crate::plan::Setpoint;
     use crate::sim::SimOptions;
+    use crate::tests::{flown, hover};
 
-    fn hover(end_s: f64) -> Plan {
-        let setpoint = |time_s: f64| Setpoint {
-            time_s,
-            position_m: Vector3::new(0.1, 0.0, 0.5),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: None,
-        };
-        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], ..Plan::default() }
-    }
+    const PLACE_M: [f64; 3] = [0.1, 0.0, 0.5];
 
     #[test]
     fn the_commands_of_a_flight_lead_to_the_same_flight() {
         let mut options = SimOptions::default();
         options.rates.log_hz = options.rates.control_hz;
-        let (plan, drone) = (hover(2.0), Drone::new(&options, 1));
-        let flight = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let (plan, drone) = (hover(PLACE_M, 2.0), Drone::new(&options, 1));
+        let flight = flown(&plan, &options, 1).unwrap();
         let mut session = Session::new(plan, &drone).unwrap();
         for sample in &flight.samples {
             let (state, design) = session.waits().unwrap();
@@ -188,11 +167,8 @@ mod tests {
         }
         assert_eq!(session.waits(), None, "landed");
         let again = session.finish();
-        let apart_m = |(a, b): (
-            &noctograph_core::flight::FlightSample,
-            &noctograph_core::flight::FlightSample,
-        )| { (a.position_m - b.position_m).norm() };
-        let apart_m = flight.samples.iter().zip(&again.samples).map(apart_m).fold(0.0, f64::max);
+        let pairs = flight.samples.iter().zip(&again.samples);
+        let apart_m = pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
         assert!(apart_m < 1e-5, "{apart_m} m, of commands rounded to 1e-6");
         assert_eq!(again.samples.len(), flight.samples.len());
     }
@@ -200,7 +176,7 @@ mod tests {
     #[test]
     fn commands_are_held_within_the_range_of_the_motors() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(0.1), &Drone::new(&options, 1)).unwrap();
+        let mut session = Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1)).unwrap();
         session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
         let mut n = 1;
         while session.waits().is_some() {
@@ -214,7 +190,7 @@ mod tests {
     #[test]
     fn a_lost_drone_ends_with_advice_for_its_controller() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(9.0), &Drone::new(&options, 1)).unwrap();
+        let mut session = Session::new(hover(PLACE_M, 9.0), &Drone::new(&options, 1)).unwrap();
         let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
         assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
     }
@@ -223,8 +199,8 @@ mod tests {
     fn a_filters_covariance_is_logged_and_changes_nothing() {
         let mut options = SimOptions::default();
         options.observer.kind = crate::sim::EstimatorKind::Ekf;
-        let (plan, drone) = (hover(3.0), Drone::new(&options, 1));
-        let plain = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let (plan, drone) = (hover(PLACE_M, 3.0), Drone::new(&options, 1));
+        let plain = flown(&plan, &options, 1).unwrap();
         let mut session = Session::with_covariance(plan, &drone).unwrap();
         session.fly_by_itself().unwrap();
         let mut logged = session.finish();

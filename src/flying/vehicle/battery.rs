@@ -20,8 +20,10 @@ pub(super) struct Battery {
     options: BatteryOptions,
     capacity_a_s: f64,
     charge_frac: f64,
-    voltage_v: f64,
-    energy_j: f64,
+    /// Under load.
+    pub(super) voltage_v: f64,
+    /// Delivered so far.
+    pub(super) energy_j: f64,
     /// For how long the voltage has been below the cut-off.
     low_s: f64,
 }
@@ -50,16 +52,6 @@ impl Battery {
         };
         battery.drain(0.0, 0.0);
         (options.capacity_ah > 0.0).then_some(battery)
-    }
-
-    /// Voltage under load.
-    pub(super) fn voltage_v(&self) -> f64 {
-        self.voltage_v
-    }
-
-    /// Energy delivered so far.
-    pub(super) fn energy_j(&self) -> f64 {
-        self.energy_j
     }
 
     /// Whether the voltage has been below the cut-off for too long; the motors stay off from then
@@ -129,11 +121,8 @@ impl Battery {
         }
         for _ in 0..BISECTIONS {
             let middle_v = 0.5 * (below_v + above_v);
-            if self.thrust_n(middle_v) < thrust_n {
-                below_v = middle_v;
-            } else {
-                above_v = middle_v;
-            }
+            let is_below = self.thrust_n(middle_v) < thrust_n;
+            if is_below { below_v = middle_v } else { above_v = middle_v }
         }
         above_v
     }
@@ -154,15 +143,15 @@ mod tests {
         // Medians of 98 flights of NanoBench (arXiv 2603.09908): drop 0.57 V (quartiles 0.51 to
         // 0.67), then −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
         let (mut battery, weight_n) = cf21();
-        let on_floor_v = battery.voltage_v();
+        let on_floor_v = battery.voltage_v;
         battery.drain(weight_n, 0.002);
-        let start_v = battery.voltage_v();
+        let start_v = battery.voltage_v;
         let drop_v = on_floor_v - start_v;
         assert!((drop_v - 0.57).abs() < 0.01, "drop {drop_v} V");
         for _ in 0..17_500 {
             battery.drain(weight_n, 0.002);
         }
-        let slope_v_s = (battery.voltage_v() - start_v) / 35.0;
+        let slope_v_s = (battery.voltage_v - start_v) / 35.0;
         assert!((slope_v_s + 2.65e-3).abs() < 0.1e-3, "slope {slope_v_s} V/s");
     }
 
@@ -173,7 +162,7 @@ mod tests {
         (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
         (0..1000).for_each(|_| battery.drain(0.3, 0.002));
         // 0.2 + 6 · 0.3 = 2 A leave 4 − 0.5 · 2 = 3 V: 6 W for 2 s.
-        assert!((battery.energy_j() - 12.0).abs() < 1e-9, "{} J", battery.energy_j());
+        assert!((battery.energy_j - 12.0).abs() < 1e-9, "{} J", battery.energy_j);
     }
 
     #[test]
@@ -222,11 +211,11 @@ mod tests {
         let (mut battery, weight_n) = cf21();
         battery.charge_frac = 0.001;
         battery.drain(weight_n, 4.5);
-        assert!(battery.voltage_v() < 3.0 && !battery.is_cut_off(), "a sag");
+        assert!(battery.voltage_v < 3.0 && !battery.is_cut_off(), "a sag");
         battery.drain(0.0, 1e-3);
-        assert!(battery.voltage_v() < 3.0, "{} V at rest", battery.voltage_v());
+        assert!(battery.voltage_v < 3.0, "{} V at rest", battery.voltage_v);
         battery.drain(weight_n, 0.5);
-        assert!(battery.is_cut_off(), "{} V", battery.voltage_v());
+        assert!(battery.is_cut_off(), "{} V", battery.voltage_v);
         battery.drain(0.0, 0.0);
         assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");
     }

@@ -5,11 +5,12 @@ use nalgebra::Rotation3;
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
 use super::VehicleOptions;
-use super::model::State;
+use super::model::{State, state};
 #[cfg(test)]
 use super::model::{attitude, rate, velocity};
 use super::rotors::Load;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::geometry::Attitude;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
@@ -29,7 +30,6 @@ pub struct RigidBody {
 
 impl RigidBody {
     /// A level body at rest that looks along world x.
-    #[must_use]
     pub fn at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
@@ -93,15 +93,15 @@ impl RigidBody {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
         let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
-        let (p, v, w) = (&self.position_m, self.velocity_body_m_s(), &self.rate_rad_s);
-        let yaw_rad = libm::atan2(self.yaw()[0], self.yaw()[1]);
-        let (pitch_rad, roll_rad) = (libm::asin(sin_pitch), libm::atan2(roll[0], roll[1]));
-        let angles = [yaw_rad, pitch_rad, roll_rad];
-        State::from([p.x, p.y, p.z, angles[0], angles[1], angles[2], v.x, v.y, v.z, w.x, w.y, w.z])
+        let attitude = Attitude {
+            yaw_rad: libm::atan2(self.yaw()[0], self.yaw()[1]),
+            pitch_rad: libm::asin(sin_pitch),
+            roll_rad: libm::atan2(roll[0], roll[1]),
+        };
+        state(&self.position_m, attitude, &self.velocity_body_m_s(), &self.rate_rad_s)
     }
 
     /// Velocity in the body frame.
-    #[must_use]
     pub fn velocity_body_m_s(&self) -> Vector3<f64> {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
@@ -128,7 +128,7 @@ impl RigidBody {
 /// Mass, inertia and drag of the rigid body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inertia {
-    weight_n: f64,
+    pub(super) weight_n: f64,
     /// Force per speed through the air along body x, y, z.
     drag_n_s_m: [f64; 3],
     /// Moment per speed through the air, against the motion.
@@ -151,10 +151,6 @@ impl Inertia {
             per_moment: options.inertia_kg_m2.map(|j| 1.0 / j),
             coupling: [(y - z) / x, (z - x) / y, (x - y) / z],
         }
-    }
-
-    pub(super) fn weight_n(&self) -> f64 {
-        self.weight_n
     }
 
     /// Reading of an accelerometer in the air, body frame: thrust and drag per mass.
@@ -247,15 +243,6 @@ mod tests {
     use crate::vehicle::model::{Vehicle, Wrench};
     use crate::vehicle::{attitude, rate};
 
-    /// The reference team's drone, which has no drag.
-    fn plain() -> VehicleOptions {
-        VehicleOptions::default()
-    }
-
-    fn inertia(options: &VehicleOptions) -> Inertia {
-        Inertia::new(options)
-    }
-
     fn fly(
         options: &VehicleOptions,
         body: RigidBody,
@@ -263,7 +250,7 @@ mod tests {
         dt_s: f64,
         n: usize,
     ) -> RigidBody {
-        let (inertia, mut row) = (inertia(options), body.row());
+        let (inertia, mut row) = (Inertia::new(options), body.row());
         for _ in 0..n {
             row = inertia.step(&row, &[load; 3], &Vector3::zeros(), dt_s);
         }
@@ -281,7 +268,7 @@ mod tests {
 
     #[test]
     fn free_fall_is_exact() {
-        let end = fly(&plain(), tumbling(), Load::default(), 0.002, 500);
+        let end = fly(&VehicleOptions::default(), tumbling(), Load::default(), 0.002, 500);
         let start = tumbling();
         let want = start.position_m + start.velocity_m_s - Vector3::z() * (0.5 * 9.81);
         assert!((end.position_m - want).norm() < 1e-9, "falls by g t²/2");
@@ -291,7 +278,7 @@ mod tests {
 
     #[test]
     fn torque_free_rotation_keeps_energy_and_momentum() {
-        let options = plain();
+        let options = VehicleOptions::default();
         let j = Vector3::from(options.inertia_kg_m2);
         let energy = |b: &RigidBody| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
         let momentum = |b: &RigidBody| b.world_from_body * j.component_mul(&b.rate_rad_s);
@@ -327,7 +314,7 @@ mod tests {
         for _ in 0..n {
             state = vehicle.step(&state, &wrench, dt_s);
         }
-        let end = fly(&plain(), body, load, dt_s, n);
+        let end = fly(&VehicleOptions::default(), body, load, dt_s, n);
         let found = end.state();
         assert!((rate(&found) - rate(&body.state())).norm() > 0.1, "a second with turns");
         let apart = attitude(&found).world_from_body() - attitude(&state).world_from_body();
@@ -366,8 +353,8 @@ mod tests {
     #[test]
     fn wind_carries_a_weightless_body_with_it() {
         let options = VehicleOptions { body_drag_n_s_m: [0.05; 3], ..Default::default() };
-        let inertia = inertia(&options);
-        let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
+        let inertia = Inertia::new(&options);
+        let hover = Load { thrust_n: inertia.weight_n, ..Load::default() };
         let wind = Vector3::new(0.3, -0.2, 0.0);
         let mut row = RigidBody::at(Vector3::zeros()).row();
         for _ in 0..20_000 {
@@ -383,7 +370,7 @@ mod tests {
         let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
         let body = RigidBody { velocity_m_s, ..RigidBody::at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
-        let slope = inertia(&options).slope(&body.row(), &Load::default(), &wind_m_s);
+        let slope = Inertia::new(&options).slope(&body.row(), &Load::default(), &wind_m_s);
         // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
         let torque = Vector3::from_fn(|i, _| slope[10 + i] * options.inertia_kg_m2[i]);
         let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
@@ -394,8 +381,12 @@ mod tests {
     fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
         let body = RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::at(Vector3::zeros()) };
-        let slope = inertia(&plain()).slope(&body.row(), &load, &Vector3::zeros());
-        assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
+        let slope =
+            Inertia::new(&VehicleOptions::default()).slope(&body.row(), &load, &Vector3::zeros());
+        assert!(
+            (slope[11] * VehicleOptions::default().inertia_kg_m2[1] - 1e-4).abs() < 1e-18,
+            "−w × h"
+        );
     }
 
     #[test]

@@ -16,10 +16,29 @@ pub(super) struct Wind {
     mean_m_s: Vector3<f64>,
     /// World directions of the three gust components.
     axes: [Vector3<f64>; 3],
-    filters: Option<[Filter; 3]>,
+    gusts: Option<Shaken>,
+    torques: Option<Shaken>,
+}
+
+/// Three components of filtered noise.
+#[derive(Debug)]
+struct Shaken {
+    filters: [Filter; 3],
     noise: Normals,
-    torques: Option<[Filter; 3]>,
-    torque_noise: Normals,
+}
+
+impl Shaken {
+    /// In the midst of it.
+    fn new(filters: [Filter; 3], noise: Noise) -> Self {
+        let mut shaken = Self { filters, noise: Normals::new(noise) };
+        shaken.filters.iter_mut().for_each(|filter| filter.settle(&mut shaken.noise));
+        shaken
+    }
+
+    #[inline]
+    fn advance(&mut self) -> [f64; 3] {
+        self.filters.each_mut().map(|filter| filter.advance(&mut self.noise))
+    }
 }
 
 /// Wind and torque during one step.
@@ -53,41 +72,29 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
-        let mut wind = Self {
-            mean_m_s,
-            axes,
-            filters,
-            noise: Normals::new(Noise::new(seed, drone, "gusts")),
-            torques,
-            torque_noise: Normals::new(Noise::new(seed, drone, "gust torque")),
+        let shaken = |filters: Option<_>, stream| {
+            filters.map(|filters| Shaken::new(filters, Noise::new(seed, drone, stream)))
         };
-        for filter in wind.filters.iter_mut().flatten() {
-            filter.settle(&mut wind.noise);
-        }
-        for filter in wind.torques.iter_mut().flatten() {
-            filter.settle(&mut wind.torque_noise);
-        }
-        wind
+        let (gusts, torques) = (shaken(filters, "gusts"), shaken(torques, "gust torque"));
+        Self { mean_m_s, axes, gusts, torques }
     }
 
     /// Whether it is a wind that never changes.
     pub(super) fn is_steady(&self) -> bool {
-        self.filters.is_none() && self.torques.is_none()
+        self.gusts.is_none() && self.torques.is_none()
     }
 
     /// Wind and torque of the next step.
     #[inline]
     pub(super) fn advance(&mut self) -> Gust {
         let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
-        if let Some(filters) = &mut self.filters {
-            for (filter, axis) in filters.iter_mut().zip(&self.axes) {
-                gust.wind_m_s += axis * filter.advance(&mut self.noise);
+        if let Some(gusts) = &mut self.gusts {
+            for (axis, part_m_s) in self.axes.iter().zip(gusts.advance()) {
+                gust.wind_m_s += axis * part_m_s;
             }
         }
-        if let Some(filters) = &mut self.torques {
-            for (filter, torque_n_m) in filters.iter_mut().zip(gust.torque_n_m.iter_mut()) {
-                *torque_n_m = filter.advance(&mut self.torque_noise);
-            }
+        if let Some(torques) = &mut self.torques {
+            gust.torque_n_m = torques.advance().into();
         }
         gust
     }

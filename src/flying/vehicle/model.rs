@@ -102,12 +102,22 @@ pub(crate) fn motion_derivative(
     ])
 }
 
+/// The twelve states of a body, with velocity and rate in its own frame.
+pub(crate) fn state(
+    position_m: &Vector3<f64>,
+    attitude: Attitude,
+    velocity_m_s: &Vector3<f64>,
+    rate_rad_s: &Vector3<f64>,
+) -> State {
+    let (p, v, w) = (position_m, velocity_m_s, rate_rad_s);
+    let Attitude { yaw_rad, pitch_rad, roll_rad } = attitude;
+    State::from([p.x, p.y, p.z, yaw_rad, pitch_rad, roll_rad, v.x, v.y, v.z, w.x, w.y, w.z])
+}
+
 /// A level drone at rest.
 pub fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
-    let mut state = State::zeros();
-    state.fixed_rows_mut::<3>(0).copy_from(&position_m);
-    state[3] = yaw_rad;
-    state
+    let (still, level) = (Vector3::zeros(), Attitude::default());
+    state(&position_m, Attitude { yaw_rad, ..level }, &still, &still)
 }
 
 /// Position in the world, in m.

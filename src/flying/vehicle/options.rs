@@ -248,7 +248,6 @@ impl VehicleOptions {
 
 impl Gusts {
     /// Gusts of a ventilated room.
-    #[must_use]
     pub fn room() -> Self {
         Self::OrnsteinUhlenbeck(GustOptions::default())
     }
@@ -256,7 +255,6 @@ impl Gusts {
 
 impl BatteryOptions {
     /// Open-circuit voltage at a share of the charge, 0 to 1.
-    #[must_use]
     #[inline(always)]
     pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {
         let tenths = charge_frac * 10.0;

@@ -66,7 +66,6 @@ impl Plant {
     ///
     /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at
     /// any.
-    #[must_use]
     pub fn new(
         options: PlantOptions<'_>,
         dt_s: f64,
@@ -146,33 +145,24 @@ impl Plant {
     }
 
     /// Pose and motion of the drone.
-    #[must_use]
     #[inline(always)]
     pub fn body(&self) -> RigidBody {
         RigidBody::from_row(&self.row)
     }
 
-    /// Voltage of the battery under load; `None` for a drone whose battery never sags.
-    #[must_use]
-    pub fn battery_v(&self) -> Option<f64> {
-        self.battery.as_ref().map(Battery::voltage_v)
-    }
-
-    /// Energy delivered by the battery, J; `None` as for [`Self::battery_v`].
-    #[must_use]
-    pub fn energy_j(&self) -> Option<f64> {
-        self.battery.as_ref().map(Battery::energy_j)
+    /// Voltage of the battery under load, V, and energy that it has delivered, J; `None` for a
+    /// drone whose battery never sags.
+    pub fn battery(&self) -> Option<(f64, f64)> {
+        self.battery.as_ref().map(|battery| (battery.voltage_v, battery.energy_j))
     }
 
     /// Steps so far in which the battery limited the thrust of a motor.
-    #[must_use]
     pub fn short_steps(&self) -> u32 {
         self.short_steps
     }
 
     /// Reading of an ideal accelerometer at the body origin, body frame: all forces but gravity,
     /// per mass.
-    #[must_use]
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -189,11 +179,10 @@ impl Plant {
     /// Vertical acceleration per throttle at the present voltage, far from the floor.
     pub fn gain_m_s2(&self) -> f64 {
         let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
-        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n()
+        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n
     }
 
     /// Warnings about the battery.
-    #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let short_s = f64::from(self.short_steps) * self.dt_s;
         let weak = (short_s > 0.0).then_some(Warning::BatteryWeak(short_s));
@@ -241,7 +230,7 @@ impl Plant {
     /// Whether the drone is on the floor and its rotors do not lift it.
     fn rests(&self, load: &Load) -> bool {
         let on_floor = self.row[2] <= self.floor_m(self.row[0], self.row[1]);
-        on_floor && load.thrust_n <= self.inertia.weight_n()
+        on_floor && load.thrust_n <= self.inertia.weight_n
     }
 }
 

@@ -124,14 +124,11 @@ impl Rotors {
             (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
         // A rotor pushes the body against its own rotation.
         let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
-        let [x, y] = self.center_of_mass_m;
+        let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
+        let about_z = self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up;
         Load {
             thrust_n,
-            torque_n_m: Vector3::new(
-                self.lever_m * roll - y * thrust_n,
-                self.lever_m * pitch + x * thrust_n,
-                self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up,
-            ),
+            torque_n_m: Vector3::new(about_x, about_y, about_z),
             drag_n_s_m: self.drag_n_s2_m * speed.sum(),
             spin_n_m_s: self.inertia_kg_m2 * spin,
         }
@@ -140,13 +137,16 @@ impl Rotors {
     /// The load of thrusts that the rotors lose at their speeds, which costs no torque about z.
     pub(super) fn lost(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
-        let [x, y] = self.center_of_mass_m;
-        let torque_n_m = Vector3::new(
-            self.lever_m * roll - y * thrust_n,
-            self.lever_m * pitch + x * thrust_n,
-            0.0,
-        );
+        let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
+        let torque_n_m = Vector3::new(about_x, about_y, 0.0);
         Load { thrust_n, torque_n_m, ..Load::default() }
+    }
+
+    /// Torque about x and y of thrusts that differ, about the center of mass.
+    #[inline(always)]
+    fn tilting_n_m(&self, roll: f64, pitch: f64, thrust_n: f64) -> [f64; 2] {
+        let [x, y] = self.center_of_mass_m;
+        [self.lever_m * roll - y * thrust_n, self.lever_m * pitch + x * thrust_n]
     }
 }
 
@@ -156,10 +156,6 @@ mod tests {
     use super::*;
     use crate::vehicle::model::Vehicle;
 
-    fn bearing(options: &VehicleOptions, thrust_n: f64, dt_s: f64) -> Rotors {
-        Rotors::new(options, thrust_n, dt_s)
-    }
-
     fn lagging() -> VehicleOptions {
         VehicleOptions { motor_rise_s: 0.136, motor_fall_s: 0.106, ..Default::default() }
     }
@@ -168,7 +164,7 @@ mod tests {
     fn without_lag_the_load_is_the_mixers_wrench_about_the_center_of_mass() {
         let options = VehicleOptions::default();
         let commands = Vector4::new(43490.0, 42753.0, 46860.0, 41332.0);
-        let mut rotors = bearing(&options, 0.0, 0.002);
+        let mut rotors = Rotors::new(&options, 0.0, 0.002);
         let loads = rotors.advance(&(commands * options.k_f_n), 1.0);
         let motors = Mixer::new(&options).wrench(&commands);
         let want = Vehicle::new(&options).about_center_of_mass(&motors);
@@ -183,13 +179,13 @@ mod tests {
         let (options, n) = (lagging(), 68);
         let (low, high) = (0.05, 0.1);
         let speed = |thrust: f64| (thrust / options.rotor_thrust_n_s2).sqrt();
-        let mut rotors = bearing(&options, low, 0.002);
+        let mut rotors = Rotors::new(&options, low, 0.002);
         for _ in 0..n {
             rotors.advance(&Vector4::repeat(high), 1.0);
         }
         let risen = (rotors.speed_rad_s[0] - speed(low)) / (speed(high) - speed(low));
         assert!((risen - (1.0 - libm::exp(-1.0))).abs() < 1e-12, "63.2 % after 0.136 s: {risen}");
-        let mut rotors = bearing(&options, high, 0.002);
+        let mut rotors = Rotors::new(&options, high, 0.002);
         for _ in 0..53 {
             rotors.advance(&Vector4::repeat(low), 1.0);
         }
@@ -199,8 +195,8 @@ mod tests {
 
     #[test]
     fn loads_stand_at_the_start_the_middle_and_the_end_of_a_step() {
-        let mut whole = bearing(&lagging(), 0.05, 0.02);
-        let mut halves = bearing(&lagging(), 0.05, 0.01);
+        let mut whole = Rotors::new(&lagging(), 0.05, 0.02);
+        let mut halves = Rotors::new(&lagging(), 0.05, 0.01);
         let start = whole.load(1.0);
         let loads = whole.advance(&Vector4::repeat(0.1), 1.0);
         halves.advance(&Vector4::repeat(0.1), 1.0);
@@ -213,7 +209,7 @@ mod tests {
     #[test]
     fn a_rotor_that_speeds_up_turns_the_body_the_other_way() {
         let options = VehicleOptions { rotor_inertia_kg_m2: 2.7e-8, ..lagging() };
-        let mut rotors = bearing(&options, 0.08, 0.002);
+        let mut rotors = Rotors::new(&options, 0.08, 0.002);
         // m1 turns counter-clockwise: the body is pushed clockwise, also by its speeding up.
         let load = rotors.advance(&Vector4::new(0.1, 0.08, 0.08, 0.08), 1.0)[0];
         let rise = ((0.1_f64 / options.rotor_thrust_n_s2).sqrt()

@@ -102,19 +102,21 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
     }
     let lit_s = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
     let n = drawn.len();
-    let (what, hint) = if n > MAX_STROKES {
-        let hint = "draw fewer strokes, or lower letters.detail";
-        (format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"), hint)
-    } else if lit_s > MAX_DURATION_S {
-        let hint = "raise plan.stroke_speed_m_s, or draw less, or smaller";
-        let what = format!(
-            "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
-        );
-        (what, hint)
-    } else {
-        return Ok(drawn);
-    };
-    Err(Error::Infeasible { what, hint: hint.into() })
+    if n > MAX_STROKES {
+        return Err(Error::Infeasible {
+            what: format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"),
+            hint: "draw fewer strokes, or lower letters.detail".into(),
+        });
+    }
+    if lit_s > MAX_DURATION_S {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
+            ),
+            hint: "raise plan.stroke_speed_m_s, or draw less, or smaller".into(),
+        });
+    }
+    Ok(drawn)
 }
 
 /// Strokes in the order and direction with the least time in the dark.
@@ -150,8 +152,9 @@ impl Tour<'_> {
 
     /// Between two strokes; from or to the floor where there is none.
     fn between_s(&self, from: Option<Leg>, to: Option<Leg>) -> f64 {
-        let still = Vector2::zeros();
-        match (from.map(|leg| self.way(leg)), to.map(|leg| self.way(leg))) {
+        let (still, from, to) =
+            (Vector2::zeros(), from.map(|leg| self.way(leg)), to.map(|leg| self.way(leg)));
+        match (from, to) {
             (Some(a), Some(b)) => self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s),
             (None, Some(b)) => self.transit_s(Vector2::new(0.0, b.start_m.y), still, b.start_m_s),
             (Some(a), None) => self.transit_s(Vector2::new(0.0, -a.end_m.y), a.end_m_s, still),
@@ -161,12 +164,9 @@ impl Tour<'_> {
 
     fn transit_s(&self, way_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.measured {
-            let state = |position_m: Vector2<f64>, velocity_m_s: Vector2<f64>| State {
-                position_m,
-                velocity_m_s,
-                ..State::default()
-            };
-            let (from, to) = (state(Vector2::zeros(), from), state(way_m, to));
+            let at =
+                |position_m, velocity_m_s| State { position_m, velocity_m_s, ..State::default() };
+            let (from, to) = (at(Vector2::zeros(), from), at(way_m, to));
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }

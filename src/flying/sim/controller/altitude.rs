@@ -131,13 +131,7 @@ mod tests {
         let options = SimOptions::bzzz();
         let mut controller = AltitudeHold::new(&options).unwrap();
         let place_m = Vector3::new(0.0, 0.0, 1.5);
-        let still = Vector3::zeros();
-        let reference = Reference {
-            held_m: place_m,
-            position_m: place_m,
-            velocity_m_s: still,
-            acceleration_m_s2: still,
-        };
+        let reference = Reference::holding(place_m);
         let share = |controller: &mut AltitudeHold| {
             controller.rest(&at(place_m, 0.0));
             let motors = controller.command(&at(place_m, 0.0), &reference).motors;

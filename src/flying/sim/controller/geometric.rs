@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Command, Controller, Reference};
-use crate::sim::options::SimOptions;
+use crate::sim::options::{GeometricOptions, SimOptions};
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
@@ -24,12 +24,7 @@ const LEAST_LIFT: f64 = 0.25;
 /// Thrust and torque from the errors of position and attitude.
 #[derive(Clone, Debug)]
 pub(super) struct Geometric {
-    k_position: f64,
-    k_velocity: f64,
-    k_position_integral: f64,
-    k_attitude: Vector3<f64>,
-    k_rate: Vector3<f64>,
-    k_attitude_integral: Vector3<f64>,
+    gains: GeometricOptions,
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
     mixer: Mixer,
@@ -42,14 +37,8 @@ pub(super) struct Geometric {
 
 impl Geometric {
     pub(super) fn new(options: &SimOptions) -> Self {
-        let k = &options.controller.geometric;
         Self {
-            k_position: k.k_position,
-            k_velocity: k.k_velocity,
-            k_position_integral: k.k_position_integral,
-            k_attitude: k.k_attitude.into(),
-            k_rate: k.k_rate.into(),
-            k_attitude_integral: k.k_attitude_integral.into(),
+            gains: options.controller.geometric.clone(),
             mass_kg: options.vehicle.mass_kg,
             inertia_kg_m2: options.vehicle.inertia_kg_m2.into(),
             mixer: Mixer::new(&options.vehicle),
@@ -67,9 +56,9 @@ impl Geometric {
         a: Vector3<f64>,
     ) -> Vector3<f64> {
         let mut force = a + Vector3::z() * GRAVITY_M_S2
-            - error_m * self.k_position
-            - error_m_s * self.k_velocity
-            - self.position_sum * self.k_position_integral;
+            - error_m * self.gains.k_position
+            - error_m_s * self.gains.k_velocity
+            - self.position_sum * self.gains.k_position_integral;
         force.z = force.z.max(LEAST_LIFT * GRAVITY_M_S2);
         let sideways = libm::hypot(force.x, force.y);
         if sideways > force.z {
@@ -88,9 +77,10 @@ impl Controller for Geometric {
         let error = attitude_error(&wanted_attitude(&force), &world_from_body);
 
         let w = rate(estimate);
-        let turning = -error.component_mul(&self.k_attitude)
-            - w.component_mul(&self.k_rate)
-            - self.attitude_sum.component_mul(&self.k_attitude_integral);
+        let GeometricOptions { k_attitude, k_rate, k_attitude_integral, .. } = self.gains;
+        let turning = -error.component_mul(&Vector3::from(k_attitude))
+            - w.component_mul(&Vector3::from(k_rate))
+            - self.attitude_sum.component_mul(&Vector3::from(k_attitude_integral));
         let j = &self.inertia_kg_m2;
         let torque = j.component_mul(&turning) + w.cross(&j.component_mul(&w));
         let thrust = self.mass_kg * force.dot(&world_from_body.column(2));
@@ -111,8 +101,9 @@ impl Controller for Geometric {
     }
 
     fn memory(&mut self) -> Vec<&mut f64> {
-        let position = self.position_sum.iter_mut().filter(|_| self.k_position_integral != 0.0);
-        let attitude = self.attitude_sum.iter_mut().zip(&self.k_attitude_integral);
+        let position =
+            self.position_sum.iter_mut().filter(|_| self.gains.k_position_integral != 0.0);
+        let attitude = self.attitude_sum.iter_mut().zip(&self.gains.k_attitude_integral);
         let attitude = attitude.filter(|(_, gain)| **gain != 0.0).map(|(sum, _)| sum);
         position.chain(attitude).collect()
     }

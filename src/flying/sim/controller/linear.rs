@@ -46,9 +46,7 @@ impl LinearController {
     }
 
     fn of<C: Controller + Clone>(controller: &C, mixer: &Mixer, tick_s: f64) -> Self {
-        let zero = Vector3::zeros();
-        let (position_m, velocity_m_s, acceleration_m_s2) = (zero, zero, zero);
-        let at_rest = Reference { held_m: zero, position_m, velocity_m_s, acceleration_m_s2 };
+        let at_rest = Reference::holding(Vector3::zeros());
         let n = controller.clone().memory().len();
         // Wrench and next memory, for the deviation of one state or one value of the memory.
         let tick = |index: usize, step: f64| {
@@ -56,11 +54,8 @@ impl LinearController {
             deviation[index] = step;
             let mut controller = controller.clone();
             controller.rest(&State::zeros());
-            controller
-                .memory()
-                .into_iter()
-                .zip(&deviation[12..])
-                .for_each(|(to, from)| *to = *from);
+            let memory = controller.memory().into_iter();
+            memory.zip(&deviation[12..]).for_each(|(to, from)| *to = *from);
             let state = State::from_column_slice(&deviation[..12]);
             let wrench = mixer.wrench(&controller.command(&state, &at_rest).motors);
             let next = controller.memory().into_iter().map(|value| *value);
@@ -140,9 +135,7 @@ mod tests {
         let options = options.rehearsal();
         let (vehicle, mixer) = (Vehicle::new(&options.vehicle), Mixer::new(&options.vehicle));
         let mut controller = controller(&options).unwrap();
-        let zero = Vector3::zeros();
-        let (position_m, velocity_m_s, acceleration_m_s2) = (zero, zero, zero);
-        let at_rest = Reference { held_m: zero, position_m, velocity_m_s, acceleration_m_s2 };
+        let at_rest = Reference::holding(Vector3::zeros());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
         let remaining = libm::exp(-0.1 * tick_s / lag_s);

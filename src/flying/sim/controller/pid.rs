@@ -151,22 +151,17 @@ impl PidCascade {
         let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
         let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
         let [position, velocity, attitude, rate] = options.controller.pid.gains();
+        let with_bounds = |loops: [[f64; 3]; 3], bounds: [f64; 3], output_max: f64| {
+            std::array::from_fn(|i| fast(loops[i], bounds[i], output_max))
+        };
         let [vx, vy, vz] = velocity;
-        let [roll, pitch, yaw] = attitude;
-        let [p, q, r] = rate;
+        let mut rate: [Pid; 3] = with_bounds(rate, [33.3, 33.3, 166.7], COMMAND_MAX);
+        rate[..2].iter_mut().for_each(|of_tilt| of_tilt.filter.clone_from(&filter));
         Self {
             position: position.map(|gains| slow(gains, speed_max)),
             velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
-            attitude: [
-                fast(roll, 20.0, f64::INFINITY),
-                fast(pitch, 20.0, f64::INFINITY),
-                fast(yaw, 360.0, f64::INFINITY),
-            ],
-            rate: [
-                Pid { filter: filter.clone(), ..fast(p, 33.3, COMMAND_MAX) },
-                Pid { filter, ..fast(q, 33.3, COMMAND_MAX) },
-                fast(r, 166.7, COMMAND_MAX),
-            ],
+            attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
+            rate,
             mixer: Mixer::new(&options.vehicle),
             scale: options.vehicle.motor_max / FULL,
             ticks_per_position: fast_hz / slow_hz,
@@ -273,10 +268,7 @@ mod tests {
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
         let mut cascade = PidCascade::new(&SimOptions::default());
         cascade.rest(estimate);
-        let zero = Vector3::zeros();
-        let (position_m, velocity_m_s, acceleration_m_s2) = (held_m, zero, zero);
-        let reference = Reference { held_m, position_m, velocity_m_s, acceleration_m_s2 };
-        let motors = cascade.command(estimate, &reference).motors;
+        let motors = cascade.command(estimate, &Reference::holding(held_m)).motors;
         (cascade, motors)
     }
 

@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
+use crate::plan::{Extent, Plan, PlanOptions, Setpoint};
 use crate::sensors::{Positioning, SensorOptions};
-use crate::sim::{ControllerKind, Drone, EstimatorKind, SimOptions, fly};
+use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
+use crate::tests::{flown, hover, written};
 use crate::vehicle::Gusts;
-use noctograph_core::error::Result;
 use noctograph_core::flight::tracking::{Part, track};
 use noctograph_core::flight::{Flight, FlightSample};
-use noctograph_letters::{LetterOptions, write};
+
+const PLACE_M: [f64; 3] = [0.2, -0.1, 0.8];
 
 const KINDS: [ControllerKind; 5] = [
     ControllerKind::Lqr,
@@ -22,8 +23,7 @@ const KINDS: [ControllerKind; 5] = [
 ];
 
 fn word(text: &str, extent: Extent) -> Plan {
-    let strokes = write(text, &LetterOptions::default()).unwrap();
-    plan(&strokes, &PlanOptions { extent, ..Default::default() }).unwrap()
+    written(text, &PlanOptions { extent, ..Default::default() })
 }
 
 /// The team's drone with a controller, its center of mass where the flight showed it.
@@ -39,22 +39,6 @@ fn undisturbed(kind: ControllerKind) -> SimOptions {
     options.vehicle.center_of_mass_m = [0.0, 0.0];
     options.sensors = SensorOptions::ideal();
     options
-}
-
-fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
-    fly(plan, &Drone::new(options, seed), &mut |_| {})
-}
-
-/// The drone hangs at one place from the start.
-fn hover(duration_s: f64) -> Plan {
-    let at = |time_s| Setpoint {
-        time_s,
-        position_m: Vector3::new(0.2, -0.1, 0.8),
-        velocity_m_s: Vector3::zeros(),
-        acceleration_m_s2: Vector3::zeros(),
-        letter: Some(0),
-    };
-    Plan { setpoints: vec![at(0.0), at(duration_s)], ..Default::default() }
 }
 
 /// A lying eight of 1 m by 0.5 m in the plane of the word, once round in 8 s (0.79 m/s at most),
@@ -117,7 +101,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
 /// mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
-    let mut flight = flown(&hover(20.0), &options, 0).unwrap();
+    let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();
     flight.samples.retain(|sample| sample.time_s > 10.0);
     track(&flight, Part::Letters).unwrap().mean_error_m
 }
@@ -214,7 +198,7 @@ fn every_controller_flies_the_word_from_floor_to_floor() {
 
 #[test]
 fn every_controller_survives_a_climb_that_saturates_its_motors() {
-    let mut climb = hover(12.0);
+    let mut climb = Plan { lights: [].into(), ..hover(PLACE_M, 12.0) };
     climb.setpoints[0].position_m.z = 0.5;
     climb.setpoints.insert(1, Setpoint { time_s: 2.0, ..climb.setpoints[1] });
     climb.setpoints[1].position_m.z = 1.7;
@@ -246,7 +230,7 @@ fn motors_hold_their_command_between_two_runs_of_the_controller() {
     let mut options = with(ControllerKind::Lqr);
     (options.rates.control_hz, options.rates.log_hz) = (1000, 1000);
     options.rates.attitude_hz = 200;
-    let flight = flown(&hover(1.0), &options, 0).unwrap();
+    let flight = flown(&hover(PLACE_M, 1.0), &options, 0).unwrap();
     let held = flight.samples.windows(2).filter(|s| s[0].motors == s[1].motors).count();
     assert_eq!((flight.samples.len(), held), (1001, 800), "one command in five ticks is new");
 }

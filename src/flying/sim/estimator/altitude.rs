@@ -7,7 +7,7 @@
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
-use super::state_at;
+use super::{Estimator, state_at};
 use crate::sensors::{HeightSensor, Readings};
 use crate::vehicle::State;
 
@@ -16,20 +16,19 @@ const ALTITUDE: usize = 2;
 
 /// The two filters.
 #[derive(Debug)]
-pub(in crate::sim) struct Altitude {
+pub(super) struct Altitude {
     pub(super) horizontal: Ekf,
-    pub(in crate::sim) vertical: AltitudeFilter,
+    pub(super) vertical: AltitudeFilter,
     /// Whether positions are fixes of satellites.
     pub(super) has_satellites: bool,
 }
 
-impl Altitude {
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+impl Estimator for Altitude {
+    fn set_yaw(&mut self, yaw_rad: f64) {
         self.horizontal.set_yaw(yaw_rad);
     }
 
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let level = Readings { heights: &[], ..*readings };
         self.horizontal.update(&level, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
@@ -42,21 +41,24 @@ impl Altitude {
         if let Some(fix_m) = readings.position_m.filter(|_| self.has_satellites) {
             filter.update(AltitudeSensor::Gnss, fix_m.z);
         }
-        for (sensor, measured_m) in readings.heights {
-            match sensor {
-                HeightSensor::TimeOfFlight => {
-                    filter.update(AltitudeSensor::TimeOfFlight, measured_m * cos_tilt);
-                }
-                HeightSensor::Barometer => filter.update(AltitudeSensor::Barometer, *measured_m),
-            }
+        for &(sensor, measured_m) in readings.heights {
+            let (sensor, height_m) = match sensor {
+                HeightSensor::TimeOfFlight => (AltitudeSensor::TimeOfFlight, measured_m * cos_tilt),
+                HeightSensor::Barometer => (AltitudeSensor::Barometer, measured_m),
+            };
+            filter.update(sensor, height_m);
         }
     }
 
-    pub(super) fn state(&self) -> State {
+    fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(AltitudeState::Velocity);
         let mut state = state_at(&self.horizontal.motion, &velocity_m_s);
         state[ALTITUDE] = self.vertical.estimate(AltitudeState::Altitude);
         state
+    }
+
+    fn altitude(&self) -> Option<&AltitudeFilter> {
+        Some(&self.vertical)
     }
 }

@@ -72,9 +72,7 @@ impl AltitudeFilter {
     /// The filter of a drone at rest at a known altitude.
     ///
     /// α⁰ begins at gravity, and α¹ at what then gives the believed hover throttle.
-    #[must_use]
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
-        let gain = GRAVITY_M_S2 / hover;
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
             altitude,
@@ -85,13 +83,8 @@ impl AltitudeFilter {
             options.barometer_bias_sigma_m,
             options.gust_sigma_m_s2,
         ]);
-        for (state, mean) in [
-            (AltitudeState::Altitude, altitude_m),
-            (AltitudeState::Offset, -GRAVITY_M_S2),
-            (AltitudeState::Gain, gain),
-        ] {
-            normal.mean[state as usize] = mean;
-        }
+        let known = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
+        normal.mean.rows_mut(0, known.len()).copy_from_slice(&known);
         let test = StepTest::new(options.step_gate_sigmas, 0.0, options.step_sigma_m);
         Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
     }
@@ -151,18 +144,17 @@ impl AltitudeFilter {
     /// A range beyond the gate is not taken in; the second in a row moves the ranger's bias by the
     /// mean of their innovations and widens it.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
-        let (bias, sigma_m) = match sensor {
-            AltitudeSensor::Gnss => (None, self.options.gnss_sigma_m),
+        let (options, of) = (&self.options, |state: AltitudeState| Part::One(state as usize, 1.0));
+        let altitude = of(AltitudeState::Altitude);
+        let (slope, sigma_m): (&[Part], f64) = match sensor {
+            AltitudeSensor::Gnss => (&[altitude], options.gnss_sigma_m),
             AltitudeSensor::TimeOfFlight => {
-                (Some(AltitudeState::Ranger), self.options.time_of_flight_sigma_m)
+                (&[altitude, of(AltitudeState::Ranger)], options.time_of_flight_sigma_m)
             }
             AltitudeSensor::Barometer => {
-                (Some(AltitudeState::Barometer), self.options.barometer_sigma_m)
+                (&[altitude, of(AltitudeState::Barometer)], options.barometer_sigma_m)
             }
         };
-        let of = |state: AltitudeState| Part::One(state as usize, 1.0);
-        let slope = [of(AltitudeState::Altitude), of(bias.unwrap_or(AltitudeState::Altitude))];
-        let slope = &slope[..if bias.is_some() { 2 } else { 1 }];
         let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
         let innovation = self.normal.innovation(&measurement);
         let floor = if sensor == AltitudeSensor::TimeOfFlight {
@@ -177,13 +169,11 @@ impl AltitudeFilter {
     }
 
     /// Estimate of a state.
-    #[must_use]
     pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }
 
     /// Standard deviation of a state.
-    #[must_use]
     pub fn sigma(&self, state: AltitudeState) -> f64 {
         self.normal.sigma(state as usize)
     }
@@ -196,13 +186,11 @@ impl AltitudeFilter {
     }
 
     /// Readings since the last prediction, in the order in which they came.
-    #[must_use]
     pub fn readings(&self) -> &[HeightReading] {
         &self.readings
     }
 
     /// Steps of the floor that were found so far.
-    #[must_use]
     pub fn steps(&self) -> u32 {
         self.steps
     }

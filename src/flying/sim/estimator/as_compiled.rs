@@ -3,6 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Estimator;
 use super::firmware::Firmware;
 use crate::sensors::{
     DECK_SENSORS_M, Generation, HeightSensor, Positioning, Range, Readings, SensorOptions, Station,
@@ -135,20 +136,16 @@ fn compared(positioning: Positioning, recorded: &str) -> ([f64; 3], f64) {
             .then(|| place_m.z / r[(2, 2)] + 0.0025 * numbers.normal());
         let heights: Vec<_> =
             distance_m.into_iter().map(|it| (HeightSensor::TimeOfFlight, it)).collect();
-        filter.update(
-            &Readings {
-                truth: &RigidBody::at(place_m),
-                throttle: 0.5,
-                rate_rad_s: rate,
-                specific_force_m_s2: force,
-                position_m,
-                sweeps: &sweeps,
-                ranges: &ranges,
-                peer_ranges: &[],
-                heights: &heights,
-            },
-            TICK_S,
-        );
+        let truth = RigidBody::at(place_m);
+        let readings = Readings {
+            throttle: 0.5,
+            position_m,
+            sweeps: &sweeps,
+            ranges: &ranges,
+            heights: &heights,
+            ..Readings::inertial(&truth, rate, force)
+        };
+        filter.update(&readings, TICK_S);
         if k % 100 != 99 {
             continue;
         }

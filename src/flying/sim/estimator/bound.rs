@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use super::ekf::START;
 use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
 use crate::plan::Plan;
-use crate::sensors::{HeightSensor, Positioning, SensorOptions, time_of_flight_sigma_m};
+use crate::sensors::{Clock, HeightSensor, SensorOptions, Turn, time_of_flight_sigma_m, turns};
 use crate::sim::options::{EstimatorKind, SimOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
@@ -39,13 +39,6 @@ pub struct Bound {
     pub letter: Vec<Option<usize>>,
 }
 
-/// A link in the round.
-#[derive(Clone, Copy)]
-enum Turn {
-    Anchor { drone: usize, anchor: usize, minus: Option<usize> },
-    Drones(usize, usize),
-}
-
 /// The bounds of drones that fly their plans.
 ///
 /// # Errors
@@ -53,48 +46,43 @@ enum Turn {
 /// As [`SimOptions::check`], and [`Error::Input`] for a positioning without ultra-wideband ranges.
 pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     options.check()?;
-    let ranges = matches!(options.sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
-    if !ranges {
+    if !options.sensors.positioning.is_by_ranges() {
         let found = options.sensors.positioning.name();
         let hint = "set sensors.positioning = \"uwb-twr\" or \"uwb-tdoa\"";
         return Err(Error::input("sensors.positioning", found, "ultra-wideband ranges", hint));
     }
-    let together = options.observer.kind == EstimatorKind::Cooperative;
-    if together {
+    if options.observer.kind == EstimatorKind::Cooperative {
         return along(plans, 0, options);
     }
-    let mut all = Vec::new();
-    for (drone, plan) in plans.iter().enumerate() {
-        all.extend(along(&[*plan], drone as u64, options)?);
-    }
-    Ok(all)
+    let alone = (0..).zip(plans).map(|(drone, plan)| along(&[*plan], drone, options));
+    Ok(alone.collect::<Result<Vec<_>>>()?.concat())
 }
 
 /// The bounds of drones that share the air; the first has the index `first`.
 fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
-    let turns = turns(plans.len(), first, options)?;
+    let indices: Vec<u64> = (first..).take(plans.len()).collect();
+    let turns = turns(sensors, &indices)?;
     let mut fleet = Fleet::new(plans.len(), options);
     let mut bounds = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
     let has = |sensor: &&HeightSensor| sensors.heights.contains(sensor);
-    let heights: Vec<HeightSensor> = HeightSensor::ALL.iter().filter(has).copied().collect();
+    let clock = |sensor: &HeightSensor| (*sensor, Clock::new(sensors.height_rate_hz(*sensor)));
+    let mut heights: Vec<_> = HeightSensor::ALL.iter().filter(has).map(clock).collect();
     let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
-    let (mut measured, mut read) = (0_u32, vec![0_u32; heights.len()]);
+    let mut ranges = Clock::new(uwb.rate_hz);
     #[expect(clippy::cast_possible_truncation, reason = "an hour")]
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;
         fleet.carry(plans, time_s, step_s);
-        while f64::from(measured) <= time_s * uwb.rate_hz {
-            fleet.range(turns[measured as usize % turns.len()]);
-            measured += 1;
+        while let Some(k) = ranges.due(time_s) {
+            fleet.range(turns[k % turns.len()]);
         }
-        for (sensor, read) in heights.iter().zip(&mut read) {
-            if f64::from(*read) <= time_s * sensors.height_rate_hz(*sensor) {
+        for (sensor, clock) in &mut heights {
+            if clock.due(time_s).is_some() {
                 fleet.height(*sensor);
-                *read += 1;
             }
         }
         for (drone, plan) in plans.iter().enumerate() {
@@ -104,9 +92,8 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             let row = plan.row_at(time_s);
             let bound = &mut bounds[drone];
             bound.time_s.push(time_s);
-            bound
-                .sigma_m
-                .push(fleet.normal.block(ERRORS * drone, ERRORS * drone).trace().max(0.0).sqrt());
+            let places_m2 = fleet.normal.block(ERRORS * drone, ERRORS * drone);
+            bound.sigma_m.push(places_m2.trace().max(0.0).sqrt());
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }
@@ -123,10 +110,9 @@ struct Fleet<'a> {
 
 impl<'a> Fleet<'a> {
     fn new(n_drones: usize, options: &'a SimOptions) -> Self {
-        let cooperative = &options.observer.cooperative;
-        let start = match options.observer.kind {
-            EstimatorKind::Cooperative => {
-                [cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad]
+        let start = match (options.observer.kind, &options.observer.cooperative) {
+            (EstimatorKind::Cooperative, start) => {
+                [start.start_sigma_m, START[1], start.start_tilt_rad]
             }
             _ => START,
         };
@@ -198,39 +184,15 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// All links in their order.
-fn turns(n_drones: usize, first: u64, options: &SimOptions) -> Result<Vec<Turn>> {
-    let sensors = &options.sensors;
-    let differences = sensors.positioning == Positioning::UwbTdoa;
-    let mut turns = Vec::new();
-    for drone in 0..n_drones {
-        let heard = sensors.uwb.heard_by(first + drone as u64)?;
-        for (i, anchor) in heard.iter().enumerate() {
-            let minus = differences.then(|| heard[(i + 1) % heard.len()]);
-            turns.push(Turn::Anchor { drone, anchor: *anchor, minus });
-        }
-    }
-    for i in 0..n_drones {
-        for j in (i + 1..n_drones).filter(|_| sensors.peers.ranging) {
-            turns.push(Turn::Drones(i, j));
-        }
-    }
-    Ok(turns)
-}
-
 /// Root mean square of bounds over the lit strokes, or over one letter.
-#[must_use]
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
-    let (mut square, mut n) = (0.0, 0_u32);
-    for bound in bounds {
-        for (sigma_m, written) in bound.sigma_m.iter().zip(&bound.letter) {
-            if written.is_some() && (letter.is_none() || *written == letter) {
-                square += sigma_m * sigma_m;
-                n += 1;
-            }
-        }
-    }
-    (n > 0).then(|| (square / f64::from(n)).sqrt())
+    let rows = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
+    let is_wanted =
+        |written: &Option<usize>| written.is_some() && (letter.is_none() || *written == letter);
+    let wanted = rows.filter(|(_, written)| is_wanted(written));
+    let (sum, n) =
+        wanted.fold((0.0, 0_u32), |(sum, n), (sigma_m, _)| (sum + sigma_m * sigma_m, n + 1));
+    (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
 /// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most,
@@ -242,11 +204,9 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let all: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
-    let extent = |pick: fn(f64, f64) -> f64, start: f64| {
-        all.iter().fold(Vector3::repeat(start), |a, b| a.zip_map(b, pick))
-    };
-    let low_m = extent(f64::min, f64::INFINITY).add_scalar(-MARGIN_M);
-    let high_m = extent(f64::max, f64::NEG_INFINITY).add_scalar(MARGIN_M);
+    let [nowhere, anywhere] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
+    let low_m = all.iter().fold(anywhere, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
+    let high_m = all.iter().fold(nowhere, |a, b| a.sup(b)).add_scalar(MARGIN_M);
     let mut best = ([0.0; 3], f64::INFINITY);
     for i in 0..TRIED.iter().product() {
         let k = [i % TRIED[0], i / TRIED[0] % TRIED[1], i / (TRIED[0] * TRIED[1])];
@@ -275,19 +235,8 @@ pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::Setpoint;
-
-    fn hover(place_m: [f64; 3], end_s: f64) -> Plan {
-        let setpoint = |time_s| Setpoint {
-            time_s,
-            position_m: Vector3::from(place_m),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: Some(0),
-        };
-        let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
-        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], lights, ..Plan::default() }
-    }
+    use crate::sensors::Positioning;
+    use crate::tests::hover;
 
     fn options(anchors_m: &[[f64; 3]]) -> SimOptions {
         let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::default() };

@@ -23,12 +23,13 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Estimator;
 use super::ekf::{Ekf, START, Source};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sensors::{
-    Fleet, HeightSensor, Leg, Message, Readings, Reckoning, SensorOptions, SharedHeight,
-    SharedRange, Target, time_of_flight_sigma_m,
+    Fleet, HeightSensor, Leg, Member, Message, PeerRange, Readings, Reckoning, SensorOptions,
+    Shared, Target, time_of_flight_sigma_m,
 };
 use crate::sim::options::{ObserverOptions, Share};
 use crate::vehicle::State;
@@ -60,12 +61,12 @@ pub(in crate::sim) struct Cooperative {
     ticks: u32,
     gate: Gate<(usize, Target)>,
     /// What the next message will hold.
-    ranges: Vec<SharedRange>,
-    heights: Vec<SharedHeight>,
+    ranges: Vec<Shared>,
+    heights: Vec<Shared>,
     /// Ranges to other drones that wait for their messages, with the motion at their time.
     waiting: Vec<(usize, f64, Reckoning)>,
     /// Ranges between two others that wait.
-    between: Vec<(usize, SharedRange)>,
+    between: Vec<(usize, Shared)>,
     /// Ranges between two others that were used: time and places.
     used: VecDeque<(f64, usize, usize)>,
 }
@@ -85,7 +86,7 @@ impl Cooperative {
     pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
         let own_m = fleet.members[fleet.place].start_m;
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
-        let peer = |(place, member): (usize, &crate::sensors::Member)| Peer {
+        let peer = |(place, member): (usize, &Member)| Peer {
             place,
             position_m: member.start_m,
             velocity_m_s: Vector3::zeros(),
@@ -130,27 +131,29 @@ impl Cooperative {
     /// Keeps what was measured at this tick for the next message and for those of the others.
     fn note(&mut self, readings: &Readings<'_>) {
         let time_s = self.dead_reckoning.time_s;
+        let variance = self.own.model.range[TWO_WAY];
+        let shared = |target, measured_m, variance| Shared { time_s, target, measured_m, variance };
         for range in readings.ranges {
             let target = Target::Anchor(range.anchor);
-            self.ranges.push(SharedRange { time_s, target, distance_m: range.distance_m });
+            self.ranges.push(shared(target, range.distance_m, variance));
         }
-        for range in readings.peer_ranges {
-            let (target, distance_m) = (Target::Drone(range.drone), range.distance_m);
-            self.ranges.push(SharedRange { time_s, target, distance_m });
-            self.waiting.push((range.drone, distance_m, self.dead_reckoning));
+        for PeerRange { drone, distance_m } in readings.peer_ranges {
+            self.ranges.push(shared(Target::Drone(*drone), *distance_m, variance));
+            self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         for (sensor, measured_m) in readings.heights {
-            let (target, height_m, variance) = match sensor {
+            self.heights.push(match sensor {
                 HeightSensor::TimeOfFlight => {
                     let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
                     let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, *measured_m);
                     let sigma_m = sigma_m * cos_tilt;
-                    (Target::Floor, measured_m * cos_tilt, sigma_m * sigma_m)
+                    shared(Target::Floor, measured_m * cos_tilt, sigma_m * sigma_m)
                 }
-                HeightSensor::Barometer => (Target::Air, *measured_m, self.own.model.barometer),
-            };
-            self.heights.push(SharedHeight { time_s, target, height_m, variance });
+                HeightSensor::Barometer => {
+                    shared(Target::Air, *measured_m, self.own.model.barometer)
+                }
+            });
         }
     }
 
@@ -185,25 +188,21 @@ impl Cooperative {
         Some(past(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
-    /// Takes in a range of another drone to an anchor, or a height.
+    /// Takes in the ranges of another drone to anchors, and its heights.
     fn correct_peer(&mut self, k: usize, message: &Message) {
-        let drone = k + 1;
-        let range_variance = self.own.model.range[TWO_WAY];
-        for range in &message.ranges {
-            let Target::Anchor(anchor) = range.target else { continue };
-            let anchor_m = self.own.model.anchors_m.get(anchor).copied();
-            let past = self.past_of_peer(k, range.time_s);
-            let Some((anchor_m, past)) = anchor_m.zip(past) else { continue };
-            let (direction, expected_m) = toward(&(past.position_m - anchor_m));
-            let slope = past.slope(drone, direction, None);
-            let link = (message.from, range.target);
-            self.correct(link, &slope, range.distance_m - expected_m, range_variance);
-        }
-        for height in &message.heights {
-            let Some(past) = self.past_of_peer(k, height.time_s) else { continue };
-            let slope = past.slope(drone, Vector3::z(), None);
-            let link = (message.from, height.target);
-            self.correct(link, &slope, height.height_m - past.position_m.z, height.variance);
+        for shared in message.ranges.iter().chain(&message.heights) {
+            let Some(past) = self.past_of_peer(k, shared.time_s) else { continue };
+            let (direction, expected_m) = match shared.target {
+                Target::Anchor(anchor) => match self.own.model.anchors_m.get(anchor) {
+                    Some(anchor_m) => toward(&(past.position_m - anchor_m)),
+                    None => continue,
+                },
+                Target::Floor | Target::Air => (Vector3::z(), past.position_m.z),
+                Target::Drone(_) => continue,
+            };
+            let slope = past.slope(k + 1, direction, None);
+            let link = (message.from, shared.target);
+            self.correct(link, &slope, shared.measured_m - expected_m, shared.variance);
         }
     }
 
@@ -273,41 +272,7 @@ impl Cooperative {
             let slope = [one.slope(i + 1, direction, None), two.slope(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
             let variance = self.own.model.range[TWO_WAY];
-            self.correct(link, slope.as_flattened(), range.distance_m - expected_m, variance);
-        }
-    }
-
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
-        self.own.set_yaw(yaw_rad);
-        self.alone.set_yaw(yaw_rad);
-    }
-
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let force_m_s2 = readings.specific_force_m_s2;
-        self.force_m_s2 = force_m_s2;
-        let Self { own, gate, place, .. } = self;
-        let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
-            match source {
-                Source::To(target) => {
-                    gate.correct(normal, (*place, target), measurement);
-                }
-                // Not a link: nothing of it is shared.
-                Source::Sweep { .. } | Source::Position => {
-                    normal.correct(measurement, |_| true);
-                }
-            }
-        });
-        self.settle_peers();
-        self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
-        let dead_reckoning = &mut self.dead_reckoning;
-        dead_reckoning.time_s = f64::from(self.ticks) * tick_s;
-        dead_reckoning.position_m +=
-            (dead_reckoning.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
-        dead_reckoning.velocity_m_s += acceleration * tick_s;
-        self.ticks += 1;
-        if !self.peers.is_empty() {
-            self.note(readings);
+            self.correct(link, slope.as_flattened(), range.measured_m - expected_m, variance);
         }
     }
 
@@ -320,14 +285,6 @@ impl Cooperative {
             self.alone.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;
         }
-    }
-
-    pub(super) fn state(&self) -> State {
-        self.own.state()
-    }
-
-    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
-        self.own.normal.block(0, 0)
     }
 
     pub(in crate::sim) fn message(&mut self) -> Option<Message> {
@@ -367,5 +324,52 @@ impl Cooperative {
         let Ekf { motion, normal, .. } = &mut self.own;
         motion.settle(normal, 0);
         self.settle_peers();
+    }
+}
+
+impl Estimator for Cooperative {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.own.set_yaw(yaw_rad);
+        self.alone.set_yaw(yaw_rad);
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let force_m_s2 = readings.specific_force_m_s2;
+        self.force_m_s2 = force_m_s2;
+        let Self { own, gate, place, .. } = self;
+        let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
+            match source {
+                Source::To(target) => {
+                    gate.correct(normal, (*place, target), measurement);
+                }
+                // Not a link: nothing of it is shared.
+                Source::Sweep { .. } | Source::Position => {
+                    normal.correct(measurement, |_| true);
+                }
+            }
+        });
+        self.settle_peers();
+        self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        let dead_reckoning = &mut self.dead_reckoning;
+        dead_reckoning.time_s = f64::from(self.ticks) * tick_s;
+        dead_reckoning.position_m +=
+            (dead_reckoning.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        dead_reckoning.velocity_m_s += acceleration * tick_s;
+        self.ticks += 1;
+        if !self.peers.is_empty() {
+            self.note(readings);
+        }
+    }
+
+    fn state(&self) -> State {
+        self.own.state()
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        self.own.covariance_m2()
+    }
+
+    fn of_fleet(&mut self) -> Option<&mut Cooperative> {
+        Some(self)
     }
 }

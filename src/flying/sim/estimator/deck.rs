@@ -19,22 +19,14 @@ const LONGEST_PAIR_S: f64 = 0.0115;
 /// Time after which the share that is dropped is computed anew.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps of one rotation.
-#[derive(Clone, Copy, Debug)]
+/// Sweeps that are taken in together: those of one rotation, or one of them.
+#[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,
     /// The angles of both planes, where both are known.
     pub(super) both_rad: Option<[[f64; 4]; 2]>,
-    /// The plane to be taken in, where they are taken in one by one.
-    one: Option<(usize, [f64; 4])>,
-}
-
-impl Rotation {
     /// The planes to be taken in, with their angles.
-    pub(super) fn planes(&self) -> impl Iterator<Item = (usize, [f64; 4])> {
-        let both = self.both_rad.filter(|_| self.one.is_none());
-        self.one.into_iter().chain(both.into_iter().flat_map(|both| both.into_iter().enumerate()))
-    }
+    pub(super) planes: Vec<(usize, [f64; 4])>,
 }
 
 /// The driver.
@@ -74,10 +66,13 @@ impl Deck {
         for sweep in sweeps {
             let Sweep { station, plane, angles_rad } = *sweep;
             let both_rad = self.pair(sweep, time_s);
-            let one = (!self.pairs).then_some((plane, angles_rad));
-            let complete = one.is_some() || both_rad.is_some();
-            if complete && (!self.throttled[station] || self.keeps(time_s)) {
-                rotations.push(Rotation { station, both_rad, one });
+            let planes = match both_rad {
+                _ if !self.pairs => vec![(plane, angles_rad)],
+                Some([first, second]) => vec![(0, first), (1, second)],
+                None => continue,
+            };
+            if !self.throttled[station] || self.keeps(time_s) {
+                rotations.push(Rotation { station, both_rad, planes });
             }
         }
         rotations
@@ -130,15 +125,15 @@ mod tests {
         assert!(deck.hear(&[sweep(0, 0.1)], 0.0).is_empty());
         let found = deck.hear(&[sweep(1, 0.2)], 0.008);
         assert_eq!(found[0].both_rad, Some([[0.1; 4], [0.2; 4]]));
-        assert_eq!(found[0].planes().count(), 2);
+        assert_eq!(found[0].planes.len(), 2);
         assert!(deck.hear(&[sweep(1, 0.2)], 0.028).is_empty(), "the first one was lost");
         assert!(deck.hear(&[sweep(0, 0.4), sweep(0, 0.3)], 0.04).is_empty());
         let found = deck.hear(&[sweep(1, 0.2)], 0.046);
         assert_eq!(found[0].both_rad.unwrap()[0], [0.3; 4], "the earlier one of two");
         let one_by_one = FirmwareOptions { paired_sweeps: false, ..FirmwareOptions::default() };
         let mut deck = self::deck(&one_by_one);
-        assert_eq!(deck.hear(&[sweep(0, 0.1)], 0.0)[0].planes().next(), Some((0, [0.1; 4])));
-        assert_eq!(deck.hear(&[sweep(1, 0.2)], 0.006)[0].planes().next(), Some((1, [0.2; 4])));
+        assert_eq!(deck.hear(&[sweep(0, 0.1)], 0.0)[0].planes, [(0, [0.1; 4])]);
+        assert_eq!(deck.hear(&[sweep(1, 0.2)], 0.006)[0].planes, [(1, [0.2; 4])]);
     }
 
     #[test]

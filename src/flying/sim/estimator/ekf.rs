@@ -15,8 +15,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::state_at;
 use super::sweep_filter::SweepFilter;
+use super::{Estimator, state_at};
 use crate::estimate::{
     Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward, variance_rate,
 };
@@ -45,7 +45,7 @@ const STEP_M: f64 = 0.5;
 
 /// The filter.
 #[derive(Debug)]
-pub(in crate::sim) struct Ekf {
+pub(super) struct Ekf {
     pub(super) motion: Inertial,
     /// Nine errors and, where the floor may have steps, its height.
     pub(super) normal: Normal,
@@ -90,11 +90,6 @@ pub(super) struct Model {
 }
 
 impl Ekf {
-    /// Covariance of the estimated position, world frame.
-    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
-        self.normal.block(0, 0)
-    }
-
     /// A filter that believes in a level drone at rest at `position_m`.
     pub(super) fn new(
         options: &EkfOptions,
@@ -124,12 +119,51 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m) }
     }
 
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+    /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
+    /// acceleration.
+    #[inline(always)]
+    pub(super) fn advance(
+        &mut self,
+        readings: &Readings<'_>,
+        tick_s: f64,
+        mut correct: impl FnMut(&mut Normal, Source, &Measurement<'_>),
+    ) -> Vector3<f64> {
+        let force_m_s2 = &readings.specific_force_m_s2;
+        let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
+        let measured = readings.measures_place();
+        if self.motion.is_due(measured) {
+            self.carry(force_m_s2);
+        }
+        if measured {
+            let Self { motion, normal, model, .. } = self;
+            model.measurements(motion, readings, |source, slope, value, variance| {
+                correct(normal, source, &Measurement { slope, value, variance });
+            });
+            motion.settle(normal, 0);
+            if model.floor_steps {
+                model.floor_m += std::mem::take(&mut normal.mean[FLOOR]);
+            }
+        }
+        acceleration
+    }
+
+    /// Carries the covariance to the present.
+    pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
+        let span = self.motion.span(force_m_s2);
+        self.normal.carry(0, &span, &self.model.density);
+        if self.model.floor_steps {
+            let walk = FLOOR_WALK_M_SQRT_S * FLOOR_WALK_M_SQRT_S * span.span_s;
+            self.normal.covariance[(FLOOR, FLOOR)] += walk;
+        }
+    }
+}
+
+impl Estimator for Ekf {
+    fn set_yaw(&mut self, yaw_rad: f64) {
         self.motion.set_yaw(yaw_rad);
     }
 
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
         sweeps.wait(tick_s);
@@ -149,46 +183,12 @@ impl Ekf {
         (self.step_test, self.sweep_filter) = (step_test, sweeps);
     }
 
-    pub(super) fn state(&self) -> State {
+    fn state(&self) -> State {
         state_at(&self.motion, &self.motion.velocity_m_s)
     }
 
-    /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
-    /// acceleration.
-    #[inline(always)]
-    pub(super) fn advance(
-        &mut self,
-        readings: &Readings<'_>,
-        tick_s: f64,
-        mut correct: impl FnMut(&mut Normal, Source, &Measurement<'_>),
-    ) -> Vector3<f64> {
-        let force_m_s2 = &readings.specific_force_m_s2;
-        let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
-        let measured = readings.measures_place();
-        if self.motion.is_due(measured) {
-            self.carry(force_m_s2);
-        }
-        if measured {
-            let Self { motion, normal, model, .. } = self;
-            model.measurements(motion, readings, |source, measurement| {
-                correct(normal, source, measurement);
-            });
-            motion.settle(normal, 0);
-            if model.floor_steps {
-                model.floor_m += std::mem::take(&mut normal.mean[FLOOR]);
-            }
-        }
-        acceleration
-    }
-
-    /// Carries the covariance to the present.
-    pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
-        let span = self.motion.span(force_m_s2);
-        self.normal.carry(0, &span, &self.model.density);
-        if self.model.floor_steps {
-            let walk = FLOOR_WALK_M_SQRT_S * FLOOR_WALK_M_SQRT_S * span.span_s;
-            self.normal.covariance[(FLOOR, FLOOR)] += walk;
-        }
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        Some(self.normal.block(0, 0))
     }
 }
 
@@ -220,83 +220,80 @@ impl Model {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// Passes on every measurement of the first drone of a filter.
+    /// Slope over position and turn of the angle at which a sweep meets a sensor of a deck in a
+    /// place, the angle's error, and the distance from the rotor's axis.
     #[inline(always)]
-    fn measurements(
+    pub(super) fn angle(
         &self,
-        motion: &Inertial,
-        readings: &Readings<'_>,
-        mut each: impl FnMut(Source, &Measurement<'_>),
-    ) {
-        readings.sweeps.iter().for_each(|sweep| self.sweep(motion, sweep, &mut each));
-        readings.ranges.iter().for_each(|range| self.range(motion, range, &mut each));
-        if let Some(position_m) = readings.position_m {
-            let left_m = position_m - motion.position_m;
-            for axis in 0..3 {
-                let (value, variance) = (left_m[axis], self.position);
-                let slope = &[Part::One(axis, 1.0)];
-                each(Source::Position, &Measurement { slope, value, variance });
-            }
-        }
-        for (sensor, measured_m) in readings.heights {
-            match sensor {
-                HeightSensor::TimeOfFlight => self.distance(motion, *measured_m, &mut each),
-                HeightSensor::Barometer => {
-                    let (value, variance) = (measured_m - motion.position_m.z, self.barometer);
-                    let slope = &[Part::One(2, 1.0)];
-                    each(Source::To(Target::Air), &Measurement { slope, value, variance });
-                }
-            }
-        }
+        (station, plane): (usize, usize),
+        (lever, angle_rad): (&Vector3<f64>, f64),
+        position_m: &Vector3<f64>,
+        world_from_body: &Matrix3<f64>,
+    ) -> ([Part; 2], f64, f64) {
+        let crossing =
+            self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
+        let position = crossing.slope_rad_m;
+        let turn = lever.cross(&world_from_body.tr_mul(&position));
+        let slope = [Part::Three(0, position), Part::Three(TURN, turn)];
+        (slope, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    #[inline(always)]
-    fn sweep(
-        &self,
-        motion: &Inertial,
-        sweep: &Sweep,
-        each: &mut impl FnMut(Source, &Measurement<'_>),
-    ) {
-        let station = &self.stations[sweep.station];
-        let variance = self.sweep_variance(sweep.station);
-        for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
-            let place_m = motion.position_m + motion.world_from_body * lever;
-            let crossing = station.crossing(sweep.plane, &place_m);
-            let position = crossing.slope_rad_m;
-            let turn = lever.cross(&motion.world_from_body.tr_mul(&position));
-            let slope = &[Part::Three(0, position), Part::Three(TURN, turn)];
-            let value = angle_rad - crossing.angle_rad;
-            let source = Source::Sweep { radius_m: crossing.radius_m };
-            each(source, &Measurement { slope, value, variance });
-        }
-    }
-
-    fn range(
-        &self,
-        motion: &Inertial,
-        range: &Range,
-        each: &mut impl FnMut(Source, &Measurement<'_>),
-    ) {
-        let from = |anchor: usize| toward(&(motion.position_m - self.anchors_m[anchor]));
+    /// Slope of a range at a place, its error and its variance.
+    pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
+        let from = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from(range.anchor);
         if let Some(other) = range.minus {
             let (unit, distance_m) = from(other);
             expected_m -= distance_m;
             direction -= unit;
         }
-        let measurement = Measurement {
-            slope: &[Part::Three(0, direction)],
-            value: range.distance_m - expected_m,
-            variance: self.range[usize::from(range.minus.is_none())],
-        };
-        each(Source::To(Target::Anchor(range.anchor)), &measurement);
+        let variance = self.range[usize::from(range.minus.is_none())];
+        (Part::Three(0, direction), range.distance_m - expected_m, variance)
+    }
+
+    /// Passes on every measurement of the first drone of a filter.
+    #[inline(always)]
+    fn measurements(
+        &self,
+        motion: &Inertial,
+        readings: &Readings<'_>,
+        mut each: impl FnMut(Source, &[Part], f64, f64),
+    ) {
+        let Inertial { position_m, world_from_body, .. } = motion;
+        for Sweep { station, plane, angles_rad } in readings.sweeps {
+            let variance = self.sweep_variance(*station);
+            for sensor in DECK_SENSORS_M.map(Vector3::from).iter().zip(*angles_rad) {
+                let (slope, value, radius_m) =
+                    self.angle((*station, *plane), sensor, position_m, world_from_body);
+                each(Source::Sweep { radius_m }, &slope, value, variance);
+            }
+        }
+        for range in readings.ranges {
+            let (slope, value, variance) = self.range(range, position_m);
+            each(Source::To(Target::Anchor(range.anchor)), &[slope], value, variance);
+        }
+        if let Some(measured_m) = readings.position_m {
+            let left_m = measured_m - position_m;
+            for axis in 0..3 {
+                each(Source::Position, &[Part::One(axis, 1.0)], left_m[axis], self.position);
+            }
+        }
+        for (sensor, measured_m) in readings.heights {
+            match sensor {
+                HeightSensor::TimeOfFlight => self.distance(motion, *measured_m, &mut each),
+                HeightSensor::Barometer => {
+                    let (slope, left_m) = ([Part::One(2, 1.0)], measured_m - position_m.z);
+                    each(Source::To(Target::Air), &slope, left_m, self.barometer);
+                }
+            }
+        }
     }
 
     fn distance(
         &self,
         motion: &Inertial,
         distance_m: f64,
-        each: &mut impl FnMut(Source, &Measurement<'_>),
+        each: &mut impl FnMut(Source, &[Part], f64, f64),
     ) {
         let r = &motion.world_from_body;
         let cos_tilt = r[(2, 2)];
@@ -308,11 +305,7 @@ impl Model {
         let sigma_m = time_of_flight_sigma_m(self.ranger_m, distance_m);
         let per_m = 1.0 / cos_tilt;
         let slope = [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
-        let measurement = Measurement {
-            slope: &slope[..if self.floor_steps { 3 } else { 2 }],
-            value: distance_m - expected_m,
-            variance: sigma_m * sigma_m,
-        };
-        each(Source::To(Target::Floor), &measurement);
+        let slope = &slope[..if self.floor_steps { 3 } else { 2 }];
+        each(Source::To(Target::Floor), slope, distance_m - expected_m, sigma_m * sigma_m);
     }
 }

@@ -19,15 +19,17 @@
 
 use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
 
+use super::Estimator;
 use super::deck::{Deck, Rotation};
 use super::ekf::{Model, START};
 use super::sweep_filter::SweepFilter;
 use super::tdoa_filter::TdoaFilter;
-use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles, toward};
-use crate::sensors::SensorOptions;
-use crate::sensors::{DECK_SENSORS_M, HeightSensor, Range, Readings, time_of_flight_sigma_m};
+use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles};
+use crate::sensors::{
+    DECK_SENSORS_M, HeightSensor, Range, Readings, SensorOptions, time_of_flight_sigma_m,
+};
 use crate::sim::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
-use crate::vehicle::State;
+use crate::vehicle::{State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
@@ -46,7 +48,7 @@ const LEAST_COS_TILT: f64 = 0.1;
 
 /// The filter.
 #[derive(Debug)]
-pub(in crate::sim) struct Firmware {
+pub(super) struct Firmware {
     options: FirmwareOptions,
     model: Model,
     position_m: Vector3<f64>,
@@ -74,11 +76,6 @@ pub(in crate::sim) struct Firmware {
 }
 
 impl Firmware {
-    /// Covariance of the estimated position, world frame.
-    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
-        self.normal.block(0, 0)
-    }
-
     /// A filter that believes in a level drone at rest at `position_m`. `noise` decides which
     /// rotations are dropped.
     pub(super) fn new(
@@ -108,57 +105,6 @@ impl Firmware {
             driven_s: f64::NEG_INFINITY,
             begun: false,
         }
-    }
-
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
-        self.attitude = Turned::facing(yaw_rad);
-        self.world_from_body = self.attitude.matrix();
-    }
-
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
-        self.time_s += tick_s;
-        self.sweep_filter.wait(tick_s);
-        self.tdoa_filter.wait(tick_s);
-        if readings.throttle > 0.0 {
-            self.driven_s = self.time_s;
-        }
-        // The deck looks at the state of the tick before.
-        let rotations = self.deck.hear(readings.sweeps, self.time_s);
-        let yaw_errors_rad: Vec<Option<f64>> =
-            rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
-
-        let span_s = self.time_s - self.predicted_s;
-        let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
-        if predicts {
-            self.predict(span_s);
-        }
-        self.add_noise(tick_s);
-        for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
-            self.correct_by_sweeps(rotation);
-            if let Some(yaw_error_rad) = yaw_error_rad {
-                let error_rad = self.turn_rad.z - yaw_error_rad;
-                let slope = [Part::One(TURN + 2, 1.0)];
-                self.correct(&slope, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
-            }
-        }
-        readings.ranges.iter().for_each(|range| self.correct_by_range(range));
-        self.correct_by_place(readings);
-        self.sums.0[0] += readings.rate_rad_s;
-        self.sums.0[1] += readings.specific_force_m_s2;
-        self.sums.1 += 1.0;
-        self.rate_rad_s = readings.rate_rad_s;
-        if predicts || !rotations.is_empty() || readings.measures_place() {
-            self.settle();
-        }
-    }
-
-    pub(super) fn state(&self) -> State {
-        let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
-        let a = angles(&self.world_from_body);
-        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
-        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
     }
 
     /// Standard deviation of a state.
@@ -208,21 +154,19 @@ impl Firmware {
     }
 
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
+        let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
+        let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
-            for (plane, angles_rad) in rotation.planes() {
-                let r = self.world_from_body;
-                let station = &self.model.stations[rotation.station];
-                let crossing = station.crossing(plane, &(self.position_m + r * lever));
-                let error_rad = angles_rad[k] - crossing.angle_rad;
-                if !self.sweep_filter.takes(crossing.radius_m * error_rad) {
-                    continue;
+            for &(plane, angles_rad) in &rotation.planes {
+                let (slope, error_rad, radius_m) = self.model.angle(
+                    (rotation.station, plane),
+                    (lever, angles_rad[k]),
+                    &self.position_m,
+                    &self.world_from_body,
+                );
+                if self.sweep_filter.takes(radius_m * error_rad) {
+                    self.correct(&slope[..n_parts], error_rad, variance);
                 }
-                let position = crossing.slope_rad_m;
-                let turn = lever.cross(&r.tr_mul(&position));
-                let slope = [Part::Three(0, position), Part::Three(TURN, turn)];
-                let turns = self.options.sweep_attitude == SweepAttitude::Slope;
-                let variance = self.model.sweep_variance(rotation.station);
-                self.correct(&slope[..if turns { 2 } else { 1 }], error_rad, variance);
             }
         }
     }
@@ -254,24 +198,16 @@ impl Firmware {
     }
 
     fn correct_by_range(&mut self, range: &Range) {
-        let anchors_m = &self.model.anchors_m;
-        let from = |anchor: usize| toward(&(self.position_m - anchors_m[anchor]));
-        let (mut direction, mut expected_m) = from(range.anchor);
-        if let Some(other) = range.minus {
-            let (unit, distance_m) = from(other);
-            expected_m -= distance_m;
-            direction -= unit;
-        }
-        let error_m = range.distance_m - expected_m;
-        let variance = self.model.range[usize::from(range.minus.is_none())];
+        let (slope, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus.filter(|_| self.options.difference_filter) {
+            let anchors_m = &self.model.anchors_m;
             let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
             let possible = range.distance_m.abs() < apart_m;
             if !possible || !self.tdoa_filter.takes(error_m, variance.sqrt()) {
                 return;
             }
         }
-        self.correct(&[Part::Three(0, direction)], error_m, variance);
+        self.correct(&[slope], error_m, variance);
     }
 
     /// Corrects by positions and heights.
@@ -330,16 +266,10 @@ impl Firmware {
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
         // Columns are the rows of the transposed.
-        let p = SMatrix::<f64, 9, 9>::from_data(ArrayStorage(moved(
-            &p.transpose().data.0,
-            drift,
-            turn,
-        )));
-        let p = SMatrix::<f64, 9, 9>::from_data(ArrayStorage(moved(
-            &p.transpose().data.0,
-            drift,
-            turn,
-        )));
+        let moved = |p: SMatrix<f64, 9, 9>| {
+            SMatrix::from_data(ArrayStorage(moved(&p.transpose().data.0, drift, turn)))
+        };
+        let p = moved(moved(p));
         self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
     }
 
@@ -349,6 +279,60 @@ impl Firmware {
             let variance = &mut self.normal.covariance[(state, state)];
             *variance = variance.max(self.options.least_variance).min(LARGEST_VARIANCE);
         }
+    }
+}
+
+impl Estimator for Firmware {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.attitude = Turned::facing(yaw_rad);
+        self.world_from_body = self.attitude.matrix();
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
+        self.time_s += tick_s;
+        self.sweep_filter.wait(tick_s);
+        self.tdoa_filter.wait(tick_s);
+        if readings.throttle > 0.0 {
+            self.driven_s = self.time_s;
+        }
+        // The deck looks at the state of the tick before.
+        let rotations = self.deck.hear(readings.sweeps, self.time_s);
+        let yaw_errors_rad: Vec<Option<f64>> =
+            rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
+
+        let span_s = self.time_s - self.predicted_s;
+        let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
+        if predicts {
+            self.predict(span_s);
+        }
+        self.add_noise(tick_s);
+        for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
+            self.correct_by_sweeps(rotation);
+            if let Some(yaw_error_rad) = yaw_error_rad {
+                let error_rad = self.turn_rad.z - yaw_error_rad;
+                let slope = [Part::One(TURN + 2, 1.0)];
+                self.correct(&slope, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+            }
+        }
+        readings.ranges.iter().for_each(|range| self.correct_by_range(range));
+        self.correct_by_place(readings);
+        self.sums.0[0] += readings.rate_rad_s;
+        self.sums.0[1] += readings.specific_force_m_s2;
+        self.sums.1 += 1.0;
+        self.rate_rad_s = readings.rate_rad_s;
+        if predicts || !rotations.is_empty() || readings.measures_place() {
+            self.settle();
+        }
+    }
+
+    fn state(&self) -> State {
+        let attitude = angles(&self.world_from_body);
+        state(&self.position_m, attitude, &self.velocity_m_s, &self.rate_rad_s)
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        Some(self.normal.block(0, 0))
     }
 }
 

@@ -3,19 +3,20 @@
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
+use super::Estimator;
 use super::ekf::Ekf;
-use crate::plan::{Extent, PlanOptions, plan};
+use crate::plan::{Extent, PlanOptions};
 use crate::sensors::{
     BarometerOptions, Fleet, HeightSensor, LighthouseOptions, Positioning, SensorOptions, Sensors,
     UwbOptions,
 };
+use crate::sim::SimOptions;
 use crate::sim::options::{EkfOptions, EstimatorKind};
-use crate::sim::{Drone, SimOptions, fly};
-use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State};
+use crate::tests::{flown, written};
+use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::flight::FlightSample;
 use noctograph_core::geometry::Attitude;
-use noctograph_letters::{LetterOptions, write};
 
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
@@ -39,11 +40,7 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     let turning =
         r.transpose() * (ahead.1.world_from_body() - behind.1.world_from_body()) / (2.0 * h);
     let rate = Vector3::new(turning[(2, 1)], turning[(0, 2)], turning[(1, 0)]);
-    let mut state = State::zeros();
-    state.fixed_rows_mut::<3>(0).copy_from(&p);
-    state.fixed_rows_mut::<3>(3).copy_from(&Vector3::new(a.yaw_rad, a.pitch_rad, a.roll_rad));
-    state.fixed_rows_mut::<3>(6).copy_from(&velocity);
-    state.fixed_rows_mut::<3>(9).copy_from(&rate);
+    let state = state(&p, a, &velocity, &rate);
     let middle_s = time_s - 0.5 * TICK_S;
     let place = |t: f64| motion(t).0;
     let bend = (place(middle_s + h) + place(middle_s - h) - place(middle_s) * 2.0) / (h * h);
@@ -60,7 +57,7 @@ fn follow(
     mut show: impl FnMut(f64, &State, &Ekf),
 ) {
     let mut readers =
-        Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
+        Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &Fleet::alone(0));
     let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
@@ -213,19 +210,13 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
 
 /// Errors of the estimated position over a flight of NOOR's letters, after 2 s.
 fn errors_m(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Vec<Vector3<f64>> {
-    let flight = noor(positioning, kind, seed);
-    let error = |s: &FlightSample| s.estimate_m - s.position_m;
-    flight.samples.iter().filter(|s| s.time_s > 2.0).map(error).collect()
-}
-
-fn noor(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Flight {
-    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-    let plan =
-        plan(&strokes, &PlanOptions { extent: Extent::Letters, ..Default::default() }).unwrap();
+    let plan = written("NOOR", &PlanOptions { extent: Extent::Letters, ..Default::default() });
     let mut options = SimOptions::default();
     options.sensors.positioning = positioning;
     options.observer.kind = kind;
-    fly(&plan, &Drone::new(&options, seed), &mut |_| {}).unwrap()
+    let flight = flown(&plan, &options, seed).unwrap();
+    let error = |s: &FlightSample| s.estimate_m - s.position_m;
+    flight.samples.iter().filter(|s| s.time_s > 2.0).map(error).collect()
 }
 
 fn rms(values: &[Vector3<f64>]) -> f64 {
@@ -279,24 +270,21 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers = Sensors::new(
-            &of(Positioning::CrossingBeams),
-            &FloorOptions::default(),
-            RATE_HZ,
-            seed,
-            &Fleet::alone(0),
-        );
-        let fixes = (0..5000)
-            .filter_map(|_| readers.read(&RigidBody::from_state(&state), force, &[]).position_m);
+        let readers = |sensors: &SensorOptions| {
+            let alone = Fleet::alone(0);
+            Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &alone)
+        };
+        let body = RigidBody::from_state(&state);
+        let mut beams = readers(&of(Positioning::CrossingBeams));
+        let fixes = (0..5000).filter_map(|_| beams.read(&body, force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
-        let mut readers =
-            Sensors::new(&sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
+        let mut sweeps = readers(&sensors);
         let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
-            ekf.update(&readers.read(&RigidBody::from_state(&state), force, &[]), TICK_S);
+            ekf.update(&sweeps.read(&body, force, &[]), TICK_S);
             if tick >= 1000 && tick % 10 == 0 {
                 places.push(ekf.motion.position_m);
             }
@@ -326,9 +314,10 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     options.observer.ekf.two_way_sigma_m = 0.06;
     options.observer.ekf.acceleration_noise_z_m_s2_sqrt_hz = 0.022;
     let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
+    let plan = written("NOOR", &PlanOptions::default());
     let rms_m = |options: &SimOptions| {
         let errors_m = |seed: u64| {
-            let flight = flown(options, seed);
+            let flight = flown(&plan, options, seed).unwrap();
             let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
             in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
         };
@@ -344,11 +333,4 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     println!("level floor {flat_m} m, table {without_m} m, with the test {with_m} m");
     assert!(flat_m < with_m, "{flat_m} m over a level floor");
     assert!(with_m < 0.8 * without_m, "{without_m} m without the test, {with_m} m with it");
-}
-
-/// A flight of NOOR.
-fn flown(options: &SimOptions, seed: u64) -> Flight {
-    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-    fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap()
 }

@@ -1,15 +1,16 @@
 //! Luenberger observer of the reference flight: position measured, turning and specific force as
 //! inputs, yaw integrated.
 
-use nalgebra::{SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
 
+use super::Estimator;
 use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
-use crate::vehicle::{Motion, State, motion_derivative};
-use noctograph_core::control::{dynamic, linearize, observer_gain};
+use crate::vehicle::{Motion, State, motion_derivative, state};
+use noctograph_core::control::{self, dynamic, linearize};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::geometry::turned;
+use noctograph_core::geometry::{Attitude, turned};
 
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
@@ -18,7 +19,7 @@ const YAW: usize = 3;
 /// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
 /// firmware.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Observer {
+pub(super) struct Observer {
     /// `A − L C`.
     a: SMatrix<f64, 8, 8>,
     b: SMatrix<f64, 8, 4>,
@@ -39,13 +40,13 @@ impl Observer {
     ///
     /// [`Error::Infeasible`] where the weights have no gain.
     pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
-        let (a, b, c) = model();
-        let l = gain(options)?;
+        let (a, b) = hover_model(linearize);
+        let l = observer_gain(options, &a)?;
         let mut estimate = SVector::<f64, 8>::zeros();
         estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
         Ok(Self {
-            a: a - l * c,
-            b,
+            a: without_yaw(&a) - l * SMatrix::<f64, 3, 8>::identity(),
+            b: b.remove_row(YAW),
             l,
             measured_m: position_m,
             estimate,
@@ -54,15 +55,16 @@ impl Observer {
             rate_rad_s: Vector3::zeros(),
         })
     }
+}
 
-    /// Sets the initial yaw.
-    pub(super) fn set_yaw(&mut self, yaw_rad: f64) {
+impl Estimator for Observer {
+    fn set_yaw(&mut self, yaw_rad: f64) {
         self.heading_rad = yaw_rad;
         self.measured_m = turned(&self.measured_m, -yaw_rad);
         self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
     }
 
-    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
@@ -74,22 +76,25 @@ impl Observer {
     }
 
     /// The body rate is as the gyroscope read it.
-    pub(super) fn state(&self) -> State {
+    fn state(&self) -> State {
         let x = &self.estimate;
-        let w = &self.rate_rad_s;
-        let p = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
+        let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
         let yaw_rad = self.heading_rad + self.yaw_rad;
-        State::from([p.x, p.y, p.z, yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
+        let attitude = Attitude { yaw_rad, pitch_rad: x[3], roll_rad: x[4] };
+        state(&position_m, attitude, &x.fixed_rows::<3>(5).into(), &self.rate_rad_s)
     }
 }
 
-/// Gain `L` of the dual regulator: the model's σ² as its state weight, the measurement's σ² as its
-/// input weight.
-fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
-    let (a, _, c) = model();
+/// Gain `L` of the dual regulator for the `A` of [`hover_model`]: the model's σ² as its state
+/// weight, the measurement's σ² as its input weight.
+pub(in crate::sim) fn observer_gain(
+    options: &LuenbergerOptions,
+    a: &SMatrix<f64, 9, 9>,
+) -> Result<SMatrix<f64, 8, 3>> {
     let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
     let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
-    let gain = observer_gain(&dynamic(&a), &dynamic(&c), &dynamic(&model), &dynamic(&measurement));
+    let (a, c) = (dynamic(&without_yaw(a)), DMatrix::identity(3, 8));
+    let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
     let gain = gain.map_err(|error| Error::Infeasible {
         what: format!("observer.luenberger.q and .r have no gain: {error}"),
         hint: error.hint().into(),
@@ -97,72 +102,35 @@ fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
     Ok(SMatrix::from_column_slice(gain.as_slice()))
 }
 
-/// `A`, `B`, `C` at hover, yaw left out.
-fn model() -> (SMatrix<f64, 8, 8>, SMatrix<f64, 8, 4>, SMatrix<f64, 3, 8>) {
-    let (a, b) = hover_model();
-    (a.remove_row(YAW).remove_column(YAW), b.remove_row(YAW), SMatrix::identity())
+/// `A` without the yaw.
+pub(in crate::sim) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
+    a.remove_row(YAW).remove_column(YAW)
 }
 
-/// `A` and `B` of all nine rows of [`Motion`].
-fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
-    linearize(
-        |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
-        &Motion::zeros(),
-        &Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2),
-    )
+type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
+type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
+
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a way to linearize.
+pub(in crate::sim) fn hover_model(
+    linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
+) -> Linear {
+    let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
+    linearize(|motion, u| motion_derivative(motion, &u.xyz(), u[3]), &Motion::zeros(), &at_hover)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::vehicle::RigidBody;
-    use noctograph_core::control::observability_rank;
 
     fn at_rest(
         truth: &RigidBody,
         position_m: Vector3<f64>,
         rate_rad_s: Vector3<f64>,
     ) -> Readings<'_> {
-        Readings {
-            truth,
-            throttle: 0.0,
-            rate_rad_s,
-            specific_force_m_s2: Vector3::z() * GRAVITY_M_S2,
-            position_m: Some(position_m),
-            sweeps: &[],
-            ranges: &[],
-            peer_ranges: &[],
-            heights: &[],
-        }
-    }
-
-    #[test]
-    fn gain_is_the_published_one() {
-        // The document prints −50.75 and 135.92, which come from unrounded weights, and 93.5.
-        let want = [
-            (0, 0, 17.76),
-            (1, 1, 17.72),
-            (2, 2, 21.43),
-            (3, 0, 34.33),
-            (4, 1, -50.72),
-            (5, 0, 120.12),
-            (6, 1, 135.86),
-            (7, 2, 93.49),
-        ];
-        let mut rest = gain(&LuenbergerOptions::default()).unwrap();
-        for (row, column, value) in want {
-            assert!((rest[(row, column)] - value).abs() < 0.0051, "L[{row}, {column}] in {rest}");
-            rest[(row, column)] = 0.0;
-        }
-        assert!(rest.norm() < 1e-9, "all others are zero: {rest}");
-    }
-
-    #[test]
-    fn yaw_is_the_one_state_that_no_position_shows() {
-        let (a, _) = hover_model();
-        assert_eq!(observability_rank(&dynamic(&a), &nalgebra::DMatrix::identity(3, 9)), 8);
-        let (a, _, c) = model();
-        assert_eq!(observability_rank(&dynamic(&a), &dynamic(&c)), 8);
+        let force_m_s2 = Vector3::z() * GRAVITY_M_S2;
+        let position_m = Some(position_m);
+        Readings { position_m, ..Readings::inertial(truth, rate_rad_s, force_m_s2) }
     }
 
     #[test]

@@ -8,27 +8,22 @@ use crate::sensors::Positioning;
 use crate::sim::{
     ControllerKind, EstimatorKind, RadioOptions, SetpointKind, Setpoints, SimOptions,
 };
+use crate::tests::{flown, written};
 use crate::vehicle::{FloorStep, Gusts};
 use noctograph_core::crazyflie::Release;
 use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
-use noctograph_letters::{LetterOptions, write};
 
 /// Setpoints `(time, x, z)` with a light on all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {
     let setpoint = |&(time_s, x, z): &(f64, f64, f64)| Setpoint {
         time_s,
         position_m: Vector3::new(x, 0.0, z),
-        velocity_m_s: Vector3::zeros(),
-        acceleration_m_s2: Vector3::zeros(),
         letter: Some(0),
+        ..Setpoint::default()
     };
     let setpoints: Vec<_> = points.iter().map(setpoint).collect();
     let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
     Plan { setpoints, lights, ..Plan::default() }
-}
-
-fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
-    fly(plan, &Drone::new(options, seed), &mut |_| {})
 }
 
 fn fly_default(plan: &Plan) -> Result<Flight> {
@@ -241,8 +236,7 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
 
 #[test]
 fn a_landing_after_full_states_drops_by_more_than_a_decimeter_since_release_2026_08() {
-    let strokes = write("I", &LetterOptions::default()).unwrap();
-    let written = crate::plan::plan(&strokes, &PlanOptions::even()).unwrap();
+    let written = written("I", &PlanOptions::even());
     let last = written.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some()).unwrap();
     let written_s = written.setpoints[last + 1].time_s;
     let landed = |firmware: Release, setpoints: SetpointKind| {

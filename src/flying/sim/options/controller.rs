@@ -188,7 +188,6 @@ impl PidOptions {
 impl ControllerKind {
     /// Whether the controller follows the design's velocity and acceleration, and not held
     /// positions.
-    #[must_use]
     pub fn follows_design(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,
