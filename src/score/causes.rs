@@ -28,6 +28,23 @@ pub struct Cause {
     pub gain: Option<f64>,
 }
 
+impl Cause {
+    /// A fault of a kind, without measures.
+    pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
+        Self {
+            kind,
+            letter,
+            length_mm: None,
+            at_m: None,
+            missing: None,
+            lamp_delay_s: None,
+            log_gap_s: None,
+            reads_as: None,
+            gain: None,
+        }
+    }
+}
+
 /// A part of an intended stroke without light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MissingRun {

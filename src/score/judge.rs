@@ -8,8 +8,7 @@ use super::alphabet::{
     spells,
 };
 use super::calibration::readability;
-use super::choice::Choice;
-use super::columns::Columns;
+use super::lattice::{Choice, Columns};
 use super::raster::whole;
 use super::search::search;
 use super::spelling;

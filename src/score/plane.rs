@@ -3,8 +3,10 @@
 use tiny_skia::Transform;
 
 use super::light::{Frame, Light, Rgb};
+use super::raster::{narrow, whole};
 use super::view::View;
 use super::{PX_PER_H, cap_height_m};
+use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::Strokes;
 
 /// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
@@ -68,17 +70,12 @@ impl Grid {
         // Shift, and half a cap height for the window and the blur.
         let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
         let side = |length_m: f64| {
-            let pixels = (length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
-            #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-            let pixels = pixels.ceil() as usize;
             // Halved twice by the alignment.
-            pixels.next_multiple_of(4)
+            whole(((length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m).ceil()).next_multiple_of(4)
         };
         let (width, height) = (side(right - left), side(top - bottom));
-        let [left_m, top_m] = [
-            home.center_m[0] - 0.5 * width as f64 * pitch_m,
-            home.center_m[1] + 0.5 * height as f64 * pitch_m,
-        ];
+        let left_m = home.center_m[0] - 0.5 * width as f64 * pitch_m;
+        let top_m = home.center_m[1] + 0.5 * height as f64 * pitch_m;
         Self { left_m, top_m, pitch_m, width, height }
     }
 
@@ -93,20 +90,14 @@ impl Grid {
     pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
         let [a, b] = placed.column().map(|part| part / self.pitch_m);
         let [x, y] = placed.apply([0.0, 0.0]);
-        #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
-        let [a, b, x, y] =
-            [a, b, (x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m]
-                .map(|value| value as f32);
+        let [x, y] = [(x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m];
+        let [a, b, x, y] = [a, b, x, y].map(narrow);
         Transform::from_row(a, -b, -b, -a, x, y)
     }
 
-    /// What the photo shows at each pixel of the grid, the grid moved along with the word.
-    pub(super) fn resample(&self, light: &Light, view: &View, placed: &Placed) -> Vec<Rgb> {
-        self.resample_of(light, view, placed, |light| light)
-    }
-
-    /// The same of a function of each photo pixel's light.
-    pub(super) fn resample_of(
+    /// The mean at each pixel of the grid of a function of the photo's light there, the grid moved
+    /// along with the word.
+    pub(super) fn resample(
         &self,
         light: &Light,
         view: &View,
@@ -124,7 +115,7 @@ impl Grid {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
                 // There is no light from behind the camera.
                 if let (Some(a), Some(b), Some(c), Some(d)) = corners {
-                    *value = light.mean_of(&Frame::around([a, b, c, d]), &of);
+                    *value = light.mean_of(bounds([a, b, c, d]), &of);
                 }
             }
             upper = lower;
@@ -136,12 +127,9 @@ impl Grid {
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
         let corner = |x: usize, y: usize| self.image_point(view, placed, [x, y]);
         let (right, bottom) = (self.width, self.height);
-        Some(Frame::around([
-            corner(0, 0)?,
-            corner(right, 0)?,
-            corner(0, bottom)?,
-            corner(right, bottom)?,
-        ]))
+        let (upper, lower) =
+            ([corner(0, 0)?, corner(right, 0)?], [corner(0, bottom)?, corner(right, bottom)?]);
+        Some(bounds(upper.into_iter().chain(lower)))
     }
 
     /// Edge of the middle pixel in the photo; `None` behind the camera.

@@ -4,8 +4,7 @@
 use nalgebra::Vector3;
 use tiny_skia::Transform;
 
-use super::super::ink::Page;
-use super::super::raster::Raster;
+use super::super::raster::{Page, Raster};
 use super::super::{ScoreOptions, Verdict, score};
 use noctograph_core::camera::Camera;
 use noctograph_core::geometry::camera_from_world;
