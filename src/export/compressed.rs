@@ -1,0 +1,459 @@
+//! Compressed trajectory of the Crazyflie: Bézier curves of whole millimeters and milliseconds.
+//!
+//! Values are rounded to the nearest, and durations are differences of rounded times, so that
+//! neither positions nor times drift. (cflib's `CompressedSegment` truncates both: the same NOOR is
+//! off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of the
+//! design at both ends.
+//!
+//! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
+//! (x, y, z in mm, yaw in 0.1°); then a piece after another: a byte with two bits an axis (x, y, z,
+//! yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration as uint16 in ms,
+//! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
+//! bytes. The first control point of a piece is the last of the piece before.
+
+use nalgebra::Vector3;
+
+use super::pieces::{Polynomials, Rounding, Stretch, pieces};
+use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::error::{Error, Result};
+use noctograph_flying::plan::Plan;
+
+/// Longest piece: the largest uint16, in s.
+const MAX_PIECE_S: f64 = 65.535;
+/// Largest coordinate: the largest int16, in m.
+const MAX_COORDINATE_M: f64 = 32.767;
+/// Distance that an axis may be off when it is left constant, m.
+const CONSTANT_M: f64 = 0.0005;
+/// Distance that an axis may be off when it is flown linearly, m.
+const LINEAR_M: f64 = 0.0008;
+/// A piece that is cubic on three axes.
+const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
+
+/// What ends a trajectory.
+pub(super) const END: [u8; 3] = [0; 3];
+
+/// A trajectory as the drone stores it: a piece at least.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compressed {
+    pub(super) pieces: Vec<Piece>,
+    /// Heading throughout, in tenths of a degree.
+    pub(super) yaw: i16,
+}
+
+/// One piece.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    /// The first control point, which is the end of the piece before, mm.
+    pub(super) start_mm: [i16; 3],
+    pub(super) duration_ms: u16,
+    /// The control points of each axis after the first one.
+    pub(super) axes: [Axis; 3],
+}
+
+/// The further control points of an axis, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Axis {
+    Constant,
+    Linear(i16),
+    Cubic([i16; 3]),
+}
+
+impl Compressed {
+    /// Encodes the letters of a plan within a distance of its design.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a plan without letters; [`Error::Infeasible`] for one beyond ±32.767 m,
+    /// with setpoints more than 65.535 s apart, or longer than the memory.
+    pub fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+        let stretch = Stretch::new(plan)?;
+        let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
+        let bytes = trajectory.to_bytes().len();
+        if bytes <= TRAJECTORY_MEMORY_BYTES {
+            return Ok(trajectory);
+        }
+        // Bytes and time as the pieces end; a run-out of one more piece ends each part.
+        let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
+        for piece in &trajectory.pieces {
+            used += piece.n_bytes();
+            if used > TRAJECTORY_MEMORY_BYTES {
+                break;
+            }
+            until_s += piece.polynomials().duration_s;
+        }
+        let found =
+            format!("{bytes} bytes compressed, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}");
+        let hint = "share the word among more drones, accept a larger distance from the design, or \
+                    send setpoints over the radio (script for cflib)";
+        Err(stretch.too_long(until_s, &found, hint))
+    }
+
+    /// The same, whether or not it fits the memory.
+    pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
+        check_range(stretch)?;
+        let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoints[0].position_m[axis]));
+        let next = |from, to, before: &[Piece], rounding| {
+            piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
+        };
+        let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
+        #[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
+        let yaw = (10.0 * stretch.yaw_rad.to_degrees()).round() as i16;
+        Ok(Self { pieces, yaw })
+    }
+
+    /// The bytes that the drone stores.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
+        let mut bytes = start_mm.map(i16::to_le_bytes).concat();
+        bytes.extend(self.yaw.to_le_bytes());
+        for piece in &self.pieces {
+            let [x, y, z] = piece.axes.map(Axis::code);
+            bytes.push(x | y << 2 | z << 4);
+            bytes.extend(piece.duration_ms.to_le_bytes());
+            let points_mm = piece.axes.iter().flat_map(Axis::points_mm);
+            bytes.extend(points_mm.flat_map(|point_mm| point_mm.to_le_bytes()));
+        }
+        bytes.extend(END);
+        bytes
+    }
+
+    /// Duration as flown, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.polynomials().iter().map(|piece| piece.duration_s).sum()
+    }
+
+    /// Its pieces as polynomials.
+    pub(super) fn polynomials(&self) -> Vec<Polynomials> {
+        self.pieces.iter().map(Piece::polynomials).collect()
+    }
+
+    /// Where it ends.
+    pub(super) fn end_m(&self) -> Vector3<f64> {
+        let end_mm = self.pieces.last().expect("a piece").end_mm();
+        Vector3::from(end_mm.map(f64::from)) / 1e3
+    }
+
+    /// Its pieces as Bézier curves: duration in s, and four control points in m.
+    pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
+        let curve = |piece: &Piece| (piece.polynomials().duration_s, piece.curve_m());
+        self.pieces.iter().map(curve).collect()
+    }
+}
+
+impl Axis {
+    /// Its four control points as a cubic, mm.
+    fn control_mm(self, start_mm: i16) -> [f64; 4] {
+        let a = f64::from(start_mm);
+        match self {
+            Self::Constant => [a; 4],
+            Self::Linear(end_mm) => {
+                let d = f64::from(end_mm);
+                [a, a + (d - a) / 3.0, d - (d - a) / 3.0, d]
+            }
+            Self::Cubic(points_mm) => {
+                let [b, c, d] = points_mm.map(f64::from);
+                [a, b, c, d]
+            }
+        }
+    }
+
+    /// Its coefficients in m and s.
+    fn polynomial(self, start_mm: i16, duration_s: f64) -> [f64; 8] {
+        let [a, b, c, d] = self.control_mm(start_mm).map(|mm| mm / 1000.0);
+        let share = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
+        let (t, t2) = (duration_s, duration_s * duration_s);
+        [share[0], share[1] / t, share[2] / t2, share[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Self::Constant => 0,
+            Self::Linear(_) => 1,
+            Self::Cubic(_) => 2,
+        }
+    }
+
+    fn points_mm(&self) -> &[i16] {
+        match self {
+            Self::Constant => &[],
+            Self::Linear(end_mm) => std::slice::from_ref(end_mm),
+            Self::Cubic(points_mm) => points_mm,
+        }
+    }
+}
+
+impl Piece {
+    /// Bytes on board.
+    fn n_bytes(&self) -> usize {
+        3 + 2 * self.axes.iter().map(|axis| axis.points_mm().len()).sum::<usize>()
+    }
+
+    /// The last control point, mm.
+    pub(super) fn end_mm(&self) -> [i16; 3] {
+        let end_mm = |axis: usize| self.axes[axis].points_mm().last().copied();
+        std::array::from_fn(|axis| end_mm(axis).unwrap_or(self.start_mm[axis]))
+    }
+
+    /// Its motion as the firmware computes it.
+    fn polynomials(&self) -> Polynomials {
+        let duration_s = f64::from(self.duration_ms) / 1000.0;
+        let axis = |axis: usize| self.axes[axis].polynomial(self.start_mm[axis], duration_s);
+        Polynomials { duration_s, axes: [axis(0), axis(1), axis(2)] }
+    }
+
+    /// As a Bézier curve: its four control points, m.
+    fn curve_m(&self) -> [Vector3<f64>; 4] {
+        let axes = [0, 1, 2].map(|axis| self.axes[axis].control_mm(self.start_mm[axis]));
+        [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / 1000.0)
+    }
+}
+
+/// The piece between two setpoints: on each axis the simplest form that is near enough.
+fn piece(
+    stretch: &Stretch,
+    [from, to]: [usize; 2],
+    start_mm: [i16; 3],
+    rounding: Rounding,
+) -> Piece {
+    let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
+    #[expect(clippy::cast_possible_truncation, reason = "below 65 535")]
+    let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
+    let duration_s = f64::from(duration_ms) / 1000.0;
+    let (here, there) = (&stretch.setpoints[from], &stretch.setpoints[to]);
+    let axis = |axis: usize| {
+        let end_mm = round_mm(there.position_m[axis]);
+        let forms = [(Axis::Constant, CONSTANT_M), (Axis::Linear(end_mm), LINEAR_M)];
+        let near = |(form, tolerance_m): &(Axis, f64)| {
+            let [start_m, slope_m_s, ..] = form.polynomial(start_mm[axis], duration_s);
+            stretch.check_times_s(from, to).all(|time_s| {
+                let line_m = start_m + slope_m_s * (time_s - stretch.time_s(from));
+                (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
+            })
+        };
+        let simple = forms.iter().find(|form| near(form)).map(|(form, _)| *form);
+        // From the rounded ends, so that the velocities at them are rounded once.
+        let third_s = duration_s / 3.0;
+        let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
+        let cubic_mm = [
+            round_mm(f64::from(start_mm[axis]) / 1000.0 + ahead_m),
+            round_mm(f64::from(end_mm) / 1000.0 - behind_m),
+            end_mm,
+        ];
+        simple.unwrap_or(match rounding {
+            Rounding::Nearest => Axis::Cubic(cubic_mm),
+            Rounding::Gentlest => gentlest(start_mm[axis], cubic_mm),
+        })
+    };
+    Piece { start_mm, duration_ms, axes: std::array::from_fn(axis) }
+}
+
+/// The cubic whose inner control points are within a millimeter of given ones, with the least
+/// acceleration at its ends.
+fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> Axis {
+    let around = |mm: i16| [mm, mm.saturating_sub(1), mm.saturating_add(1)];
+    let cubics = around(b).into_iter().flat_map(|b| around(c).map(|c| [b, c, end_mm]));
+    let effort = |points_mm: &[i16; 3]| {
+        let [b, c, d] = points_mm.map(i32::from);
+        (i32::from(start_mm) - 2 * b + c).abs().max((b - 2 * c + d).abs())
+    };
+    Axis::Cubic(cubics.min_by_key(effort).expect("nine cubics"))
+}
+
+fn check_range(stretch: &Stretch) -> Result<()> {
+    for (index, setpoint) in stretch.setpoints.iter().enumerate() {
+        let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
+        if step_s > MAX_PIECE_S {
+            return Err(Error::Infeasible {
+                what: format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
+                hint: "plan setpoints at shorter intervals".into(),
+            });
+        }
+        if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
+            return Err(Error::Infeasible {
+                what: format!(
+                    "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
+                ),
+                hint: "write nearer to the origin, or smaller".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// A coordinate in whole millimeters; control points beyond the range saturate.
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
+fn round_mm(x_m: f64) -> i16 {
+    (x_m * 1000.0).round() as i16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pieces::motion;
+    use super::super::tests::{assert_same, checked_m, decoded, read, waves};
+    use super::*;
+    use noctograph_flying::plan::{PlanOptions, Setpoint, plan};
+    use noctograph_letters::{LetterOptions, write};
+
+    fn noor() -> Plan {
+        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+        plan(&strokes, &PlanOptions::even()).unwrap()
+    }
+
+    /// Largest speed and acceleration, sampled every ms.
+    fn sampled(trajectory: &Compressed) -> [f64; 2] {
+        #[expect(clippy::cast_possible_truncation, reason = "a minute")]
+        let n = (trajectory.duration_s() * 1000.0) as u32;
+        let pieces = trajectory.polynomials();
+        (0..n).fold([0.0; 2], |[v, a], ms| {
+            let [_, velocity, acceleration] = motion(&pieces, f64::from(ms) / 1000.0);
+            [f64::max(v, velocity.norm()), f64::max(a, acceleration.norm())]
+        })
+    }
+
+    #[test]
+    fn the_firmwares_own_evaluator_reads_these_bytes_the_same() {
+        let (bytes, rows) = read(include_str!("recorded/compressed.txt"));
+        let trajectory = decoded(&bytes);
+        assert_same(&rows, &trajectory.polynomials());
+        assert_eq!(trajectory.to_bytes(), bytes);
+    }
+
+    #[test]
+    fn a_heading_is_the_firmwares_first_yaw_and_constant() {
+        let (mut bytes, _) = read(include_str!("recorded/compressed.txt"));
+        bytes[6..8].copy_from_slice(&(-900_i16).to_le_bytes());
+        let trajectory = decoded(&bytes);
+        assert_eq!((trajectory.yaw, trajectory.to_bytes()), (-900, bytes));
+    }
+
+    #[test]
+    fn two_pieces_are_the_bytes_that_were_written_by_hand() {
+        let setpoint = |time_s, x, vx, z| Setpoint {
+            time_s,
+            position_m: Vector3::new(x, 0.0, z),
+            velocity_m_s: Vector3::new(vx, 0.0, 0.0),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        // At rest, then 0.1 m to the right at 0.2 m/s; z rises by 3 mm in a jump at the end.
+        let setpoints = vec![
+            setpoint(1.0, 0.0, 0.2, 0.5),
+            setpoint(1.5, 0.1, 0.0, 0.5),
+            setpoint(2.0, 0.1, 0.0, 0.5),
+        ];
+        let plan = Plan { setpoints, ..Plan::default() };
+        let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
+        let bytes = trajectory.to_bytes();
+        let want: Vec<u8> = [
+            &[0xCE, 0xFF, 0, 0, 0xF4, 1, 0, 0][..], // -50, 0, 500 mm, 0°: where the run-up begins
+            &[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0], // x cubic, 500 ms: -50, -33, 0 mm
+            &[1, 0xF4, 1, 100, 0],                  // x linear, 500 ms, to 100 mm
+            &[0, 0xE8, 3],                          // at rest, 1000 ms
+            &[0, 0, 0],
+        ]
+        .concat();
+        assert_eq!(bytes, want);
+        assert_eq!(decoded(&bytes), trajectory);
+        let [position_m, velocity_m_s, _] = motion(&trajectory.polynomials(), 0.75);
+        assert!((position_m - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
+        assert!((velocity_m_s - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
+        assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn twenty_four_letters_fit_and_of_sixty_it_says_how_many() {
+        let plan_of = |word: &str| {
+            plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
+        };
+        let word = "NOCTOGRAPH".repeat(6);
+        Compressed::encode(&plan_of(&word[..24]), 0.002).unwrap();
+        let error = Compressed::encode(&plan_of(&word), 0.002).unwrap_err().to_string();
+        assert!(error.contains("of 60 letters fit"), "{error}");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig {
+            cases: 1000,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(17),
+            ..Default::default()
+        })]
+
+        #[test]
+        fn random_plans_are_decoded_within_tolerance_range_and_limits(
+            plan in waves(),
+            tolerance_m in 0.0025..0.01_f64,
+        ) {
+            let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
+            let stretch = Stretch::new(&plan).unwrap();
+            let worst_m = checked_m(&stretch, &trajectory.polynomials());
+            let [max_m_s, max_m_s2] = stretch.limits();
+            // The end of a piece is off by half a millisecond at most.
+            let late_m = 0.0005 * max_m_s;
+            proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
+            let [v, a] = sampled(&trajectory);
+            proptest::prop_assert!(
+                v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2,
+                "{} of {} m/s, {} of {} m/s²", v, max_m_s, a, max_m_s2
+            );
+            proptest::prop_assert!(trajectory.pieces.iter().all(|p| p.duration_ms < 65_500));
+            let back = decoded(&trajectory.to_bytes());
+            proptest::prop_assert_eq!(back, trajectory);
+        }
+    }
+
+    #[test]
+    fn noor_fits_the_memory_six_times_within_two_and_a_half_millimeters() {
+        let plan = noor();
+        let trajectory = Compressed::encode(&plan, 0.002).unwrap();
+        let (bytes, stretch) = (trajectory.to_bytes().len(), Stretch::new(&plan).unwrap());
+        let worst_m = checked_m(&stretch, &trajectory.polynomials());
+        assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
+        let [max_m_s, max_m_s2] = stretch.limits();
+        let [v, a] = sampled(&trajectory);
+        assert!(v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2, "{v} m/s, {a} m/s²");
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_the_bytes_at_each_of_the_drones_milliseconds() {
+        let plan = noor();
+        let bytes = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
+        let trajectory = decoded(&bytes);
+        let stretch = Stretch::new(&plan).unwrap();
+        // De Casteljau's way from point to point, which `motion` does not go.
+        let on_curve = |mut points: Vec<Vector3<f64>>, share: f64| {
+            while points.len() > 1 {
+                points = points.windows(2).map(|pair| pair[0].lerp(&pair[1], share)).collect();
+            }
+            points[0]
+        };
+        let (mut start_s, mut worst_m) = (0.0, 0.0_f64);
+        for (duration_s, points_m) in trajectory.curves() {
+            let steps = (1000.0 * duration_s).round();
+            for step in (0..).map(f64::from).take_while(|step| *step <= steps) {
+                let at_m = on_curve(points_m.to_vec(), step / steps);
+                let design_m = stretch.position_m(start_s + duration_s * step / steps);
+                worst_m = worst_m.max((at_m - design_m).norm());
+            }
+            start_s += duration_s;
+        }
+        let said_m = stretch.worst_m(&trajectory.polynomials());
+        assert!((said_m - worst_m).abs() < 1e-9, "{said_m} m said, {worst_m} m by the bytes");
+        let checked_m = checked_m(&stretch, &trajectory.polynomials());
+        assert!(said_m > checked_m + 5e-5, "{said_m} m, and {checked_m} m where it was checked");
+    }
+
+    #[test]
+    fn what_does_not_fit_the_form_is_refused() {
+        let refused = |change: fn(&mut Setpoint)| {
+            let mut plan = noor();
+            plan.setpoints.iter_mut().for_each(change);
+            Compressed::encode(&plan, 0.002).unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));
+        assert!(refused(|s| s.letter = None).contains("no letter"));
+        assert!(refused(|s| s.time_s *= 2000.0).contains("65.535 s"));
+        assert!(refused(|s| s.position_m.z -= 1.0).contains("down to"));
+    }
+}
