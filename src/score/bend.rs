@@ -1,6 +1,6 @@
-//! Strokes and their light: each intended stroke is moved sideways onto its light, so that the stroke
-//! of a drone off its path does not count as missing; what has no light then is a gap, and lines of
-//! light without a stroke are stray.
+//! Strokes and their light: each intended stroke is moved sideways onto its light, so that the
+//! stroke of a drone off its path does not count as missing; what has no light then is a gap, and
+//! lines of light without a stroke are stray.
 //!
 //! Strokes move across their own direction only: along it, light may be missing.
 

@@ -38,9 +38,9 @@ pub struct Calibration {
     pub spelling: f64,
 }
 
-/// The calibration that verdicts are made with, fitted by `examples/readings/fit.py` to the choosing
-/// half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md has the
-/// result.
+/// The calibration that verdicts are made with, fitted by `examples/readings/fit.py` to the
+/// choosing half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md
+/// has the result.
 pub const CALIBRATION: Calibration = Calibration {
     reader: "two at first sight",
     constant: -0.081,

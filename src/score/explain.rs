@@ -72,13 +72,12 @@ impl Reader {
     ///
     /// As [`Self::score`].
     pub fn explain(&self, photo: &Photo, view: &View, known: &Known) -> Result<(Verdict, Marks)> {
-        let mut sight = self.sight(photo, view)?;
+        let (mut verdict, seen) = self.sight(photo, view)?;
         let mut marks = Marks::default();
-        let Some(seen) = &sight.seen else { return Ok((sight.verdict, marks)) };
-        let verdict = &mut sight.verdict;
+        let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        let mut found = self.compare(&sketches, (seen, view), known, verdict, &mut marks);
+        let mut found = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         if self.expected.indices.len() > LONGEST_MENDED {
             found.iter_mut().for_each(|(_, mending)| *mending = None);
         }
@@ -105,18 +104,18 @@ impl Reader {
                 self.expected.choice_near(&mended, &middles, place).p - before
             });
         }
-        self.flaws_of_design(verdict, &mut found);
+        self.flaws_of_design(&verdict, &mut found);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
             found.push((Cause::new(CauseKind::FewPixels, None), None));
         }
         if seen.contrast < DIM {
             found.push((Cause::new(CauseKind::Dim, None), None));
         }
-        verdict.advice = self.advise((seen, &in_place), verdict, &sketches, &found, known);
+        verdict.advice = self.advise((seen, &in_place), &verdict, &sketches, &found, known);
         let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
         found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
         verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
-        Ok((sight.verdict, marks))
+        Ok((verdict, marks))
     }
 
     /// Compares the light of each letter with its strokes: fills in the measures of the verdict and

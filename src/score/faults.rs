@@ -1,12 +1,12 @@
-//! Faults of a letter: missing strokes, stray light and its kind, shift, glow; and how each is taken
-//! out of the letter's picture, so that the letter can be read without it.
+//! Faults of a letter: missing strokes, stray light and its kind, shift, glow; and how each is
+//! taken out of the letter's picture, so that the letter can be read without it.
 
 use super::bend::{Bent, Gap, Stray, distance};
 use super::causes::{Cause, CauseKind, Known, LogGap, MissingRun};
-use super::plane::Placed;
+use super::plane::{LetterPage, Placed};
 use super::raster::Raster;
 use super::reader::Reader;
-use super::sketch::{LetterPage, Sketch};
+use super::sketch::Sketch;
 use super::trace::LightLines;
 use super::{PEN_H, PX_PER_H};
 use noctograph_core::geometry;

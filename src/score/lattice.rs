@@ -1,5 +1,5 @@
-//! What a strip shows: the shares of the net's classes along it, the ways through these columns that
-//! spell a word, and the choice among all letters in each place.
+//! What a strip shows: the shares of the net's classes along it, the ways through these columns
+//! that spell a word, and the choice among all letters in each place.
 //!
 //! A word is spelled by every sequence of columns that shows its letters in order, each for one or
 //! more columns, with or without blanks between them (connectionist temporal classification, Graves
@@ -86,16 +86,15 @@ impl Columns {
         (0..word.len()).map(|index| lattice.middle(index, &self.shares(word[index]))).collect()
     }
 
-    /// For each letter of a word, what is seen in its place; `digits` says which of them are
-    /// digits.
-    pub(super) fn choices(&self, word: &[Classes], digits: &[bool]) -> Vec<Choice> {
+    /// For each letter of a word, given with its classes, what is seen in its place.
+    pub(super) fn choices(&self, word: &[Classes], letters: &[char]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
         let own = lattice.total();
         let choice = |index: usize| {
             let expected = word[index];
             let replaced = |set| lattice.replaced(index, &self.shares(set), set);
             let none = replaced(NO_LETTER & !expected) + lattice.without(index);
-            let others = names(expected, digits[index]).into_iter();
+            let others = names(expected, letters[index].is_ascii_digit()).into_iter();
             let mut others: Vec<(char, f64)> =
                 others.map(|(name, set)| (name, replaced(set))).collect();
             let sum = own + none + others.iter().map(|(_, p)| p).sum::<f64>();
@@ -354,7 +353,7 @@ mod tests {
     #[test]
     fn shares_of_a_place_add_up_and_name_what_is_there() {
         let columns = columns("N O O P ");
-        let choices = columns.choices(&word("NOOR"), &[false; 4]);
+        let choices = columns.choices(&word("NOOR"), &['N', 'O', 'O', 'R']);
         for choice in &choices {
             let sum = choice.p + choice.none + choice.others.iter().map(|(_, p)| p).sum::<f64>();
             assert!((sum - 1.0).abs() < 1e-9, "{sum}");

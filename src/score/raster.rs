@@ -29,8 +29,8 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
-    /// Light in the squares of a grid, from its upper left corner and of a side in pixels, in some of
-    /// its columns and its first rows; outside is dark.
+    /// Light in the squares of a grid, from its upper left corner and of a side in pixels, in some
+    /// of its columns and its first rows; outside is dark.
     pub(super) fn sums(
         &self,
         [left, top]: [f64; 2],

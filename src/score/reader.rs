@@ -8,10 +8,9 @@ use super::color;
 use super::judge::{Expected, Judgment, letter_verdict};
 use super::lattice::{Choice, Columns};
 use super::light::{Frame, Light, Rgb, full_light, luminance, map};
-use super::plane::{Grid, Placed};
+use super::plane::{Grid, LetterPage, Placed};
 use super::raster::{Page, Raster, narrow, whole};
 use super::reading::{Reading, is_clear, read};
-use super::sketch::LetterPage;
 use super::spelling::likeliest;
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, SIDE_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
@@ -23,6 +22,7 @@ use super::{
 use noctograph_core::error::Result;
 use noctograph_core::geometry::{bounds, distance};
 use noctograph_core::photo::Photo;
+use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
@@ -62,13 +62,6 @@ const CONTRADICTION: f64 = 20.0;
 /// Letters of a word that is not read blindly by chance.
 const MANY_LETTERS: usize = 3;
 
-/// A verdict, and the light that it is about.
-pub(super) struct Sight {
-    pub(super) verdict: Verdict,
-    /// `None` where the photo does not show the place of the word, or nothing shines there.
-    pub(super) seen: Option<Seen>,
-}
-
 /// The light of a word.
 pub(super) struct Seen {
     pub(super) light: Light,
@@ -100,7 +93,7 @@ impl Reader {
     /// letter that the reader does not know or that leaves no light, letters too narrow or too
     /// wide, or an option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
-        options.check()?;
+        options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
         let ink_px = |glyph: &Glyph| {
@@ -151,7 +144,7 @@ impl Reader {
     ///
     /// If the photo has not three bytes a pixel.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
-        Ok(self.sight(photo, view)?.verdict)
+        Ok(self.sight(photo, view)?.0)
     }
 
     /// The strips that a photo shows, for the training of the net: of each line of the word, its
@@ -167,20 +160,23 @@ impl Reader {
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width).collect())).collect())
     }
 
-    /// The verdict without causes, and the light that it was made from.
+    /// The verdict without causes, and the light that it was made from; `None` where the photo does
+    /// not show the place of the word, or nothing shines there.
     ///
     /// The word is looked for in its place and in the lines that blind recognition finds: two views
     /// of the same light, of which the one that shows the word better counts.
-    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
+    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
-        let cap_height_px = self.cap_height_px(view);
+        // `None` where the photo cannot show a capital.
+        let pixel_px = self.finder.grid.pixel_px(view, &self.home);
+        let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
         let seen = match seen {
             Ok(seen) => seen,
             Err(reason) => {
                 let verdict = Verdict::unseen(&self.strokes, Some(reason), cap_height_px);
                 let second_opinion = Some(reading.text);
-                return Ok(Sight { verdict: Verdict { second_opinion, ..verdict }, seen: None });
+                return Ok((Verdict { second_opinion, ..verdict }, None));
             }
         };
         let in_place = (!self.has_more(&reading, &seen, view))
@@ -197,8 +193,7 @@ impl Reader {
         };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.at_ends(&seen.around));
-        let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
-        Ok(Sight { verdict, seen: Some(seen) })
+        Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
 
     /// Whether blind recognition clearly reads letters outside the strips that were cut out for the
@@ -250,11 +245,6 @@ impl Reader {
         let (columns, around) = rayon::join(|| columns(&strips), || columns(&around));
         let around = Columns::joined(around).letters_alone();
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
-    }
-
-    /// Height of a capital in the photo; `None` where the photo cannot show it.
-    fn cap_height_px(&self, view: &View) -> Option<f64> {
-        self.finder.grid.pixel_px(view, &self.home).map(|px| f64::from(PX_PER_H) * px)
     }
 
     fn verdict(

@@ -172,8 +172,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let (text, ln_p) = spell(&columns)?;
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
-    let digits: Vec<bool> = seen.iter().map(char::is_ascii_digit).collect();
-    let choices = columns.choices(&word, &digits);
+    let choices = columns.choices(&word, &seen);
     let middle_px = |column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px;
     let middles_px: Vec<f64> = columns.middles(&word).into_iter().map(middle_px).collect();
     let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));

@@ -92,9 +92,17 @@ impl Strip {
 
     /// The same, read from the first to the last column with light alone, and the margin that the
     /// net knows: it knows no wide darkness, and sees letters in it.
-    pub(super) fn where_lit(self) -> Self {
-        let read = lit_columns(&self.bright, self.width);
-        Self { read, ..self }
+    pub(super) fn where_lit(mut self) -> Self {
+        let is_lit = |x: &usize| {
+            let column = self.bright.iter().skip(*x).step_by(self.width);
+            column.filter(|light| **light >= LIT.0).count() >= LIT.1
+        };
+        let (first, last) = ((0..self.width).find(is_lit), (0..self.width).rfind(is_lit));
+        if let (Some(first), Some(last)) = (first, last) {
+            let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(self.width);
+            self.read = first.saturating_sub(MARGIN_PX) / 2 * 2..end;
+        }
+        self
     }
 
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
@@ -189,22 +197,8 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// The columns from the first to the last with light, and the margin that the net knows; all where
-/// there is none.
-fn lit_columns(bright: &[f32], width: usize) -> Range<usize> {
-    let is_lit = |x: &usize| {
-        let column = bright.iter().skip(*x).step_by(width);
-        column.filter(|light| **light >= LIT.0).count() >= LIT.1
-    };
-    let (Some(first), Some(last)) = ((0..width).find(is_lit), (0..width).rfind(is_lit)) else {
-        return 0..width;
-    };
-    let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(width);
-    first.saturating_sub(MARGIN_PX) / 2 * 2..end
-}
-
-/// Takes soft light off the channels of a strip, whose first one is how bright the light looks: a lit
-/// wall or a glow is wider than the strokes, and is none of them.
+/// Takes soft light off the channels of a strip, whose first one is how bright the light looks: a
+/// lit wall or a glow is wider than the strokes, and is none of them.
 ///
 /// An opening, the maximum over squares of the minimum in each, keeps what is wider than the square
 /// and loses the strokes: it is taken off the light.
