@@ -19,7 +19,7 @@ use std::num::NonZero;
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose, project};
-use noctograph::light::LightTrace;
+use noctograph::light::{LightTrace, csv::read};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::Shoot;
 
@@ -40,7 +40,8 @@ fn camera() -> Camera {
 
 fn trace() -> LightTrace {
     if let Some(path) = std::env::var_os("NOCTOGRAPH_BENCH_CSV") {
-        return LightTrace::read_csv(path.as_ref()).unwrap();
+        #[expect(clippy::disallowed_methods, reason = "a file of one's own")]
+        return read(&std::fs::read(path).unwrap(), "light trace").unwrap().0;
     }
     let mut csv = "t,x,y,z,r,g,b\n".to_owned();
     for i in 0..31_000 {
@@ -48,7 +49,7 @@ fn trace() -> LightTrace {
         let (x, y) = (1.6 * libm::sin(0.23 * t), 0.01 * libm::sin(5.0 * t));
         csv += &format!("{t},{x:.6},{y:.6},{:.6},1,0.55,0.12\n", 0.5 * libm::cos(0.71 * t));
     }
-    LightTrace::parse_csv(csv.as_bytes(), "figure").unwrap()
+    read(csv.as_bytes(), "figure").unwrap().0
 }
 
 fn bench(c: &mut Criterion) {

@@ -11,11 +11,12 @@ use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
-use super::{Job, caution, gains, stem};
+use super::{Job, gains, stem, with_caution};
 use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::lamps::{Channel, LightOptions};
+use noctograph_core::geometry::bounds;
+use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
 use noctograph_flying::plan::Plan;
 use noctograph_flying::sensors::Positioning;
@@ -32,7 +33,7 @@ const MIN_INTERVAL_S: f64 = 0.02;
 /// Redundant setpoints move by less than this, m.
 const SAME_M: f64 = 2e-5;
 /// Flight after the last light command, s.
-const AFTERGLOW_S: f64 = 0.2;
+pub(super) const AFTERGLOW_S: f64 = 0.2;
 
 settings! {
     /// What a script sends while the drone writes.
@@ -55,19 +56,13 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
     let script = script.replace("@WATCH@", &python(&WATCH_BLOCKS)).replace("@CFLIB@", OLDEST_CFLIB);
-    Ok(with_caution(job, &script.replace("@DATA@", &literal)))
-}
-
-/// The script with a comment below its first line that says what speaks against flying it.
-pub(super) fn with_caution(job: &Job<'_>, script: &str) -> String {
-    let (first, rest) = script.split_once('\n').expect("a script has lines");
-    format!("{first}\n{}{rest}", caution(job))
+    Ok(with_caution(job, script.replace("@DATA@", &literal)))
 }
 
 /// The script that flies several drones by theirs.
 pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     let names = serde_json::to_string(scripts).expect("names are serializable");
-    with_caution(job, &LAUNCHER.replace("@SCRIPTS@", &names))
+    with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
 }
 
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
@@ -104,7 +99,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let trajectory_end_s = end_s(plan, &stretch, &on_board);
     let landing = |trajectory: Compressed| {
         let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
-        Ok((and_lands(&trajectory, over_s)?, trajectory.n_pieces()))
+        Ok((and_lands(&trajectory, over_s)?, trajectory.pieces.len()))
     };
     let (bytes, pieces, refused) = match trajectory.and_then(landing) {
         // A byte of the command, which the firmware does not read of a compressed trajectory.
@@ -112,13 +107,19 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
         Err(error) => (Vec::new(), 0, Some(error.to_string())),
     };
-    let first_m = stretch.setpoint(0).position_m;
+    let first_m = stretch.setpoints[0].position_m;
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
+    // As `noctograph plan` writes it, so that a log finds its plan.
+    let mut csv = Vec::new();
+    plan.write_csv(&mut csv).expect("memory takes it");
+    // What the drone has so already is not sent.
+    let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
+    parameters.extend(preparation(plan, job.light)?);
     Ok(json!({
         "word": job.word,
-        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": plan_sha256(plan) },
+        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": sha256(&csv) },
         "limits": limits(job, drone),
         "room_m": job.checks.room_m,
         "corners_m": corners_m(job.plans),
@@ -133,7 +134,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "before_s": before_s,
         "end_s": sent_until_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
-        "parameters": parameters(plan, job.light)?,
+        "parameters": parameters,
         "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
@@ -187,13 +188,6 @@ fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Digest of the plan as `noctograph plan` writes it, so that a log finds its plan.
-fn plan_sha256(plan: &Plan) -> String {
-    let mut csv = Vec::new();
-    plan.write_csv(&mut csv).expect("memory takes it");
-    sha256(&csv)
-}
-
 /// What the script judges a drone by, from the one table of limits.
 fn limits(job: &Job<'_>, drone: usize) -> Value {
     let checks = job.checks;
@@ -202,6 +196,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
     let [low_m, high_m] = checks.volume_m;
+    let to_um = |length_m: f64| (1e6 * length_m).round() / 1e6;
     json!({
         "oldest_cflib": OLDEST_CFLIB,
         "oldest_firmware": safety::OLDEST_FIRMWARE,
@@ -218,16 +213,11 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "rest_v": rest_v,
         "low_v": platform.map_or(0.0, safety::Platform::low_battery_v),
         "low_s": safety::LOW_BATTERY_S,
-        "critical_v": platform.map_or(0.0, safety::Platform::critical_battery_v),
+        "critical_v": platform.map_or(0.0, |_| safety::CRITICAL_BATTERY_V),
         "wrong_s": safety::WRONG_S,
-        "fence_m": [low_m.map(|m| rounded(m - safety::FENCE_M)), high_m.map(|m| rounded(m + safety::FENCE_M))],
+        "fence_m": [low_m.map(|m| to_um(m - safety::FENCE_M)), high_m.map(|m| to_um(m + safety::FENCE_M))],
         "stray_m": safety::STRAY_M,
     })
-}
-
-/// A length in whole micrometers.
-fn rounded(length_m: f64) -> f64 {
-    (1e6 * length_m).round() / 1e6
 }
 
 /// Decks that a flight needs, each with the parameters in `deck.` of which one is to be set
@@ -253,23 +243,10 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
 /// Corners of the box of all letters.
 fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
-    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
-    let places: Vec<_> = written.map(|setpoint| setpoint.position_m).collect();
-    let Some(first) = places.first() else { return Vec::new() };
-    let ends = |axis: usize| {
-        let values = places.iter().map(|place| place[axis]);
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
-    };
-    let ((left, right), (low, high)) = (ends(0), ends(2));
-    [(left, low), (right, low), (right, high), (left, high)].map(|(x, z)| [x, first.y, z]).into()
-}
-
-/// Parameters that are set before the flight: estimator, lamps. Whatever the drone has so already
-/// is not sent.
-fn parameters(plan: &Plan, light: &LightOptions) -> Result<Vec<(String, u32)>> {
-    let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
-    parameters.extend(preparation(plan, light)?);
-    Ok(parameters)
+    let mut written = setpoints.filter(|setpoint| setpoint.letter.is_some()).peekable();
+    let Some(y) = written.peek().map(|first| first.position_m.y) else { return Vec::new() };
+    let [left, low, right, high] = bounds(written.map(|s| [s.position_m.x, s.position_m.z]));
+    [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
 /// Number of the controller in the firmware (`controller.h`), where the firmware has it.
@@ -307,36 +284,26 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     };
     for row in (0..plan.setpoints.len()).filter(in_the_air) {
         let setpoint = &plan.setpoints[row];
-        let Some(&before) = kept.last() else {
+        let lasts_s = |before: usize| setpoint.time_s - plan.setpoints[before].time_s;
+        let is_soon = |before: &usize| lasts_s(*before) < MIN_INTERVAL_S - 1e-6;
+        let Some(before) = kept.last().copied().filter(is_soon) else {
             kept.push(row);
             continue;
         };
-        let last = &plan.setpoints[before];
-        if setpoint.time_s - last.time_s >= MIN_INTERVAL_S - 1e-6 {
-            kept.push(row);
-            continue;
-        }
         // Too soon: of two setpoints the one that merely goes on is left out.
         let goes_on = |from: usize, to: usize| {
             let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
             let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
             held || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
         };
+        let last = &plan.setpoints[before];
         let earlier = kept.len().checked_sub(2).map(|index| kept[index]);
-        if goes_on(before, row) && setpoint.letter == last.letter {
-            let replaces = earlier.is_some_and(|earlier| goes_on(earlier, before));
-            if replaces {
-                *kept.last_mut().expect("a setpoint") = row;
-            }
-        } else if earlier.is_some_and(|earlier| goes_on(earlier, before)) {
+        if earlier.is_some_and(|earlier| goes_on(earlier, before)) {
             *kept.last_mut().expect("a setpoint") = row;
-        } else {
-            let hz = 1.0 / (setpoint.time_s - last.time_s);
+        } else if !goes_on(before, row) || setpoint.letter != last.letter {
+            let (hz, time_s) = (1.0 / lasts_s(before), last.time_s);
             return Err(Error::Infeasible {
-                what: format!(
-                    "{hz:.0} setpoints a second at {:.2} s, the radio carries 50",
-                    last.time_s
-                ),
+                what: format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
                 hint: "raise plan.setpoint_interval_s, or fly a trajectory on board".into(),
             });
         }
@@ -354,7 +321,9 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 mod tests {
     use super::*;
     use crate::safety::{Battery, Checks, Platform};
+    use crate::tests::decoded;
     use noctograph_core::camera::CameraOptions;
+    use noctograph_core::lamps::LightOptions;
     use noctograph_flying::plan::{PlanOptions, plan};
     use noctograph_flying::sensors::Positioning;
     use noctograph_flying::sim::SimOptions;
@@ -428,10 +397,9 @@ mod tests {
         let hex = data["trajectory"]["hex"].as_str().unwrap();
         let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
         let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
-        let (found, alone) =
-            (Compressed::from_bytes(&bytes).unwrap(), Compressed::encode(&plan, 0.002).unwrap());
-        assert_eq!(data["trajectory"]["pieces"], found.n_pieces());
-        assert_eq!(found.n_pieces(), alone.n_pieces() + 2);
+        let (found, alone) = (decoded(&bytes), Compressed::encode(&plan, 0.002).unwrap());
+        assert_eq!(data["trajectory"]["pieces"], found.pieces.len());
+        assert_eq!(found.pieces.len(), alone.pieces.len() + 2);
         assert_eq!(found.end_m().z, -0.1);
         let longer_s = found.duration_s() - alone.duration_s();
         let lands_s = 3.0 + (alone.end_m().z + 0.1) / 0.3;

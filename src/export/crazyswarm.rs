@@ -10,17 +10,16 @@
 
 use serde_json::json;
 
-use super::cflib::{firmware_controller, with_caution};
+use super::cflib::{AFTERGLOW_S, firmware_controller};
 use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::safety::{
-    FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V, START_RADIUS_M, WRONG_S,
-    variance_m2,
+    CRITICAL_BATTERY_V, FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V,
+    START_RADIUS_M, WRONG_S, variance_m2,
 };
-use super::{File, Job, gains, numbered, stem};
-use noctograph_core::crazyflie::MOTORS_STOP_S;
-use noctograph_core::crazyflie::SLOW_CLOCK;
+use super::{File, Job, gains, numbered, stem, with_caution};
+use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::plan::Plan;
 
@@ -28,17 +27,8 @@ use noctograph_flying::plan::Plan;
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
 /// Variables of the script's own topic, in its order: 24 of the 26 bytes of a block.
-const LOGGED: [&str; 6] = [
-    "kalman.varPX",
-    "kalman.varPY",
-    "kalman.varPZ",
-    "stateEstimate.roll",
-    "stateEstimate.pitch",
-    "stateEstimate.yaw",
-];
-
-/// Flight after the last light command, s.
-const AFTERGLOW_S: f64 = 0.2;
+const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
+                      \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
 /// Hover after the landing should have come, s; then the trajectory lands by itself.
 const ALONE_S: f64 = 3.0;
@@ -50,7 +40,22 @@ const ALONE_S: f64 = 3.0;
 /// [`Error::Input`] for a controller or a drone that the firmware does not have, and for plans that
 /// are paced for a clock, which the script does; as [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
-    let (controller, platform) = (controller(job)?, platform(job)?);
+    let kind = job.sim.controller.kind;
+    // Lamps are timed for the flight under the scene's controller.
+    let Some(controller) = firmware_controller(kind) else {
+        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
+        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
+        return Err(Error::input("controller.kind", kind.name(), wanted, hint));
+    };
+    let Some(platform) = job.checks.platform else {
+        let (found, wanted) = ("a drone without Bitcraze's firmware", "a Crazyflie");
+        return Err(Error::input(
+            "preset",
+            found,
+            wanted,
+            "name the preset of the drone that flies",
+        ));
+    };
     if job.trajectory_clock != 1.0 {
         let hint = "plan with 1: the script paces the trajectory by the firmware's release";
         let found = job.trajectory_clock;
@@ -79,7 +84,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "start_radius_m": START_RADIUS_M,
         "nose_rad": NOSE_RAD,
         "level_rad": LEVEL_RAD,
-        "critical_v": platform.critical_battery_v(),
+        "critical_v": CRITICAL_BATTERY_V,
         "fence_m": FENCE_M,
         "wrong_s": WRONG_S,
         // As long as the firmware waits for setpoints.
@@ -90,26 +95,9 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     });
     let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
     files.push(File::new("crazyflies.yaml", yaml(job, controller, platform)));
-    let script = with_caution(job, &SCRIPT.replace("@DATA@", &literal));
+    let script = with_caution(job, SCRIPT.replace("@DATA@", &literal));
     files.push(File::new(format!("fly_{}.py", stem(job.word)), script));
     Ok(files)
-}
-
-/// Number of the scene's controller in the firmware: lamps are timed for the flight under it.
-fn controller(job: &Job<'_>) -> Result<u32> {
-    let kind = job.sim.controller.kind;
-    firmware_controller(kind).ok_or_else(|| {
-        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
-        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
-        Error::input("controller.kind", kind.name(), wanted, hint)
-    })
-}
-
-fn platform(job: &Job<'_>) -> Result<Platform> {
-    job.checks.platform.ok_or_else(|| {
-        let (found, wanted) = ("a drone without Bitcraze's firmware", "a Crazyflie");
-        Error::input("preset", found, wanted, "name the preset of the drone that flies")
-    })
 }
 
 /// When the script sends the landing: all letters flown and all lamps off, s in the plan.
@@ -146,7 +134,7 @@ fn drone(
         "end_s": end_s(job, index, &stretch)?,
         "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
         "yaw_rad": plan.yaw_rad,
-        "first_m": stretch.setpoint(0).position_m,
+        "first_m": stretch.setpoints[0].position_m,
         "least_rest_v": battery.and_then(|battery| battery.least_rest_v).unwrap_or(REST_V),
         "before": before,
         "parameters": parameters,
@@ -171,16 +159,14 @@ fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
             start_m.y,
         );
     }
-    let logged = LOGGED.map(|name| format!("\"{name}\"")).join(", ");
     text + &format!(
         "robot_types:\n  {kind}:\n    motion_capture:\n      tracking: \"none\"  # Lighthouse; or \
          librigidbodytracker, vendor\n    big_quad: false\n    battery:\n      voltage_warning: \
-         {low_v}\n      voltage_critical: {critical_v:.1}\nall:\n  firmware_logging:\n    enabled: \
+         {low_v}\n      voltage_critical: {CRITICAL_BATTERY_V:.1}\nall:\n  firmware_logging:\n    enabled: \
          true\n    default_topics:\n      pose:\n        frequency: 10\n      status:\n        \
          frequency: 10\n    custom_topics:\n      noctograph:\n        frequency: 10\n        vars: \
-         [{logged}]\n  firmware_params:\n    stabilizer:\n      estimator: 2\n      controller: \
+         [{LOGGED}]\n  firmware_params:\n    stabilizer:\n      estimator: 2\n      controller: \
          {controller}\n",
         low_v = platform.low_battery_v(),
-        critical_v = platform.critical_battery_v(),
     )
 }

@@ -10,8 +10,6 @@
 //! - `lqr` and its kin: the matrix as a C header, for a controller of one's own such as that of the
 //!   AE483 course.
 
-use std::fmt::Write;
-
 use nalgebra::DMatrix;
 use serde_json::{Map, json};
 
@@ -28,10 +26,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => Vec::new(),
+        _ => Vec::new(),
     }
 }
 
@@ -123,12 +118,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => {
-            return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
-        }
+        _ => return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]),
     };
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
 }
@@ -136,33 +126,29 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
 /// The regulator and its observer in C.
 fn header(design: &Design, sim: &SimOptions) -> String {
     let k = design.k.as_ref().expect("a regulator has a gain");
-    let (rows, columns) = k.shape();
-    let mut text = format!(
+    format!(
         "// Gains by noctograph. SI units: m, rad, m/s, rad/s, N m, N.\n\
          // u = u_hover - K (x - x_des), u = [{}], u_hover = [0, 0, 0, mass * 9.81]\n\
          // x = [{}]\n\
          #define VEHICLE_MASS {:.9e}f\n\
-         static const float K[{rows}][{columns}] = {{\n",
+         {}\n// Observer: dx/dt = A x + B u - L (C x - y), x = [o_x, o_y, o_z, theta, phi, v_x, v_y, \
+         v_z],\n// y = position\n{}",
         INPUTS.join(", "),
         design.states.join(", "),
         sim.vehicle.mass_kg,
-    );
-    text += &body(k);
-    let (rows, columns) = design.l.shape();
-    let _ = write!(
-        text,
-        "}};\n\n// Observer: dx/dt = A x + B u - L (C x - y), x = [o_x, o_y, o_z, theta, phi, v_x, v_y, \
-         v_z],\n// y = position\nstatic const float L[{rows}][{columns}] = {{\n"
-    );
-    text + &body(&design.l) + "};\n"
+        table("K", k),
+        table("L", &design.l),
+    )
 }
 
-fn body(matrix: &DMatrix<f64>) -> String {
-    let row = |row: nalgebra::DVector<f64>| {
-        let entries = row.iter().map(|entry| format!("{entry:.9e}f")).collect::<Vec<_>>();
+fn table(name: &str, matrix: &DMatrix<f64>) -> String {
+    let rows = matrix.row_iter().map(|row| {
+        let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();
         format!("  {{{}}},\n", entries.join(", "))
-    };
-    matrix.row_iter().map(|r| row(r.transpose())).collect()
+    });
+    let (n_rows, n_columns) = matrix.shape();
+    let rows: String = rows.collect();
+    format!("static const float {name}[{n_rows}][{n_columns}] = {{\n{rows}}};\n")
 }
 
 #[cfg(test)]

@@ -27,16 +27,16 @@ mod log_config;
 mod on_board;
 mod pieces;
 pub mod poly4d;
-#[cfg(test)]
-mod recorded;
 pub mod safety;
 mod skybrush;
+#[cfg(test)]
+mod tests;
 mod vviz;
 pub mod zip;
 
 pub use cflib::Mode;
-use on_board::take_off_s;
 pub use on_board::{Form, Length, flown};
+use on_board::{earliest_s, zero_s};
 use safety::Checks;
 
 settings! {
@@ -135,19 +135,19 @@ impl Job<'_> {
             return lights::commands(&self.plans[drone], self.light);
         };
         let mut commands = lights::commands(flown, self.light)?;
-        let zero_s = take_off_s(self.plans)?;
+        let zero_s = zero_s(earliest_s(self.plans)?);
         commands.iter_mut().for_each(|command| command.time_s += zero_s);
         Ok(commands)
     }
 }
 
-/// A comment line that says what speaks against flying a script; empty where nothing does.
-fn caution(job: &Job<'_>) -> String {
+/// A script with a comment below its first line that says what speaks against flying it.
+fn with_caution(job: &Job<'_>, script: String) -> String {
+    let Some(why) = job.unsafe_because else { return script };
+    let (first, rest) = script.split_once('\n').expect("a script has lines");
     // A line of its own: what is quoted may hold a word that was typed.
-    let line = |text: &str| text.replace(|c: char| c.is_control(), " ");
-    job.unsafe_because.map_or_else(String::new, |why| {
-        format!("# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n", line(why))
-    })
+    let why = why.replace(|c: char| c.is_control(), " ");
+    format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {why}\n{rest}")
 }
 
 /// A file on its way.
@@ -220,11 +220,12 @@ pub struct Memory {
 ///
 /// # Errors
 ///
-/// As [`compressed::Compressed::n_bytes`] and [`poly4d::Poly4d::fit_any_length`].
+/// As [`compressed::Compressed::encode`], but for the length.
 pub fn memory(plan: &Plan) -> Result<Memory> {
-    let bytes = compressed::Compressed::n_bytes(plan, Form::Compressed.tolerance_m())?;
+    let (stretch, within_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
+    let bytes = compressed::Compressed::of_any_length(&stretch, within_m)?.to_bytes().len();
     let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
-    let pieces = all.n_pieces();
+    let pieces = all.pieces.len();
     let fits = [
         (Format::Compressed, bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
@@ -237,7 +238,7 @@ pub fn memory(plan: &Plan) -> Result<Memory> {
 
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     let (stem, n) = (stem(job.word), job.plans.len());
-    let before_s = on_board::earliest_s(job.plans)?;
+    let before_s = earliest_s(job.plans)?;
     let script = |drone| {
         let text = cflib::script(job, drone, before_s)?;
         Ok(File::new(numbered(&stem, drone, n, "py"), text))

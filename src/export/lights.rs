@@ -12,8 +12,8 @@ use nalgebra::Vector3;
 use noctograph_core::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::lamps::{
-    CHANNELS, COLOR_LED, Channel, ColorLedLevels, Deck, Die, Drive, Fixture, LightOptions, RING,
-    packed, ring_memory_rgb,
+    CHANNELS, COLOR_LED, Channel, ColorLedLevels, Deck, Drive, Fixture, LightOptions, RING, packed,
+    ring_memory_rgb,
 };
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 use noctograph_flying::plan::Plan;
@@ -67,11 +67,7 @@ impl<'a> Target<'a> {
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         // A pin: whatever is dimmed is on.
         let pin = || (u32::from(level > 0.0), level.ceil());
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "0 to its most"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (parameter, (value, level)) = match *self {
             Self::Deck(Channel { parameter, colors: [], .. }) => (*parameter, pin()),
             Self::Deck(Channel { parameter, colors, .. }) => {
@@ -90,11 +86,10 @@ impl<'a> Target<'a> {
 /// Light channels of a plan that can only be on or off.
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
-    let is_switch = |channel: &&str| {
-        matches!(
-            Target::of(channel, &fixtures),
-            Ok(Target::Deck(Channel { colors: [], .. }) | Target::Own(_, 1))
-        )
+    let is_switch = |channel: &&str| match Target::of(channel, &fixtures) {
+        Ok(Target::Deck(channel)) => channel.colors.is_empty(),
+        Ok(Target::Own(_, most)) => most == 1,
+        Err(_) => false,
     };
     plan.lamps().map(|(channel, _)| channel.as_str()).filter(is_switch).collect()
 }
@@ -113,12 +108,14 @@ fn color(
     let colors = Channel::of(channel).map_or(&[][..], |channel| channel.colors);
     std::array::from_fn(|k| {
         let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
-        match name.and_then(|name| plan.lights.get(*name)) {
-            #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-            Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
-            None => own[k],
-        }
+        name.and_then(|name| plan.lights.get(*name)).map_or(own[k], |levels| byte(levels[row]))
     })
+}
+
+/// A share from 0 to 1 as a byte.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+fn byte(share: f64) -> u8 {
+    (255.0 * share.clamp(0.0, 1.0)).round() as u8
 }
 
 /// All changes of a plan's lights, which are dark at first, in order of time.
@@ -212,18 +209,17 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
-        let until_s = commands
-            .get(index + 1)
-            .map_or(command.time_s + LAST_UNITS * RING_TIMING_S, |c| c.time_s);
+        // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
+        let (until_s, least) = match commands.get(index + 1) {
+            Some(next) => (next.time_s, 1),
+            None => (command.time_s + LAST_UNITS * RING_TIMING_S, 2),
+        };
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
-        // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
-        let least = if index + 1 == commands.len() { 2 } else { 1 };
-        let until = until.max(played + least);
+        let (until, color) = (until.max(played + least), ring_memory_rgb(rgb(command)));
         while played < until {
             let lasts = (until - played).min(MAX_RING_TIMING);
-            entries
-                .push((u8::try_from(lasts).expect("at most 255"), ring_memory_rgb(rgb(command))));
+            entries.push((u8::try_from(lasts).expect("at most 255"), color));
             played += lasts;
         }
     }
@@ -238,8 +234,7 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
         // The white die lights all three.
         Some(lamp) if lamp.colors.len() == 4 => [r, g, b].map(|color| color.saturating_add(first)),
         Some(lamp) if lamp == RING => [r, g, b],
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-        _ => [(255.0 * command.level.clamp(0.0, 1.0)).round() as u8; 3],
+        _ => [byte(command.level); 3],
     }
 }
 
@@ -249,39 +244,24 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let [white, r, g, b] = command.value.to_be_bytes();
     let lamp = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
-    let Some(lamp) = lamp else {
-        return rgb(command);
-    };
-    let drives = match lamp {
-        _ if lamp == COLOR_LED && options.color_led_levels == ColorLedLevels::Corrected => {
-            // The firmware makes the dies alike and bytes a screen's.
-            [white, r, g, b].map(|byte| linear_from_encoded(f64::from(byte) / 255.0))
-        }
-        _ => [white, r, g, b].map(|byte| f64::from(byte) / 255.0),
-    };
-    let dies = dies(lamp);
+    let Some(lamp) = lamp else { return rgb(command) };
+    let deck = if lamp == RING { Deck::LedRing } else { Deck::ColorLed };
+    let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
+    let dies = deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |lamp| lamp.dies);
+    // Then the firmware makes the dies alike and bytes a screen's.
+    let alike = lamp == COLOR_LED && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
-    for (drive, Die { intensity_cd, chromaticity }) in drives.iter().rev().zip(dies.iter().rev()) {
-        let alike = options.color_led_levels == ColorLedLevels::Corrected && dies.len() == 4;
-        let bright = if alike { 1.0 } else { *intensity_cd };
-        light += Vector3::from(rgb_from_xyz(xyz(*chromaticity))) * (bright * drive);
+    for (byte, die) in [white, r, g, b].iter().rev().zip(dies.iter().rev()) {
+        let drive = f64::from(*byte) / 255.0;
+        let bright = if alike { linear_from_encoded(drive) } else { die.intensity_cd * drive };
+        light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * bright;
     }
     let light = light.map(|channel: f64| channel.max(0.0));
     let most = light.max();
     if most <= 0.0 {
         return [0; 3];
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let byte =
-        |channel: f64| (255.0 * encoded_from_linear(channel / most * command.level)).round() as u8;
-    light.map(byte).into()
-}
-
-/// The dies that a channel drives, in the order of its bytes.
-fn dies(lamp: &Channel) -> Vec<Die> {
-    let deck = if lamp == RING { Deck::LedRing } else { Deck::ColorLed };
-    let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
-    deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |fixture| fixture.dies)
+    light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
 #[cfg(test)]

@@ -8,81 +8,42 @@ use serde_json::json;
 
 use super::File;
 
-/// Logged variables of a block: name and type.
-type Block = (&'static str, &'static [(&'static str, &'static str)]);
+/// A block: its name, and the variables that it logs, parted by blanks.
+type Block = (&'static str, &'static str);
 
 /// Blocks of variables that any Crazyflie has.
 pub(super) const BLOCKS: [Block; 5] = [
     (
         "position",
-        &[
-            ("stateEstimate.x", "float"),
-            ("stateEstimate.y", "float"),
-            ("stateEstimate.z", "float"),
-            ("stateEstimate.vx", "float"),
-            ("stateEstimate.vy", "float"),
-            ("stateEstimate.vz", "float"),
-        ],
+        "stateEstimate.x stateEstimate.y stateEstimate.z \
+         stateEstimate.vx stateEstimate.vy stateEstimate.vz",
     ),
-    (
-        "attitude",
-        &[
-            ("stateEstimate.yaw", "float"),
-            ("stateEstimate.pitch", "float"),
-            ("stateEstimate.roll", "float"),
-        ],
-    ),
-    ("rate", &[("gyro.x", "float"), ("gyro.y", "float"), ("gyro.z", "float")]),
-    ("target", &[("ctrltarget.x", "float"), ("ctrltarget.y", "float"), ("ctrltarget.z", "float")]),
-    (
-        "motors",
-        &[
-            ("motor.m1", "uint16_t"),
-            ("motor.m2", "uint16_t"),
-            ("motor.m3", "uint16_t"),
-            ("motor.m4", "uint16_t"),
-            ("pm.vbat", "float"),
-        ],
-    ),
+    ("attitude", "stateEstimate.yaw stateEstimate.pitch stateEstimate.roll"),
+    ("rate", "gyro.x gyro.y gyro.z"),
+    ("target", "ctrltarget.x ctrltarget.y ctrltarget.z"),
+    ("motors", "motor.m1 motor.m2 motor.m3 motor.m4 pm.vbat"),
 ];
 
 /// Blocks of the AE483 course's observer.
 pub(super) const OBSERVER_BLOCKS: [Block; 1] = [(
     "observer",
-    &[
-        ("ae483log.o_x", "float"),
-        ("ae483log.o_y", "float"),
-        ("ae483log.o_z", "float"),
-        ("ae483log.psi", "float"),
-        ("ae483log.theta", "float"),
-        ("ae483log.phi", "float"),
-    ],
+    "ae483log.o_x ae483log.o_y ae483log.o_z ae483log.psi ae483log.theta ae483log.phi",
 )];
 
 /// Blocks by which the exported script judges the drone on the ground and in the air.
 pub(super) const WATCH_BLOCKS: [Block; 2] = [
     (
         "where",
-        &[
-            ("stateEstimate.x", "float"),
-            ("stateEstimate.y", "float"),
-            ("stateEstimate.z", "float"),
-            ("kalman.varPX", "float"),
-            ("kalman.varPY", "float"),
-            ("kalman.varPZ", "float"),
-        ],
+        "stateEstimate.x stateEstimate.y stateEstimate.z kalman.varPX kalman.varPY kalman.varPZ",
     ),
-    (
-        "state",
-        &[
-            ("stateEstimate.yaw", "float"),
-            ("stateEstimate.pitch", "float"),
-            ("stateEstimate.roll", "float"),
-            ("pm.vbat", "float"),
-            ("supervisor.info", "uint16_t"),
-        ],
-    ),
+    ("state", "stateEstimate.yaw stateEstimate.pitch stateEstimate.roll pm.vbat supervisor.info"),
 ];
+
+/// Type of a variable.
+fn kind(variable: &str) -> &'static str {
+    let is_short = variable.starts_with("motor.") || variable == "supervisor.info";
+    if is_short { "uint16_t" } else { "float" }
+}
 
 /// Period of the radio's blocks, ms.
 const PERIOD_MS: u32 = 20;
@@ -92,7 +53,7 @@ const CARD_HZ: u32 = 250;
 /// Blocks as a Python dictionary.
 pub(super) fn python(blocks: &[Block]) -> String {
     let block = |(name, variables): &Block| {
-        let variables = variables.iter().map(|(name, kind)| format!("{name:?}: {kind:?}"));
+        let variables = variables.split(' ').map(|name| format!("{name:?}: {:?}", kind(name)));
         format!("    {name:?}: {{{}}},\n", variables.collect::<Vec<_>>().join(", "))
     };
     format!("{{\n{}}}", blocks.iter().map(block).collect::<String>())
@@ -101,8 +62,8 @@ pub(super) fn python(blocks: &[Block]) -> String {
 /// One configuration of cfclient for each block, and `config.txt` for the µSD card.
 pub(super) fn files() -> Vec<File> {
     let radio = BLOCKS.iter().map(|(name, variables)| {
-        let variables = variables.iter().map(|(name, kind)| {
-            json!({ "name": name, "type": "TOC", "stored_as": kind, "fetch_as": kind })
+        let variables = variables.split(' ').map(|name| {
+            json!({ "name": name, "type": "TOC", "stored_as": kind(name), "fetch_as": kind(name) })
         });
         let block = json!({
             "name": format!("noctograph-{name}"), "period": PERIOD_MS,
@@ -117,7 +78,7 @@ pub(super) fn files() -> Vec<File> {
          on:fixedFrequency\n{CARD_HZ}   # frequency in Hz\n1     # mode (0: disabled, 1: \
          synchronous stabilizer, 2: asynchronous)\n"
     );
-    for (name, _) in BLOCKS.iter().flat_map(|(_, variables)| *variables) {
+    for name in BLOCKS.iter().flat_map(|(_, variables)| variables.split(' ')) {
         card += &format!("{name}\n");
     }
     radio.chain([File::new("config.txt", card)]).collect()
@@ -130,8 +91,8 @@ mod tests {
     #[test]
     fn a_block_fits_its_packet() {
         for (name, variables) in BLOCKS.iter().chain(&OBSERVER_BLOCKS).chain(&WATCH_BLOCKS) {
-            let size = |kind: &str| if kind == "float" { 4 } else { 2 };
-            let bytes: usize = variables.iter().map(|(_, kind)| size(kind)).sum();
+            let size = |variable: &str| if kind(variable) == "float" { 4 } else { 2 };
+            let bytes: usize = variables.split(' ').map(size).sum();
             assert!(bytes <= 26, "{name}: {bytes} bytes");
         }
     }

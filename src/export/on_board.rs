@@ -70,20 +70,18 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
         flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
-    let pairs =
+    let mut pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
-    let near = pairs.into_iter().find_map(|(a, b)| conflict(a, b));
-    if let Some(near) = near.filter(|_| length == Length::OnBoard) {
-        return Err(Error::Infeasible {
-            what: format!(
-                "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
-                 for its turn in the air",
-                near.horizontal_m, near.time_s
-            ),
-            hint: "send setpoints, or share the word among fewer drones".into(),
-        });
-    }
-    Ok(flown)
+    let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
+    let Some(near) = near else { return Ok(flown) };
+    Err(Error::Infeasible {
+        what: format!(
+            "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
+             for its turn in the air",
+            near.horizontal_m, near.time_s
+        ),
+        hint: "send setpoints, or share the word among fewer drones".into(),
+    })
 }
 
 /// The pieces of a plan's trajectory.
@@ -103,23 +101,17 @@ pub(super) fn pieces(
     })
 }
 
-/// The command to take off before trajectories that all start together, in the time of their plans,
-/// s.
-///
-/// # Errors
-///
-/// [`Error::Input`] for plans without letters, [`Error::Infeasible`] for those that reach the
-/// floor.
-pub(super) fn take_off_s(plans: &[Plan]) -> Result<f64> {
-    Ok(zero_s(earliest_s(plans)?))
-}
-
-/// The same, given when the first of them starts.
-fn zero_s(before_s: f64) -> f64 {
+/// The command to take off before trajectories of which the first starts at a time, in the time of
+/// their plans, s.
+pub(super) fn zero_s(before_s: f64) -> f64 {
     before_s - 2.0 * (TAKE_OFF_S + HOVER_S)
 }
 
 /// When the first of several trajectories starts, in the time of their plans, s.
+///
+/// # Errors
+///
+/// As [`Stretch::new`].
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))

@@ -36,7 +36,7 @@ const RETRIES: u32 = 200;
 /// rest. Take-off and landing are commands of their own.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
-    setpoints: Vec<Setpoint>,
+    pub(super) setpoints: Vec<Setpoint>,
     /// Acceleration at the end of the letters, where the run-out begins, m/s².
     stop_m_s2: Vector3<f64>,
     /// Heading of its plan.
@@ -113,11 +113,6 @@ impl Stretch {
         self.setpoints[index].time_s - self.start_s()
     }
 
-    /// One of its setpoints.
-    pub(super) fn setpoint(&self, index: usize) -> &Setpoint {
-        &self.setpoints[index]
-    }
-
     /// Acceleration just before a setpoint, m/s²: run-up and run-out begin and end with a jump.
     pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
         match self.last() - index {
@@ -159,13 +154,6 @@ impl Stretch {
             start_s += piece.duration_s;
         }
         worst_m
-    }
-
-    /// The same where pieces are held against the design as they are made.
-    #[cfg(test)]
-    pub(super) fn checked_m(&self, pieces: &[Polynomials]) -> f64 {
-        let off_m = |t: f64| (motion(pieces, t)[0] - self.position_m(t)).norm();
-        self.check_times_s(0, self.last()).map(off_m).fold(0.0, f64::max)
     }
 
     /// A trajectory that is longer than the drone's memory: how many letters fit before `until_s`.
@@ -375,30 +363,4 @@ fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
         step /= 2;
     }
     good
-}
-
-/// Random plans of sine waves about (1, 1, 1) m, for tests.
-#[cfg(test)]
-pub(super) fn waves() -> impl proptest::strategy::Strategy<Value = Plan> {
-    use proptest::array::uniform3;
-    use proptest::strategy::Strategy as _;
-
-    let shape =
-        (uniform3(0.2..0.6_f64), uniform3(0.02..1.0_f64), uniform3(0.0..std::f64::consts::TAU));
-    (shape, 20..120_u32, 0.02..0.05_f64).prop_map(|((size_m, speed_m_s, phase), n, step_s)| {
-        let rate: [f64; 3] = std::array::from_fn(|axis| speed_m_s[axis] / size_m[axis]);
-        let setpoint = |k: u32| {
-            let time_s = step_s * f64::from(k);
-            let wave = |i: usize| libm::sincos(rate[i] * time_s + phase[i]);
-            let each = |value: &dyn Fn(usize) -> f64| Vector3::new(value(0), value(1), value(2));
-            Setpoint {
-                time_s,
-                position_m: each(&|i| 1.0 + size_m[i] * wave(i).0),
-                velocity_m_s: each(&|i| size_m[i] * rate[i] * wave(i).1),
-                acceleration_m_s2: each(&|i| -size_m[i] * rate[i] * rate[i] * wave(i).0),
-                letter: Some(0),
-            }
-        };
-        Plan { setpoints: (0..n).map(setpoint).collect(), ..Plan::default() }
-    })
 }

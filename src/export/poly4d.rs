@@ -72,12 +72,6 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// Number of pieces.
-    #[must_use]
-    pub fn n_pieces(&self) -> usize {
-        self.pieces.len()
-    }
-
     /// The same with a hover at its end, while a script sends the landing, and a descent after it:
     /// a drone that hears nothing more lands by itself. Two pieces more, so that no CSV has one
     /// row, of which Crazyswarm2 makes no table (`numpy.loadtxt`, `uav_trajectory.py`).
@@ -88,21 +82,16 @@ impl Poly4d {
     pub(super) fn and_lands(mut self, hover_s: f64) -> Result<Self> {
         let n = self.pieces.len() + 2;
         if n > MAX_PIECES {
-            return Err(Error::Infeasible {
-                what: format!("{n} pieces with the landing, the drone's memory holds {MAX_PIECES}"),
-                hint:
-                    "share the word among more drones, or accept a larger distance from the design"
-                        .into(),
-            });
+            let what =
+                format!("{n} pieces with the landing, the drone's memory holds {MAX_PIECES}");
+            let hint =
+                "share the word among more drones, or accept a larger distance from the design";
+            return Err(Error::Infeasible { what, hint: hint.into() });
         }
         let last = self.pieces.last().expect("a piece");
         let [end_m, ..] = last.at(last.duration_s);
-        let still = |axis: usize| {
-            let mut c = [0.0; 8];
-            c[0] = end_m[axis];
-            c
-        };
-        let hover = Polynomials { duration_s: hover_s, axes: [0, 1, 2].map(still) };
+        let axes = [0, 1, 2].map(|axis| constant(end_m[axis]));
+        let hover = Polynomials { duration_s: hover_s, axes };
         let (drop_m, mut descent) = (end_m.z + BELOW_FLOOR_M, hover);
         descent.duration_s = drop_m / SINK_M_S;
         // From rest to rest without jerk at its ends, as the firmware's own landing.
@@ -120,7 +109,7 @@ impl Poly4d {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
-            let axes = piece.axes.into_iter().chain([self.yaw()]).flatten();
+            let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
             axes.chain([piece.duration_s])
         });
         #[expect(clippy::cast_possible_truncation, reason = "the drone computes in f32")]
@@ -131,24 +120,24 @@ impl Poly4d {
     #[must_use]
     pub fn to_csv(&self) -> String {
         let row = |piece: &Polynomials| {
-            let axes = piece.axes.into_iter().chain([self.yaw()]).flatten();
+            let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
             let numbers = [piece.duration_s].into_iter().chain(axes);
             numbers.map(|number| format!("{number:?}")).collect::<Vec<_>>().join(",")
         };
         let rows = self.pieces.iter().map(row);
         [HEADER.to_owned()].into_iter().chain(rows).map(|line| line + "\n").collect()
     }
+}
 
-    /// Coefficients of the yaw.
-    fn yaw(&self) -> [f64; 8] {
-        [self.yaw_rad, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    }
+/// The polynomial that is a number at all times.
+fn constant(value: f64) -> Polynomial {
+    [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
 /// The piece between two setpoints.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
-    let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
+    let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
     let quintics = [0, 1, 2].map(|axis| {
         let ends = [(start, &start.acceleration_m_s2), (end, &arrival_m_s2)];
@@ -213,8 +202,7 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
 #[cfg(test)]
 mod tests {
     use super::super::pieces::motion;
-    use super::super::pieces::waves;
-    use super::super::recorded;
+    use super::super::tests::{Row, assert_same, checked_m, read, waves};
     use super::*;
     use noctograph_flying::plan::{PlanOptions, plan};
     use noctograph_letters::{LetterOptions, write};
@@ -224,7 +212,7 @@ mod tests {
         let plan = plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::even());
         let one = Poly4d::fit(&plan.unwrap(), 0.005).unwrap();
         let all = one.clone().and_lands(3.5).unwrap();
-        assert_eq!(all.n_pieces(), one.n_pieces() + 2);
+        assert_eq!(all.pieces.len(), one.pieces.len() + 2);
         let end_s: f64 = one.pieces.iter().map(|piece| piece.duration_s).sum();
         let at = |after_s: f64| motion(&all.pieces, end_s + after_s);
         let [end_m, ..] = motion(&one.pieces, end_s);
@@ -248,7 +236,7 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let trajectory = Poly4d::fit(&plan, 0.005).unwrap();
         let (n, stretch) = (trajectory.pieces.len(), Stretch::new(&plan).unwrap());
-        let worst_m = stretch.checked_m(&trajectory.pieces);
+        let worst_m = checked_m(&stretch, &trajectory.pieces);
         assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
         assert_eq!(trajectory.to_bytes().len(), n * PIECE_BYTES);
         let [max_m_s, max_m_s2] = stretch.limits();
@@ -278,7 +266,7 @@ mod tests {
         ) {
             let trajectory = Poly4d::fit_any_length(&plan, tolerance_m).unwrap();
             let stretch = Stretch::new(&plan).unwrap();
-            let worst_m = stretch.checked_m(&trajectory.pieces);
+            let worst_m = checked_m(&stretch, &trajectory.pieces);
             proptest::prop_assert!(worst_m <= tolerance_m + 1e-9, "{} m", worst_m);
             let [max_m_s, max_m_s2] = stretch.limits();
             for piece in &trajectory.pieces {
@@ -295,8 +283,8 @@ mod tests {
     }
 
     /// The pieces whose bytes the firmware was given, and its answers.
-    fn recorded_pieces() -> (Vec<u8>, Vec<recorded::Row>, Poly4d) {
-        let (bytes, rows) = recorded::read(include_str!("recorded/poly4d.txt"));
+    fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
+        let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));
         let piece = |chunk: &[u8]| {
             let numbers: Vec<f64> = chunk.chunks(4).map(number).collect();
@@ -310,15 +298,15 @@ mod tests {
     #[test]
     fn the_firmwares_own_evaluator_reads_these_bytes_the_same() {
         let (bytes, rows, trajectory) = recorded_pieces();
-        recorded::assert_same(&rows, &trajectory.pieces);
+        assert_same(&rows, &trajectory.pieces);
         assert_eq!(trajectory.to_bytes(), bytes);
     }
 
     #[test]
     fn crazyswarms_own_reader_takes_this_csv_the_same() {
         let (_, _, trajectory) = recorded_pieces();
-        let (csv, rows) = recorded::read(include_str!("recorded/uav_trajectory.txt"));
-        recorded::assert_same(&rows, &trajectory.pieces);
+        let (csv, rows) = read(include_str!("recorded/uav_trajectory.txt"));
+        assert_same(&rows, &trajectory.pieces);
         assert_eq!(trajectory.to_csv(), String::from_utf8(csv).unwrap());
     }
 }

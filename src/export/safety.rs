@@ -41,6 +41,9 @@ pub const WRONG_S: f64 = 0.5;
 pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate at which its position is lost in the air, over that which is settled.
 pub const LOST_FACTOR: f64 = 10.0;
+/// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
+/// all platforms).
+pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// Time below its low voltage after which the firmware says that the battery is low, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
 /// empties no battery.
@@ -81,13 +84,6 @@ impl Platform {
             Self::Crazyflie2 => 3.2,
             Self::Brushless => 3.35,
         }
-    }
-
-    /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE`,
-    /// of both).
-    #[must_use]
-    pub fn critical_battery_v(self) -> f64 {
-        3.0
     }
 }
 
@@ -208,174 +204,40 @@ pub struct Checks {
     pub scene_sha256: String,
 }
 
-/// Who checks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum By {
-    /// `noctograph check`, and `export` with it.
-    Check,
-    /// The exported script for cflib.
-    Script,
-    /// The exported script for Crazyswarm2.
-    Crazyswarm2,
-    /// The drone's firmware.
-    Firmware,
-}
-
-/// A row of the table: what is checked, by whom and when, at which limit, and where the limit is
-/// from.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rule {
-    /// What is checked.
-    pub what: &'static str,
-    /// By whom.
-    pub by: &'static [By],
-    /// The limit.
-    pub limit: String,
-    /// Where it stands, or why.
-    pub source: &'static str,
-}
-
-/// The table of all checks, in the order in which they are made.
-#[must_use]
-pub fn rules() -> Vec<Rule> {
-    use By::{Check, Crazyswarm2, Firmware, Script};
-    let rule = |what, by, limit, source| Rule { what, by, limit, source };
-    let degrees = |rad: f64| rad.to_degrees().round();
-    let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
-    let critical_v = Platform::Crazyflie2.critical_battery_v();
-    let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
-        .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
-    vec![
-        rule(
-            "the plan's volume, speed, acceleration, tilt, motors, lights",
-            &[Check],
-            "those of the profile, within the room".to_owned(),
-            "`src/studio/preflight/profile.rs`",
-        ),
-        rule(
-            "one frame: stations or anchors, take-off marks, a camera whose place is said",
-            &[Check],
-            format!("in the room (`--room`) to {FRAME_M} m; a camera outside is a warning"),
-            "the room's middle on the floor is x = y = 0",
-        ),
-        rule(
-            "the camera's place",
-            &[Check],
-            "some usual camera shows the whole word from within the room".to_owned(),
-            "`src/studio/preflight/placement.rs`",
-        ),
-        rule("cflib", &[Script], format!("{OLDEST_CFLIB} or newer"), "arming, protocol 8"),
-        rule(
-            "drone and positioning, lamp and card decks",
-            &[Script],
-            "those of the scene".to_owned(),
-            "version port, `deck.*`",
-        ),
-        rule(
-            "firmware",
-            &[Script],
-            format!(
-                "{OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE}"
-            ),
-            "`supervisor.c`, `usec_time.c`",
-        ),
-        rule(
-            "firmware's clock: the release is typed (`--firmware`)",
-            &[Crazyswarm2],
-            format!("84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it"),
-            "its server reads no parameters",
-        ),
-        rule(
-            "names of parameters and logs",
-            &[Script, Crazyswarm2],
-            "all on the drone".to_owned(),
-            "tables of contents of the drone",
-        ),
-        rule(
-            "state: can fly, not locked, tumbled, crashed, deck fault",
-            &[Script, Crazyswarm2, Firmware],
-            "`supervisor.info`, before take-off and in the air".to_owned(),
-            "`supervisor.c`",
-        ),
-        rule(
-            "position settled",
-            &[Script, Crazyswarm2],
-            format!(
-                "σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband"
-            ),
-            "`kalman.varP*`",
-        ),
-        rule(
-            "place",
-            &[Script, Crazyswarm2],
-            format!("{START_RADIUS_M} m from the plan's start"),
-            "the way to the first letter is that which was checked",
-        ),
-        rule(
-            "nose, roll and pitch",
-            &[Script, Crazyswarm2],
-            format!("{:.0}°, {:.0}°", degrees(NOSE_RAD), degrees(LEVEL_RAD)),
-            "`stateEstimate.*`",
-        ),
-        rule(
-            "battery at rest",
-            &[Check, Script, Crazyswarm2],
-            "with its sag in this flight above the low voltage".to_owned(),
-            "the simulated flight",
-        ),
-        rule(
-            "battery in the air",
-            &[Check, Script, Crazyswarm2, Firmware],
-            format!(
-                "{cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; scripts: {critical_v:.1} V for {WRONG_S} s"
-            ),
-            "`platform_defaults_*.h`",
-        ),
-        rule(
-            "fence",
-            &[Script, Crazyswarm2],
-            format!("{FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s"),
-            "half of what the volume keeps from walls",
-        ),
-        rule(
-            "distance from the target",
-            &[Script],
-            format!("{STRAY_M} m for {WRONG_S} s"),
-            "PID trails by 0.45 m at 0.8 m/s",
-        ),
-        rule(
-            "silence of the radio",
-            &[Crazyswarm2, Firmware],
-            format!(
-                "{LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; Crazyswarm2, whose \
-                 trajectory is on board: {MOTORS_STOP_S:.0} s without status: all land"
-            ),
-            "`supervisor.c`",
-        ),
-        rule(
-            "geometry of Lighthouse (`--check-geometry`)",
-            &[Script],
-            format!("{:.0} cm at the corners of the canvas", 100.0 * CORNER_M),
-            "a student's hand and ruler",
-        ),
-    ]
-}
-
-/// The table as Markdown, as it stands in `docs/fly.md`.
+/// The table of all checks in the order in which they are made, as it stands in `docs/fly.md`: what
+/// is checked, by whom (`check`, and `export` with it; a script; the firmware), at which limit, and
+/// where that stands or why.
 #[must_use]
 pub fn table() -> String {
-    let by = |by: &By| match by {
-        By::Check => "`check`",
-        By::Script => "cflib",
-        By::Crazyswarm2 => "Crazyswarm2",
-        By::Firmware => "firmware",
-    };
-    let row = |rule: &Rule| {
-        let by = rule.by.iter().map(by).collect::<Vec<_>>().join(", ");
-        format!("| {} | {by} | {} | {} |\n", rule.what, rule.limit, rule.source)
-    };
-    let rows: String = rules().iter().map(row).collect();
-    format!("| what is checked | by | limit | from |\n|---|---|---|---|\n{rows}")
+    let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
+    let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
+        .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
+    let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
+    let corner = 100.0 * CORNER_M;
+    format!(
+        "\
+| what is checked | by | limit | from |
+|---|---|---|---|
+| the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/studio/preflight/profile.rs` |
+| one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m; a camera outside is a warning | the room's middle on the floor is x = y = 0 |
+| the camera's place | `check` | some usual camera shows the whole word from within the room | `src/studio/preflight/placement.rs` |
+| cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
+| drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
+| firmware | cflib | {OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE} | `supervisor.c`, `usec_time.c` |
+| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it | its server reads no parameters |
+| names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
+| state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info`, before take-off and in the air | `supervisor.c` |
+| position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |
+| place | cflib, Crazyswarm2 | {START_RADIUS_M} m from the plan's start | the way to the first letter is that which was checked |
+| nose, roll and pitch | cflib, Crazyswarm2 | {nose:.0}°, {level:.0}° | `stateEstimate.*` |
+| battery at rest | `check`, cflib, Crazyswarm2 | with its sag in this flight above the low voltage | the simulated flight |
+| battery in the air | `check`, cflib, Crazyswarm2, firmware | {cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; scripts: {CRITICAL_BATTERY_V:.1} V for {WRONG_S} s | `platform_defaults_*.h` |
+| fence | cflib, Crazyswarm2 | {FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s | half of what the volume keeps from walls |
+| distance from the target | cflib | {STRAY_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
+| silence of the radio | Crazyswarm2, firmware | {LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; Crazyswarm2, whose trajectory is on board: {MOTORS_STOP_S:.0} s without status: all land | `supervisor.c` |
+| geometry of Lighthouse (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | a student's hand and ruler |
+"
+    )
 }
 
 #[cfg(test)]

@@ -6,9 +6,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::ink::Page;
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
-use super::raster::{Raster, dots};
+use super::raster::{Page, Raster, dots, whole};
 use super::{PEN_H, PX_PER_H};
 use noctograph_core::strokes::Strokes;
 
@@ -33,7 +32,8 @@ const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
 
 /// Search for one word.
 pub(super) struct Finder {
-    grid: Grid,
+    /// The grid that pictures must have.
+    pub(super) grid: Grid,
     strokes: Strokes,
     home: Placed,
     /// The word at each of the scales tried first, at quarter resolution.
@@ -62,19 +62,13 @@ impl Finder {
         finder
     }
 
-    /// The grid that pictures must have.
-    pub(super) fn grid(&self) -> &Grid {
-        &self.grid
-    }
-
     /// Finds the word in a picture on the grid.
     pub(super) fn place(&self, picture: &Raster) -> Placed {
         let picture = picture.half();
         let coarse = Target::new(picture.blur(0.5 * BLURS_PX[0]).half());
         let half = Target::new(picture.blur(0.5 * BLURS_PX[1]));
         let mut best = (f32::NEG_INFINITY, 1.0, [0, 0]);
-        #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-        let reach = (SEARCH_H * f64::from(PX_PER_H) / 4.0) as isize;
+        let reach = whole(SEARCH_H * f64::from(PX_PER_H) / 4.0).cast_signed();
         for (scale, word) in &self.coarse {
             let (similarity, [dx, dy]) = coarse.seek(word, [0, 0], reach);
             if similarity > best.0 {
@@ -90,18 +84,13 @@ impl Finder {
         // Finer until the ends of the word move by less than a pixel.
         while (ratio - 1.0).max(turn_rad) * 0.5 * self.grid.width as f64 > 1.0 {
             (ratio, turn_rad) = (ratio.sqrt(), 0.5 * turn_rad);
-            let at = (scale, rotation_rad);
-            let tries = [
-                (at.0 / ratio, at.1),
-                (at.0 * ratio, at.1),
-                (at.0, at.1 - turn_rad),
-                (at.0, at.1 + turn_rad),
-            ];
-            for tried in tries {
-                let found = half.peak(&self.word_to_try(tried.into()), shift);
+            let scales = [scale / ratio, scale * ratio].map(|scale| [scale, rotation_rad]);
+            let turns = [-turn_rad, turn_rad].map(|turn_rad| [scale, rotation_rad + turn_rad]);
+            for tried in scales.into_iter().chain(turns) {
+                let found = half.peak(&self.word_to_try(tried), shift);
                 if found.0 > similarity {
                     (similarity, shift, between) = found;
-                    (scale, rotation_rad) = tried;
+                    [scale, rotation_rad] = tried;
                 }
             }
         }
@@ -195,10 +184,8 @@ impl Target {
 
     /// 1 over the norms of picture and word; 0 where nothing varies.
     fn per_norms(&self, word: &Raster) -> f32 {
-        let [sum, squares] = {
-            let ones = vec![1.0; word.values.len()];
-            dots([&ones, &word.values], &word.values)
-        };
+        let ones = vec![1.0; word.values.len()];
+        let [sum, squares] = dots([&ones, &word.values], &word.values);
         let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;
         if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }

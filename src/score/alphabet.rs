@@ -26,32 +26,9 @@ pub(super) const BLANK: Classes = 1;
 pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
 
 /// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.
-const SHAPES: [&str; 24] = [
-    "AÀÁÂÃÄÅĀĂĄǍАΑ",
-    "BВΒƁ",
-    "CÇĆĈĊČСϹ",
-    "DĎĐÐƊ",
-    "EÈÉÊËĒĔĖĘĚЕЁΕ",
-    "GĜĞĠĢ",
-    "HĤĦНΗ",
-    "IÌÍÎÏĨĪĬĮİІЇΙ",
-    "JĴЈ",
-    "KĶКΚƘ",
-    "LĹĻĽĿŁ",
-    "MМΜ",
-    "NÑŃŅŇΝ",
-    "OÒÓÔÕÖØŌŎŐОΟ",
-    "PРΡ",
-    "RŔŖŘ",
-    "SŚŜŞŠȘЅ",
-    "TŢŤŦȚТΤ",
-    "UÙÚÛÜŨŪŬŮŰŲ",
-    "VѴ",
-    "WŴ",
-    "XХΧ",
-    "YÝŶŸУΥƳ",
-    "ZŹŻŽΖ",
-];
+const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐƊ EÈÉÊËĒĔĖĘĚЕЁΕ GĜĞĠĢ HĤĦНΗ IÌÍÎÏĨĪĬĮİІЇΙ \
+                      JĴЈ KĶКΚƘ LĹĻĽĿŁ MМΜ NÑŃŅŇΝ OÒÓÔÕÖØŌŎŐОΟ PРΡ RŔŖŘ SŚŜŞŠȘЅ TŢŤŦȚТΤ \
+                      UÙÚÛÜŨŪŬŮŰŲ VѴ WŴ XХΧ YÝŶŸУΥƳ ZŹŻŽΖ";
 
 /// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, with the small letters of its
 /// last capitals, and the composed letters of Latin Extended Additional, Vietnamese ones among them
@@ -64,17 +41,7 @@ fn has_mark(character: char) -> bool {
 }
 
 /// Latin letters of their own, and the letters whose shape is near theirs, the nearest first.
-const OTHER_LETTERS: [(&str, &str); 9] = [
-    ("ßẞ", "B"),
-    ("ÆæǼǽ", "AE"),
-    ("Œœ", "OE"),
-    ("Ĳĳ", "IJ"),
-    ("Þþ", "P"),
-    ("Ŋŋ", "N"),
-    ("Əə", "E"),
-    ("Ŧŧ", "T"),
-    ("ĸ", "K"),
-];
+const OTHER_LETTERS: &str = "ßẞ:B ÆæǼǽ:AE Œœ:OE Ĳĳ:IJ Þþ:P Ŋŋ:N Əə:E Ŧŧ:T ĸ:K";
 
 /// Sharp s, small and capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
@@ -88,37 +55,34 @@ pub(super) fn latin(character: char) -> Option<char> {
     if character == 'ν' {
         return Some('v');
     }
-    if let Some((_, near)) = other_letter(character) {
+    if let Some(near) = near_shapes(character) {
         let nearest = near.chars().next()?;
-        let is_small = character.is_lowercase() && !SHARP_S.contains(&character);
-        return Some(if is_small { nearest.to_ascii_lowercase() } else { nearest });
+        let is_sharp_s = SHARP_S.contains(&character);
+        return Some(if is_sharp_s { nearest } else { in_case_of(nearest, character) });
     }
     let capital = character.to_uppercase().next()?;
-    let Some(shape) = SHAPES.iter().find(|shape| shape.contains(capital)) else {
+    let Some(shape) = SHAPES.split(' ').find(|shape| shape.contains(capital)) else {
         let base = has_mark(character).then(|| character.nfd().next())??;
         return base.is_ascii_alphabetic().then_some(base);
     };
-    let shape = shape.chars().next()?;
-    Some(if character.is_lowercase() { shape.to_ascii_lowercase() } else { shape })
+    Some(in_case_of(shape.chars().next()?, character))
 }
 
-fn other_letter(character: char) -> Option<&'static (&'static str, &'static str)> {
-    OTHER_LETTERS.iter().find(|(letters, _)| letters.contains(character))
+/// The letters near the shape of a letter of [`OTHER_LETTERS`].
+fn near_shapes(character: char) -> Option<&'static str> {
+    let mut all = OTHER_LETTERS.split(' ').filter_map(|row| row.split_once(':'));
+    all.find_map(|(letters, near)| letters.contains(character).then_some(near))
 }
 
 /// The two letters of a ligature, in its case.
 pub(super) fn ligature(character: char) -> Option<[char; 2]> {
-    let (_, near) = other_letter(character)?;
-    let mut letters = near.chars().map(|letter| match character.is_lowercase() {
-        true => letter.to_ascii_lowercase(),
-        false => letter,
-    });
+    let mut letters = near_shapes(character)?.chars().map(|near| in_case_of(near, character));
     Some([letters.next()?, letters.next()?])
 }
 
 /// Whether a character is a Latin letter that the net was not trained on.
 pub(super) fn is_untrained(character: char) -> bool {
-    has_mark(character) || other_letter(character).is_some()
+    has_mark(character) || near_shapes(character).is_some()
 }
 
 /// The class of a character of the net.
@@ -133,7 +97,7 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
     let classes = match latin(character)? {
         // Who does not know the sharp s takes it for one of these.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
-        _ if let Some((_, near)) = other_letter(character) => {
+        _ if let Some(near) = near_shapes(character) => {
             set_of(near) | set_of(&near.to_ascii_lowercase())
         }
         'O' | 'o' | '0' => set_of("Oo0"),

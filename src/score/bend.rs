@@ -1,12 +1,16 @@
-//! Strokes as drawn: each intended stroke is moved sideways onto its light, so that the stroke of a
-//! drone off its path does not count as missing.
+//! Strokes and their light: each intended stroke is moved sideways onto its light, so that the
+//! stroke of a drone off its path does not count as missing; what has no light then is a gap, and
+//! lines of light without a stroke are stray.
 //!
 //! Strokes move across their own direction only: along it, light may be missing.
 
 use super::PX_PER_H;
 use super::raster::whole;
-use super::segment::{CORNER_RAD, Segment, normal, turn, walk};
-use super::trace::LightLines;
+use super::trace::{CLOSE_PX, LightLines, around};
+use noctograph_core::geometry::segment_distance;
+
+/// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
+const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 
 /// Farthest that a stroke is moved: 0.25 H, as far as a letter may be shifted.
 const REACH_PX: i32 = 8;
@@ -17,8 +21,24 @@ const WIDEST_PX: i32 = 6;
 /// Offsets are medians over so many points to either side: 0.2 H.
 const AROUND: usize = 6;
 
+/// How far from its stroke light may be: 0.10 H.
+const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
+
+/// Shorter gaps, less `CLOSE_PX` at each end, are none: 0.12 H. A corner that is cut leaves as
+/// much.
+const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
+
+/// Gaps that reach no farther than this from a corner are a cut corner: 0.2 H.
+const CUT_PX: usize = 6;
+
+/// Shorter lines are no stray light: 0.1 H.
+const LEAST_STRAY_PX: f64 = 3.2;
+
+/// A straight stroke on a page, in pixels: from a point to a point.
+pub(super) type Segment = [[f64; 2]; 2];
+
 /// Strokes of a letter where their light is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Bent {
     /// Points of each run of the pen as intended, a pixel apart.
     pub(super) intended: Vec<Vec<[f64; 2]>>,
@@ -27,7 +47,27 @@ pub(super) struct Bent {
     /// Mean distance of the light from the intended strokes, where there is light.
     pub(super) off_px: f64,
     /// Where each run turns a corner: indices of its points.
-    pub(super) corners: Vec<Vec<usize>>,
+    corners: Vec<Vec<usize>>,
+}
+
+/// A part of the intended strokes that has no light.
+#[derive(Clone, Debug)]
+pub(super) struct Gap {
+    /// Which run of the pen, from 0.
+    pub(super) stroke: usize,
+    /// Its start and end along the run.
+    pub(super) along_px: [f64; 2],
+    /// The points of the gap, a pixel apart.
+    pub(super) points: Vec<[f64; 2]>,
+}
+
+/// A line of light where none was intended.
+#[derive(Clone, Debug)]
+pub(super) struct Stray {
+    /// Its pixels' middles.
+    pub(super) points: Vec<[f64; 2]>,
+    /// Lit pixels within reach of the line, by its length: how thick it is.
+    pub(super) thick_px: f64,
 }
 
 impl Bent {
@@ -41,8 +81,7 @@ impl Bent {
 impl LightLines {
     /// Moves runs of the pen onto their light.
     pub(super) fn bend(&self, runs: &[Vec<Segment>]) -> Bent {
-        let mut bent =
-            Bent { intended: Vec::new(), found: Vec::new(), off_px: 0.0, corners: Vec::new() };
+        let mut bent = Bent::default();
         let (mut sum_px, mut n_found) = (0.0, 0_u32);
         for run in runs {
             let (mut intended, mut found, mut corners) = (Vec::new(), Vec::new(), Vec::new());
@@ -54,9 +93,9 @@ impl LightLines {
                     points.iter().map(|(point, across)| self.off(*point, *across)).collect();
                 sum_px += offs.iter().flatten().map(|off| off.abs()).sum::<f64>();
                 n_found += offs.iter().map(|off| u32::from(off.is_some())).sum::<u32>();
-                for (index, (point, across)) in points.iter().enumerate() {
+                for (index, (point, across)) in points.into_iter().enumerate() {
                     let off = smooth(&offs, index);
-                    intended.push(*point);
+                    intended.push(point);
                     found.push([0, 1].map(|axis| point[axis] + off * across[axis]));
                 }
             }
@@ -70,21 +109,18 @@ impl LightLines {
 
     /// Offset of the nearest light across a stroke; `None` where there is none.
     fn off(&self, [x, y]: [f64; 2], across: [f64; 2]) -> Option<f64> {
-        let at = |step: i32| {
-            let off = f64::from(step);
-            self.is_lit([x + off * across[0], y + off * across[1]])
-        };
         let mut nearest: Option<f64> = None;
         let mut from = None;
         for step in -REACH_PX..=REACH_PX + 1 {
-            let lit = step <= REACH_PX && at(step);
-            match from {
-                None if lit => from = Some(step),
-                Some(first) if !lit => {
+            let off = f64::from(step);
+            let point = [x + off * across[0], y + off * across[1]];
+            match (from, step <= REACH_PX && self.is_lit(point)) {
+                (None, true) => from = Some(step),
+                (Some(first), false) => {
                     from = None;
                     let middle = 0.5 * f64::from(first + step - 1);
-                    let nearer = nearest.is_none_or(|best| middle.abs() < best.abs());
-                    if step - first <= WIDEST_PX && nearer {
+                    let is_nearer = nearest.is_none_or(|best| middle.abs() < best.abs());
+                    if step - first <= WIDEST_PX && is_nearer {
                         nearest = Some(middle);
                     }
                 }
@@ -99,6 +135,114 @@ impl LightLines {
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;
         inside && self.lit[whole(y) * self.width + whole(x)]
     }
+
+    /// Gaps in runs of the pen, and the share of the runs that has light. `is_lost` says of points
+    /// whether their light is lost in a log.
+    pub(super) fn gaps(
+        &self,
+        bent: &Bent,
+        is_lost: impl Fn(&[[f64; 2]]) -> bool,
+    ) -> (Vec<Gap>, f64) {
+        let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
+        for (stroke, points) in bent.found.iter().enumerate() {
+            let is_lit = |point: &&[f64; 2]| self.has_light_near(**point, TOLERANCE_PX);
+            n_points += points.len();
+            n_lit += points.iter().filter(is_lit).count();
+            let has_light: Vec<bool> = points.iter().map(|point| self.is_drawn(*point)).collect();
+            let mut end = 0;
+            for same in has_light.chunk_by(|a, b| a == b) {
+                let (from, to) = (end, end + same.len());
+                end = to;
+                // A drone that trails cuts a corner: nothing is missing there.
+                let is_between = |corner: &usize| {
+                    (from + 1..=from + CUT_PX).contains(corner) && to <= corner + CUT_PX
+                };
+                let is_cut =
+                    from > 0 && to < points.len() && bent.corners[stroke].iter().any(is_between);
+                let is_small = is_cut || (same.len() as f64) < LEAST_GAP_PX;
+                if same[0] || (is_small && !is_lost(&points[from..to])) {
+                    continue;
+                }
+                // Light ends a bit before the first point that it is no longer near.
+                let reach = whole(CLOSE_PX);
+                let from = from.saturating_sub(reach);
+                let to = (to + reach).min(points.len());
+                // What is missing went on where the light before it ended, or after it begins.
+                let beside = if from > 0 { from - 1 } else { to.min(points.len() - 1) };
+                let intended = &bent.intended[stroke];
+                let off = [0, 1].map(|axis| points[beside][axis] - intended[beside][axis]);
+                let moved = intended[from..to].iter().map(|[x, y]| [x + off[0], y + off[1]]);
+                let along_px = [from as f64, to as f64];
+                gaps.push(Gap { stroke, along_px, points: moved.collect() });
+            }
+        }
+        (gaps, n_lit as f64 / n_points.max(1) as f64)
+    }
+
+    /// Lines away from the intended strokes, and the share of the letter's lines that is not.
+    /// Lines of the neighbors count for neither.
+    pub(super) fn strays(&self, own: &[Segment], beside: &[Segment]) -> (Vec<Stray>, f64) {
+        let mut far = vec![false; self.thin.len()];
+        let (mut n_own, mut n_far) = (0_u32, 0_u32);
+        for index in (0..far.len()).filter(|index| self.thin[*index]) {
+            let point = self.middle(index);
+            let is_far = distance(point, own) > TOLERANCE_PX;
+            if is_far && distance(point, beside) <= 1.5 * TOLERANCE_PX {
+                continue;
+            }
+            far[index] = is_far;
+            n_far += u32::from(is_far);
+            n_own += u32::from(!is_far);
+        }
+        let precision = f64::from(n_own) / f64::from((n_own + n_far).max(1));
+        let mut strays = Vec::new();
+        for start in 0..far.len() {
+            let mut open = Vec::from_iter(std::mem::take(&mut far[start]).then_some(start));
+            let mut points = Vec::new();
+            while let Some(index) = open.pop() {
+                points.push(self.middle(index));
+                let beside = around(index, self.width, far.len());
+                open.extend(beside.filter(|beside| std::mem::take(&mut far[*beside])));
+            }
+            if points.len() as f64 >= LEAST_STRAY_PX {
+                let thick_px = self.lit_near(&points) as f64 / points.len() as f64;
+                strays.push(Stray { points, thick_px });
+            }
+        }
+        (strays, precision)
+    }
+}
+
+/// Distance of a point from the nearest of some segments.
+pub(super) fn distance(point: [f64; 2], segments: &[Segment]) -> f64 {
+    let from_one = |segment: &Segment| segment_distance(point, *segment);
+    segments.iter().map(from_one).fold(f64::INFINITY, f64::min)
+}
+
+/// From the start of a segment to its end.
+fn vector([from, to]: Segment) -> [f64; 2] {
+    [to[0] - from[0], to[1] - from[1]]
+}
+
+/// Points of a segment, a pixel apart.
+fn walk(segment: Segment) -> impl Iterator<Item = [f64; 2]> {
+    let ([x, y], [dx, dy]) = (segment[0], vector(segment));
+    let n_steps = whole(libm::hypot(dx, dy).ceil());
+    let shares = (0..n_steps).map(move |step| (step as f64 + 0.5) / n_steps as f64);
+    shares.map(move |share| [x + share * dx, y + share * dy])
+}
+
+/// Angle between two segments of a run of the pen, 0 to π.
+fn turn(a: Segment, b: Segment) -> f64 {
+    let [a, b] = [a, b].map(vector);
+    libm::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]).abs()
+}
+
+/// Unit vector across a segment, to its left on the page.
+fn normal(segment: Segment) -> [f64; 2] {
+    let [dx, dy] = vector(segment);
+    let length = libm::hypot(dx, dy);
+    [-dy / length, dx / length]
 }
 
 /// The median of the offsets around a point, over a wider range where none was found.

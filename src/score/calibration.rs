@@ -3,15 +3,7 @@
 
 use serde::Serialize;
 
-use super::choice::Choice;
-
-/// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the
-/// choosing half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md
-/// has the result.
-const CONSTANT: f64 = -0.081;
-const MEAN_LOG_ODDS: f64 = 0.286;
-const RIVAL: f64 = 0.296;
-const SPELLING: f64 = 1.192;
+use super::lattice::Choice;
 
 /// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
@@ -46,13 +38,15 @@ pub struct Calibration {
     pub spelling: f64,
 }
 
-/// The calibration that verdicts are made with.
+/// The calibration that verdicts are made with, fitted by `examples/readings/fit.py` to the
+/// choosing half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md
+/// has the result.
 pub const CALIBRATION: Calibration = Calibration {
     reader: "two at first sight",
-    constant: CONSTANT,
-    mean_log_odds: MEAN_LOG_ODDS,
-    rival: RIVAL,
-    spelling: SPELLING,
+    constant: -0.081,
+    mean_log_odds: 0.286,
+    rival: 0.296,
+    spelling: 1.192,
 };
 
 /// Probability that a viewer reads a word at first sight, from what is seen in the place of each
@@ -69,7 +63,8 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spel
     // Letters that are clear are read, however unusual the word is.
     let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
     let usual = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
-    let sum = CONSTANT + MEAN_LOG_ODDS * mean + RIVAL * against + SPELLING * usual;
+    let Calibration { constant, mean_log_odds, rival, spelling, .. } = CALIBRATION;
+    let sum = constant + mean_log_odds * mean + rival * against + spelling * usual;
     1.0 / (1.0 + libm::exp(-sum))
 }
 

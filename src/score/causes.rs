@@ -28,6 +28,23 @@ pub struct Cause {
     pub gain: Option<f64>,
 }
 
+impl Cause {
+    /// A fault of a kind, without measures.
+    pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
+        Self {
+            kind,
+            letter,
+            length_mm: None,
+            at_m: None,
+            missing: None,
+            lamp_delay_s: None,
+            log_gap_s: None,
+            reads_as: None,
+            gain: None,
+        }
+    }
+}
+
 /// A part of an intended stroke without light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MissingRun {
@@ -141,58 +158,54 @@ pub(super) fn sentence(
     letters: &[char],
     known: &Known,
 ) -> String {
+    use CauseKind as Kind;
+
     let named = named(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
     let delays = causes.iter().filter_map(|cause| cause.lamp_delay_s).fold(0.0, f64::max);
     let lag_s = known.lag_s.filter(|lag_s| *lag_s >= LEAST_LAG_S);
     match kind {
-        CauseKind::MissingRun => format!(
+        Kind::MissingRun => format!(
             "Keep the light on to the end of the stroke in {named}: {length_mm:.0} mm are missing{}.",
             lag_s.map_or(String::new(), |lag_s| format!(
                 "; the drone lags by {lag_s:.2} s, so switch that much later"
             ))
         ),
-        CauseKind::LogGap => format!(
+        Kind::LogGap => format!(
             "{length_mm:.0} mm of {named} are missing because the log of the flight has a gap there \
              ({}), not because of the lamps: log fewer variables, or on the \u{b5}SD card.",
             spans(causes)
         ),
         // Behind a loop that lags, light on the way says nothing about the lamp.
-        CauseKind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
+        Kind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
             "Switch the light off earlier between strokes of {named}: {length_mm:.0} mm of transit are \
              lit, as by a lamp {:.0} ms late.",
             1000.0 * delays
         ),
-        CauseKind::LitTransit => format!(
+        Kind::LitTransit => format!(
             "Switch the light off between strokes of {named}: {length_mm:.0} mm of transit are lit."
         ),
-        CauseKind::Streak => format!(
+        Kind::Streak => format!(
             "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {named}."
         ),
-        CauseKind::DwellBlob => {
-            format!("Do not wait with the light on: a spot beside {named}.")
-        }
-        CauseKind::Overlap => format!("Leave more room beside {named}: a neighbor reaches in."),
-        CauseKind::OtherStray => format!(
+        Kind::DwellBlob => format!("Do not wait with the light on: a spot beside {named}."),
+        Kind::Overlap => format!("Leave more room beside {named}: a neighbor reaches in."),
+        Kind::OtherStray => format!(
             "Take out stray light at {named}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
              in the room)."
         ),
-        CauseKind::Shifted => {
-            format!("Bring {named} into place: up to {most_mm:.0} mm away.")
-        }
-        CauseKind::Glow => format!(
+        Kind::Shifted => format!("Bring {named} into place: up to {most_mm:.0} mm away."),
+        Kind::Glow => format!(
             "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named}."
         ),
-        CauseKind::FewPixels => {
-            "Come nearer or take a longer lens: letters have few pixels.".into()
-        }
-        CauseKind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
-        CauseKind::Design => format!(
+        Kind::FewPixels => "Come nearer or take a longer lens: letters have few pixels.".into(),
+        Kind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
+        Kind::Design => format!(
             "Choose another font, or draw {named} otherwise: this font's {}.",
             alike(causes, letters)
         ),
-        CauseKind::OffPath => format!(
+        Kind::OffPath => format!(
             "Fly nearer the path in {named}: light runs up to {most_mm:.0} mm beside the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(
                 "; the log says {:.0} mm on average",

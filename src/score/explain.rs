@@ -5,15 +5,9 @@
 
 use super::alphabet::in_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
-use super::choice::Choice;
-use super::columns::Columns;
-use super::faults::{Found, cause, lost_in};
-use super::gaps::{Gap, Stray};
+use super::faults::{Found, Mending, lost_in, mend};
 use super::judge::Judgment;
-use super::mending::{Mending, mend};
-use super::overlay::Marks;
-use super::page::LetterPage;
-use super::plane::Placed;
+use super::lattice::Columns;
 use super::raster::Raster;
 use super::reader::{Reader, Seen};
 use super::sketch::Sketch;
@@ -53,6 +47,20 @@ const LONGEST_MENDED: usize = 32;
 /// Most sentences of advice.
 const MAX_ADVICE: usize = 3;
 
+/// The findings of a verdict as lines on the photo, in its pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Marks {
+    /// Intended strokes, moved to where their letters were found.
+    pub intended: Vec<Vec<[f64; 2]>>,
+    /// Parts of them that have no light.
+    pub missing: Vec<Vec<[f64; 2]>>,
+    /// Points of light where none was intended.
+    pub stray: Vec<Vec<[f64; 2]>>,
+    /// Corners of the letters' cells, clockwise from the upper left, in the order of the letters
+    /// that have light.
+    pub cells: Vec<Vec<[f64; 2]>>,
+}
+
 impl Reader {
     /// Reads a photo as [`Self::score`], and adds faithfulness, causes and advice.
     ///
@@ -64,27 +72,22 @@ impl Reader {
     ///
     /// As [`Self::score`].
     pub fn explain(&self, photo: &Photo, view: &View, known: &Known) -> Result<(Verdict, Marks)> {
-        let mut sight = self.sight(photo, view)?;
+        let (mut verdict, seen) = self.sight(photo, view)?;
         let mut marks = Marks::default();
-        let Some(seen) = &sight.seen else { return Ok((sight.verdict, marks)) };
-        let verdict = &mut sight.verdict;
+        let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        let mut found = self.compare(
-            &sketches,
-            (&seen.placed, known),
-            verdict,
-            |page, sketch, gaps, strays| {
-                mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
-            },
-        );
+        let mut found = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         if self.expected.indices.len() > LONGEST_MENDED {
             found.iter_mut().for_each(|(_, mending)| *mending = None);
         }
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
         let middles = self.expected.middles(&columns);
-        let worst = worst(&in_place.choices);
+        // The places with the least shares.
+        let mut worst: Vec<usize> = (0..in_place.choices.len()).collect();
+        worst.sort_by(|a, b| in_place.choices[*a].p.total_cmp(&in_place.choices[*b].p));
+        worst.truncate(MOST_MENDED);
         for (cause, mending) in &mut found {
             let (Some(index), Some(fault)) = (cause.letter, mending.as_ref()) else { continue };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
@@ -101,45 +104,47 @@ impl Reader {
                 self.expected.choice_near(&mended, &middles, place).p - before
             });
         }
-        self.flaws_of_design(verdict, &mut found);
+        self.flaws_of_design(&verdict, &mut found);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
-            found.push((cause(CauseKind::FewPixels, None), None));
+            found.push((Cause::new(CauseKind::FewPixels, None), None));
         }
         if seen.contrast < DIM {
-            found.push((cause(CauseKind::Dim, None), None));
+            found.push((Cause::new(CauseKind::Dim, None), None));
         }
-        verdict.advice = self.advise((seen, &in_place), verdict, &sketches, &found, known);
+        verdict.advice = self.advise((seen, &in_place), &verdict, &sketches, &found, known);
         let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
         found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
         verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
-        Ok((sight.verdict, marks))
+        Ok((verdict, marks))
     }
 
     /// Compares the light of each letter with its strokes: fills in the measures of the verdict and
-    /// returns the faults.
+    /// the marks, and returns the faults.
     fn compare(
         &self,
         sketches: &[Sketch],
-        known: (&Placed, &Known),
+        (seen, view): (&Seen, &View),
+        known: &Known,
         verdict: &mut Verdict,
-        mut mark: impl FnMut(&LetterPage, &Sketch, &[Gap], &[Stray]),
+        marks: &mut Marks,
     ) -> Vec<Found> {
+        let placed = &seen.placed;
         let mut found: Vec<Found> = Vec::new();
         // Length of all strokes, and the parts of it that have light and whose light is theirs.
         let [mut length, mut lit, mut own] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
-            let is_lost = |points: &_| lost_in(points, page, known.0, known.1).is_some();
+            let is_lost = |points: &_| lost_in(points, page, placed, known).is_some();
             let (gaps, recall) = sketch.trace.gaps(&sketch.bent, is_lost);
             let (mut strays, precision) = sketch.trace.strays(&sketch.own, &sketch.beside);
             strays.retain(|stray| stray.points.iter().any(|point| page.holds(*point)));
-            let pitch_mm = 1000.0 * page.grid.pitch_m;
-            let missing: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
-            let stray = strays.iter().map(|stray| stray.points.len()).sum::<usize>() as f64;
             let n_segments = sketch.own.len() as f64;
             length += n_segments;
             lit += recall * n_segments;
             own += precision * n_segments;
+            let pitch_mm = 1000.0 * page.grid.pitch_m;
+            let missing: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
+            let stray = strays.iter().map(|stray| stray.points.len()).sum::<usize>() as f64;
             let letter = &mut verdict.letters[index];
             (letter.recall, letter.precision) = (Some(recall), Some(precision));
             // The sum of nothing is -0.
@@ -147,8 +152,16 @@ impl Reader {
             letter.stray_mm = Some(stray * pitch_mm);
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
-            mark(page, sketch, &gaps, &strays);
-            found.extend(self.faults(index, sketch, (gaps, strays), known));
+            let in_photo = |point: &[f64; 2]| {
+                view.image_from_plane(placed.apply(page.plane_from_page(*point)))
+            };
+            let line = |points: &[[f64; 2]]| points.iter().filter_map(in_photo).collect();
+            marks.intended.extend(sketch.bent.intended.iter().map(|points| line(points)));
+            marks.missing.extend(gaps.iter().map(|gap| line(&gap.points)));
+            marks.stray.extend(strays.iter().map(|stray| line(&stray.points)));
+            let [left, top, right, bottom] = page.cell();
+            marks.cells.push(line(&[[left, top], [right, top], [right, bottom], [left, bottom]]));
+            found.extend(self.faults(index, sketch, (gaps, strays), (placed, known)));
         }
         let [recall, precision] = [lit, own].map(|part| part / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
@@ -165,15 +178,13 @@ impl Reader {
         found: &[Found],
         known: &Known,
     ) -> Vec<Advice> {
-        let mut kinds: Vec<CauseKind> = Vec::new();
-        for (cause, _) in found {
-            if !kinds.contains(&cause.kind) {
-                kinds.push(cause.kind);
-            }
-        }
+        let is_first = |(at, (cause, _)): &(usize, &Found)| {
+            found[..*at].iter().all(|(before, _)| before.kind != cause.kind)
+        };
+        let kinds = found.iter().enumerate().filter(is_first).map(|(_, (cause, _))| cause.kind);
         let letters: Vec<char> = self.strokes.glyphs.iter().map(|glyph| glyph.character).collect();
         let is_sure = |index: usize| verdict.letters[index].p.is_none_or(|p| p >= SURE);
-        let advice = kinds.into_iter().filter_map(|kind| {
+        let advice = kinds.filter_map(|kind| {
             let of_kind = || found.iter().filter(move |(cause, _)| cause.kind == kind);
             let mendings: Vec<(usize, &Mending)> = of_kind()
                 .filter_map(|(cause, mending)| cause.letter.zip(mending.as_ref()))
@@ -228,35 +239,11 @@ impl Reader {
             });
             let reads_as = rival.map(|(letter, _)| *letter);
             if choice.p < STRANGE || (rival_is_read && letter.best != Some(letter.expected)) {
-                found.push((Cause { reads_as, ..cause(CauseKind::Design, Some(*index)) }, None));
+                found.push((
+                    Cause { reads_as, ..Cause::new(CauseKind::Design, Some(*index)) },
+                    None,
+                ));
             }
         }
     }
-}
-
-/// The places with the least shares.
-fn worst(choices: &[Choice]) -> Vec<usize> {
-    let mut places: Vec<usize> = (0..choices.len()).collect();
-    places.sort_by(|a, b| choices[*a].p.total_cmp(&choices[*b].p));
-    places.truncate(MOST_MENDED);
-    places
-}
-
-/// Puts the strokes and faults of a letter on the photo.
-fn mark(
-    page: &LetterPage,
-    placed: &Placed,
-    view: &View,
-    sketch: &Sketch,
-    (gaps, strays): (&[Gap], &[Stray]),
-    marks: &mut Marks,
-) {
-    let in_photo =
-        |point: &[f64; 2]| view.image_from_plane(placed.apply(page.plane_from_page(*point)));
-    let line = |points: &[[f64; 2]]| points.iter().filter_map(in_photo).collect();
-    marks.intended.extend(sketch.bent.intended.iter().map(|points| line(points)));
-    marks.missing.extend(gaps.iter().map(|gap| line(&gap.points)));
-    marks.stray.extend(strays.iter().map(|stray| line(&stray.points)));
-    let [left, top, right, bottom] = page.cell();
-    marks.cells.push(line(&[[left, top], [right, top], [right, bottom], [left, bottom]]));
 }

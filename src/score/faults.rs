@@ -1,15 +1,15 @@
-//! Faults of a letter: missing strokes, stray light and its kind, shift, glow.
+//! Faults of a letter: missing strokes, stray light and its kind, shift, glow; and how each is
+//! taken out of the letter's picture, so that the letter can be read without it.
 
-use super::bend::Bent;
+use super::bend::{Bent, Gap, Stray, distance};
 use super::causes::{Cause, CauseKind, Known, LogGap, MissingRun};
-use super::gaps::{Gap, Stray};
-use super::mending::Mending;
-use super::page::LetterPage;
-use super::plane::Placed;
+use super::plane::{LetterPage, Placed};
+use super::raster::Raster;
 use super::reader::Reader;
-use super::segment::distance;
 use super::sketch::Sketch;
+use super::trace::LightLines;
 use super::{PEN_H, PX_PER_H};
+use noctograph_core::geometry;
 
 /// A cap height in pixels.
 const H_PX: f64 = PX_PER_H as f64;
@@ -40,8 +40,75 @@ const OFF_PATH_PX: f64 = 0.05 * H_PX;
 /// the lamps' own faults may lengthen it.
 const LOST_IN_LOG: f64 = 0.5;
 
+/// Light within this distance of stray light, or of a stroke, belongs to it: 0.12 H.
+const BELONGS_PX: f64 = 0.12 * H_PX;
+
+/// Stray light so close to a stroke stays: it is the stroke's own.
+const OWN_PX: f64 = 0.06 * H_PX;
+
 /// A fault, and how it is taken out of a picture, where it can be.
 pub(super) type Found = (Cause, Option<Mending>);
+
+/// How a fault is taken out of a picture.
+pub(super) enum Mending {
+    /// The light at these points is taken away.
+    Erase(Vec<[f64; 2]>),
+    /// Light is added at these points.
+    Draw(Vec<[f64; 2]>),
+    /// The letter is moved back by so many pixels, right and down.
+    Move([isize; 2]),
+    /// The light of the strokes is drawn at these points instead.
+    Straighten(Vec<[f64; 2]>),
+    /// The lines are drawn thin, without glow.
+    Redraw,
+}
+
+/// Takes a fault out of a picture.
+pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
+    match mending {
+        Mending::Straighten(points) => {
+            paint(picture, 0.0, |at| distance(at, &sketch.own) < BELONGS_PX);
+            draw(picture, points);
+        }
+        Mending::Erase(points) => paint(picture, 0.0, |at| {
+            is_near(at, points, |px| px < BELONGS_PX) && distance(at, &sketch.own) > OWN_PX
+        }),
+        Mending::Draw(points) => draw(picture, points),
+        Mending::Move([right, down]) => {
+            let (width, height) = (picture.width, picture.height);
+            let mut moved = Raster::dark(width, height);
+            for (index, value) in moved.values.iter_mut().enumerate() {
+                let x = (index % width).checked_add_signed(*right).filter(|x| *x < width);
+                let y = (index / width).checked_add_signed(*down).filter(|y| *y < height);
+                if let (Some(x), Some(y)) = (x, y) {
+                    *value = picture.values[y * width + x];
+                }
+            }
+            *picture = moved;
+        }
+        Mending::Redraw => *picture = LightLines::new(picture).redrawn(picture),
+    }
+}
+
+/// Draws with the pen at points.
+fn draw(picture: &mut Raster, points: &[[f64; 2]]) {
+    paint(picture, 1.0, |at| is_near(at, points, |px| px <= 0.5 * PEN_H * H_PX + 0.2));
+}
+
+/// Lights, or darkens, the pixels whose middles fulfil a condition.
+fn paint(picture: &mut Raster, light: f32, is_meant: impl Fn([f64; 2]) -> bool) {
+    let width = picture.width;
+    for (index, value) in picture.values.iter_mut().enumerate() {
+        if is_meant([(index % width) as f64 + 0.5, (index / width) as f64 + 0.5]) {
+            *value = light;
+        }
+    }
+}
+
+/// Whether the nearest of some points is near enough.
+fn is_near(at: [f64; 2], points: &[[f64; 2]], is_enough: impl Fn(f64) -> bool) -> bool {
+    points.iter().any(|point| is_enough(geometry::distance(*point, at)))
+}
 
 impl Reader {
     /// The faults of a letter.
@@ -53,17 +120,14 @@ impl Reader {
         (placed, known): (&Placed, &Known),
     ) -> Vec<Found> {
         let page = &self.pages[index];
-        let missing = gaps.into_iter().map(|gap| {
-            let log = lost_in(&gap.points, page, placed, known);
-            missing_run(index, page, gap, log)
-        });
-        let mut found: Vec<Found> = missing.collect();
+        let missing = |gap| missing_run(index, page, gap, (placed, known));
+        let mut found: Vec<Found> = gaps.into_iter().map(missing).collect();
         found.extend(strays.into_iter().map(|stray| self.stray(index, stray, sketch, known)));
         found.extend(displaced(index, page, sketch));
         found.extend(off_path(index, page, sketch));
         if sketch.trace.thickness() > GLOWING_PX {
             let length_mm = Some(1000.0 * sketch.trace.thickness() * page.grid.pitch_m);
-            let glow = Cause { length_mm, ..cause(CauseKind::Glow, Some(index)) };
+            let glow = Cause { length_mm, ..Cause::new(CauseKind::Glow, Some(index)) };
             found.push((glow, Some(Mending::Redraw)));
         }
         found
@@ -80,7 +144,7 @@ impl Reader {
             length_mm: Some(1000.0 * length_m),
             at_m: middle_m(page, &stray.points),
             lamp_delay_s: delay_s,
-            ..cause(kind, Some(index))
+            ..Cause::new(kind, Some(index))
         };
         (cause, Some(Mending::Erase(stray.points)))
     }
@@ -127,8 +191,14 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// A part of a stroke without light, and the gap of the log that it was lost in.
-fn missing_run(index: usize, page: &LetterPage, gap: Gap, log: Option<&LogGap>) -> Found {
+/// A part of a stroke without light.
+fn missing_run(
+    index: usize,
+    page: &LetterPage,
+    gap: Gap,
+    (placed, known): (&Placed, &Known),
+) -> Found {
+    let log = lost_in(&gap.points, page, placed, known);
     let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
     let kind = if log.is_some() { CauseKind::LogGap } else { CauseKind::MissingRun };
     let cause = Cause {
@@ -136,7 +206,7 @@ fn missing_run(index: usize, page: &LetterPage, gap: Gap, log: Option<&LogGap>) 
         length_mm: Some(to_mm - from_mm),
         at_m: middle_m(page, &gap.points),
         missing: Some(MissingRun { stroke: gap.stroke, from_mm, to_mm }),
-        ..cause(kind, Some(index))
+        ..Cause::new(kind, Some(index))
     };
     (cause, Some(Mending::Draw(gap.points)))
 }
@@ -147,7 +217,7 @@ fn displaced(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> 
     let away_px = libm::hypot(right, down);
     let length_mm = Some(1000.0 * away_px * page.grid.pitch_m);
     (away_px >= SHIFTED_PX).then(|| {
-        let cause = Cause { length_mm, ..cause(CauseKind::Shifted, Some(index)) };
+        let cause = Cause { length_mm, ..Cause::new(CauseKind::Shifted, Some(index)) };
         (cause, Some(Mending::Move(sketch.shift)))
     })
 }
@@ -159,7 +229,7 @@ fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
         let length_mm = Some(1000.0 * off_px * page.grid.pitch_m);
         let pairs = intended.iter().flatten().zip(found.iter().flatten());
         let lit = pairs.filter(|(_, found)| sketch.trace.is_drawn(**found));
-        let cause = Cause { length_mm, ..cause(CauseKind::OffPath, Some(index)) };
+        let cause = Cause { length_mm, ..Cause::new(CauseKind::OffPath, Some(index)) };
         (cause, Some(Mending::Straighten(lit.map(|(intended, _)| *intended).collect())))
     })
 }
@@ -169,19 +239,4 @@ fn middle_m(page: &LetterPage, points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n_points;
     (!points.is_empty()).then(|| page.plane_from_page([mean(0), mean(1)]))
-}
-
-/// A fault of a kind, without measures.
-pub(super) fn cause(kind: CauseKind, letter: Option<usize>) -> Cause {
-    Cause {
-        kind,
-        letter,
-        length_mm: None,
-        at_m: None,
-        missing: None,
-        lamp_delay_s: None,
-        log_gap_s: None,
-        reads_as: None,
-        gain: None,
-    }
 }

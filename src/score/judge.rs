@@ -8,8 +8,7 @@ use super::alphabet::{
     spells,
 };
 use super::calibration::readability;
-use super::choice::Choice;
-use super::columns::Columns;
+use super::lattice::{Choice, Columns};
 use super::raster::whole;
 use super::search::search;
 use super::spelling;
@@ -43,7 +42,6 @@ pub(super) struct Expected {
     characters: Vec<char>,
     /// The classes that count as each character.
     classes: Vec<Classes>,
-    digits: Vec<bool>,
     /// Mean of ln p over its letters.
     ln_p_of_spelling: f64,
     /// How many judged characters are before the begin of each line and before its end.
@@ -114,7 +112,6 @@ impl Expected {
             self.classes = apart;
             self.characters.splice(at..=at, pair);
             self.indices.insert(at, self.indices[at]);
-            self.digits.insert(at, false);
             self.line_ends.iter_mut().filter(|end| **end > at).for_each(|end| *end += 1);
         }
     }
@@ -148,7 +145,6 @@ impl Expected {
             indices: known().map(|(at, ..)| at).collect(),
             characters: known().map(|(_, c, _)| c).collect(),
             classes: known().map(|(.., classes)| classes).collect(),
-            digits: known().map(|(_, c, _)| c.is_ascii_digit()).collect(),
             ln_p_of_spelling: spelling::mean_ln_p(&strokes.word),
             line_ends,
         }
@@ -159,7 +155,7 @@ impl Expected {
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
         let n_letters = self.classes.len();
         if n_letters <= 2 * NEAR + 1 {
-            return columns.choices(&self.classes, &self.digits);
+            return columns.choices(&self.classes, &self.characters);
         }
         let middles = self.middles(columns);
         (0..n_letters).map(|place| self.choice_near(columns, &middles, place)).collect()
@@ -170,9 +166,8 @@ impl Expected {
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
         let part = columns_of(columns, middles, &letters);
-        let mut choices =
-            part.choices(&self.classes[letters.clone()], &self.digits[letters.clone()]);
-        choices.swap_remove(place - letters.start)
+        let (own, start) = (&self.classes[letters.clone()], letters.start);
+        part.choices(own, &self.characters[letters]).swap_remove(place - start)
     }
 
     /// The letters around a place.
@@ -210,7 +205,7 @@ impl Expected {
         });
         let parts: Vec<_> = parts.collect();
         let any = !(BLANK | NO_LETTER);
-        let all = names(0, self.digits.iter().all(|digit| *digit));
+        let all = names(0, self.characters.iter().all(char::is_ascii_digit));
         let longer = parts.iter().flat_map(|(at, letters, part, own)| {
             let with = move |set: Classes| {
                 let mut word = self.classes[letters.clone()].to_vec();
@@ -259,7 +254,7 @@ impl Expected {
             Some(Odds { word: rival.into_iter().collect(), ln_odds })
         });
         let own = columns.ln_p(&self.classes);
-        let all = names(0, self.digits.iter().all(|digit| *digit));
+        let all = names(0, self.characters.iter().all(char::is_ascii_digit));
         let free = search(columns, &all, &all).into_iter();
         // Light beside a word that is no letter makes no other word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());

@@ -20,15 +20,15 @@
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::photo::Photo;
-use noctograph_core::settings::{Described, settings};
+use noctograph_core::settings::settings;
 use noctograph_core::strokes::Strokes;
 
 use alphabet::{classes_of, is_foreign};
 
 pub use calibration::{CALIBRATION, Calibration};
 pub use causes::{Advice, Cause, CauseKind, Known, LogGap, MissingRun};
+pub use explain::Marks;
 pub use locate::locate;
-pub use overlay::Marks;
 pub use reader::Reader;
 pub use reading::{ReadLetter, Reading, read};
 pub use verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
@@ -39,31 +39,21 @@ mod alphabet;
 mod bend;
 mod calibration;
 mod causes;
-mod choice;
 mod color;
-mod columns;
 mod explain;
 mod faults;
-mod gaps;
-mod ink;
 mod judge;
 mod lattice;
-mod level;
 mod light;
 mod line;
 mod locate;
-mod mending;
 mod net;
-mod overlay;
-mod page;
 mod plane;
 mod raster;
 mod reader;
 mod reading;
 mod search;
-mod segment;
 mod sketch;
-mod soft;
 mod spelling;
 mod strip;
 mod trace;
@@ -128,17 +118,6 @@ pub fn score(
     Reader::new(strokes, options)?.score(photo, &camera.into())
 }
 
-impl ScoreOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with the key that is out of range.
-    pub fn check(&self) -> Result<()> {
-        Described::check(self, "score", None)
-    }
-}
-
 /// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader
 /// knows all of these.
 #[must_use]
@@ -182,16 +161,19 @@ fn check(strokes: &Strokes) -> Result<()> {
 }
 
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
-    let [found, wanted] = [[photo.width_px, photo.height_px], view.size_px()];
-    if found != wanted {
+    let Photo { width_px, height_px, .. } = *photo;
+    let [width, height] = view.size_px();
+    if [width_px, height_px] != [width, height] {
+        let hint = "name the scene that the photo was taken with";
+        let wanted = format!("{width} x {height} pixels, as the camera has");
         return Err(Error::input(
             "photo",
-            format!("{} x {} pixels", found[0], found[1]),
-            format!("{} x {} pixels, as the camera has", wanted[0], wanted[1]),
-            "name the scene that the photo was taken with",
+            format!("{width_px} x {height_px} pixels"),
+            wanted,
+            hint,
         ));
     }
-    let bytes = 3 * photo.width_px as usize * photo.height_px as usize;
+    let bytes = 3 * width_px as usize * height_px as usize;
     assert_eq!(photo.rgb8.len(), bytes, "three bytes a pixel");
     Ok(())
 }

@@ -1,6 +1,7 @@
-//! Light of a photo: sRGB is decoded, and the sky is taken off.
+//! Light of a photo: sRGB is decoded, the sky is taken off, and the level that counts as fully lit
+//! is found without knowing the exposure.
 
-use super::raster::{narrow, overlaps, whole};
+use super::raster::{Raster, narrow, overlaps, whole};
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::linear_from_level;
 /// How bright light looks to a reader. An even mean of the channels makes the blue power LEDs,
@@ -32,6 +33,18 @@ const MAX_SKY: f32 = 0.9;
 /// The same where writing is looked for in the whole photo: more would raise a floor's glow to ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
+/// How far above the sky light must be, in standard deviations of the sky.
+const LIGHT_SIGMAS: f32 = 5.0;
+
+/// Share of the intended ink's area that is brighter than the level that counts as fully lit. The
+/// 99.5th percentile of a word's frame is about this, but shifts with the frame.
+/// Too small a share lets one glaring spot darken the word.
+const GLARE_SHARE: f64 = 0.1;
+
+/// Share of the intended ink's area that must stand out from the sky for a word to be there. Hot
+/// pixels are fewer.
+const MIN_INK_SHARE: f64 = 0.05;
+
 /// Linear light above the sky: red, green and blue, 1 is white.
 pub(super) type Rgb = [f32; 3];
 
@@ -42,19 +55,14 @@ pub(super) struct Light {
     step: usize,
     /// Our first column and row, in our pixels.
     origin: [usize; 2],
-    width: usize,
-    height: usize,
-    values: Vec<Rgb>,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Of every pixel, row by row.
+    pub(super) values: Vec<Rgb>,
 }
 
-/// A rectangle of the photo.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    pub(super) left_px: f64,
-    pub(super) top_px: f64,
-    pub(super) right_px: f64,
-    pub(super) bottom_px: f64,
-}
+/// A rectangle of the photo: left, top, right and bottom, in its pixels.
+pub(super) type Frame = [f64; 4];
 
 impl Light {
     /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it
@@ -66,45 +74,47 @@ impl Light {
         pixel_px: f64,
     ) -> Option<(Self, f32)> {
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
-        let whole_photo = Frame::of(photo);
-        let frame = frame.unwrap_or(whole_photo).within(&whole_photo)?;
+        let all = frame_of(photo);
+        let [left, top, right, bottom] = frame.unwrap_or(all);
+        let (left, top) = (left.max(0.0), top.max(0.0));
+        let (right, bottom) = (right.min(all[2]), bottom.min(all[3]));
+        if left >= right || top >= bottom {
+            return None;
+        }
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
-        let mut light = Self::of_frame(photo, &frame, step);
+        let mut light = Self::of_frame(photo, [left, top, right, bottom], step);
         let sky = median_size(&map(&light.values, luminance));
-        let size = light.size();
-        take_off_sky(&mut light.values, size, block, MAX_SKY);
+        light.take_off_sky(block, MAX_SKY);
         Some((light, sky))
     }
 
     /// Decodes the whole photo, `step` pixels to one; letters are about `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
-        let mut light = Self::of_frame(photo, &Frame::of(photo), step);
-        let size = light.size();
-        take_off_sky(&mut light.values, size, block, MAX_SKY_OF_WHOLE);
+        let mut light = Self::of_frame(photo, frame_of(photo), step);
+        light.take_off_sky(block, MAX_SKY_OF_WHOLE);
         light
     }
 
     /// With its sky.
-    fn of_frame(photo: &Photo, frame: &Frame, step: usize) -> Self {
-        let [left, top] = [frame.left_px, frame.top_px].map(|px| whole(px) / step);
-        let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
-        let [width, height] = [sides[0] - left, sides[1] - top];
-
+    fn of_frame(photo: &Photo, [left, top, right, bottom]: Frame, step: usize) -> Self {
+        let origin = [left, top].map(|px| whole(px) / step);
+        let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
+        let (width, height) = (right - origin[0], bottom - origin[1]);
         let values = match step {
-            1 => means::<1>(photo, [left, top], [width, height], 1),
-            2 => means::<2>(photo, [left, top], [width, height], 2),
-            step => means::<0>(photo, [left, top], [width, height], step),
+            1 => means::<1>(photo, origin, [width, height], 1),
+            2 => means::<2>(photo, origin, [width, height], 2),
+            step => means::<0>(photo, origin, [width, height], step),
         };
-        Self { step, origin: [left, top], width, height, values }
+        Self { step, origin, width, height, values }
     }
 
     /// Mean in a rectangle of the photo of something that each pixel's light has.
-    pub(super) fn mean_of(&self, frame: &Frame, of: impl Fn(Rgb) -> Rgb) -> Rgb {
+    pub(super) fn mean_of(&self, frame: Frame, of: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
-        let [x0, x1] = [frame.left_px, frame.right_px].map(|px| px * per_px - left);
-        let [y0, y1] = [frame.top_px, frame.bottom_px].map(|px| px * per_px - top);
+        let [x0, x1] = [frame[0], frame[2]].map(|px| px * per_px - left);
+        let [y0, y1] = [frame[1], frame[3]].map(|px| px * per_px - top);
         let area = (x1 - x0) * (y1 - y0);
         let mut sum = [0.0; 3];
         if area <= 0.0 {
@@ -124,61 +134,81 @@ impl Light {
     }
 
     /// Light of the pixels in a rectangle of the photo.
-    pub(super) fn within(&self, frame: &Frame) -> Vec<Rgb> {
-        let place = |px: f64, origin: usize, end: usize| {
-            whole((px / self.step as f64 - origin as f64).max(0.0)).min(end)
+    pub(super) fn within(&self, [left, top, right, bottom]: Frame) -> Vec<Rgb> {
+        let place = |px: f64, axis: usize| {
+            let place = px / self.step as f64 - self.origin[axis] as f64;
+            whole(place.max(0.0)).min([self.width, self.height][axis])
         };
-        let [left, top] = self.origin;
-        let columns =
-            place(frame.left_px, left, self.width)..place(frame.right_px, left, self.width);
-        let rows = place(frame.top_px, top, self.height)..place(frame.bottom_px, top, self.height);
+        let (columns, rows) = (place(left, 0)..place(right, 0), place(top, 1)..place(bottom, 1));
         rows.flat_map(|y| &self.values[y * self.width..][columns.clone()]).copied().collect()
     }
 
-    /// Pixels across and down, in ours.
-    pub(super) fn size(&self) -> [usize; 2] {
-        [self.width, self.height]
-    }
+    /// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
+    /// between their middles.
+    fn take_off_sky(&mut self, block: usize, max_sky: f32) {
+        let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
+        let (width, height) = (n_columns.div_ceil(block), n_rows.div_ceil(block));
+        let mut means = Vec::with_capacity(width * height);
+        for rows in values.chunks(block * n_columns) {
+            let mut sums = vec![([0.0_f32; 3], 0.0_f32); width];
+            for row in rows.chunks_exact(n_columns) {
+                for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
+                    for value in values {
+                        (0..3).for_each(|channel| sum.0[channel] += value[channel]);
+                    }
+                    sum.1 += values.len() as f32;
+                }
+            }
+            means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
+        }
 
-    /// Light of every pixel, row by row.
-    pub(super) fn values(&self) -> &[Rgb] {
-        &self.values
+        let sky = [0, 1, 2].map(|channel| {
+            let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
+            sky_around(&means, [width, height])
+        });
+
+        // Bilinear between the middles of blocks.
+        let between = |at: usize, n_blocks: usize| {
+            let place = (at as f32 + 0.5) / block as f32 - 0.5;
+            let place = place.clamp(0.0, (n_blocks - 1) as f32);
+            let first = whole(f64::from(place));
+            (first, (first + 1).min(n_blocks - 1), place - first as f32)
+        };
+        let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
+        let across = |row: usize| -> Vec<f32> {
+            let at = |(left, right, share): &(usize, usize, f32)| {
+                let ends = |channel: usize| [*left, *right].map(|x| sky[channel][row * width + x]);
+                [0, 1, 2].map(ends).map(|[a, b]| a + share * (b - a))
+            };
+            columns.iter().flat_map(at).collect()
+        };
+        let mut rows = [(0, across(0)), (0, across(0))];
+        for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
+            let (above, below, down) = between(y, height);
+            if rows[0].0 != above {
+                rows.swap(0, 1);
+            }
+            for (known, wanted) in rows.iter_mut().zip([above, below]) {
+                if known.0 != wanted {
+                    *known = (wanted, across(wanted));
+                }
+            }
+            let [(_, above), (_, below)] = &rows;
+            let lights = values.as_flattened_mut().iter_mut();
+            pulp::Arch::new().dispatch(|| {
+                for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
+                    // White stays white: a saturated pixel hides what sky there was.
+                    let sky = above + down * (below - above);
+                    *light = (*light - sky) / (1.0 - sky.min(max_sky));
+                }
+            });
+        }
     }
 }
 
-impl Frame {
-    /// A whole photo.
-    fn of(photo: &Photo) -> Self {
-        Self {
-            left_px: 0.0,
-            top_px: 0.0,
-            right_px: f64::from(photo.width_px),
-            bottom_px: f64::from(photo.height_px),
-        }
-    }
-
-    /// The smallest rectangle around points.
-    pub(super) fn around(points: [[f64; 2]; 4]) -> Self {
-        let min = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let max = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        Self { left_px: min(0), top_px: min(1), right_px: max(0), bottom_px: max(1) }
-    }
-
-    /// Whether a point lies in it.
-    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
-        (self.left_px..=self.right_px).contains(&x) && (self.top_px..=self.bottom_px).contains(&y)
-    }
-
-    /// The part that lies in another one, `None` where there is none.
-    fn within(&self, other: &Self) -> Option<Self> {
-        let part = Self {
-            left_px: self.left_px.max(other.left_px),
-            top_px: self.top_px.max(other.top_px),
-            right_px: self.right_px.min(other.right_px),
-            bottom_px: self.bottom_px.min(other.bottom_px),
-        };
-        (part.left_px < part.right_px && part.top_px < part.bottom_px).then_some(part)
-    }
+/// All of a photo.
+fn frame_of(photo: &Photo) -> Frame {
+    [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
 /// Means over blocks of `step` pixels by `step`, of which `STEP` is the number where it is known
@@ -219,67 +249,6 @@ fn means<const STEP: usize>(
         }));
     }
     values
-}
-
-/// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
-/// between their middles.
-fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usize, max_sky: f32) {
-    let (width, height) = (n_columns.div_ceil(block), n_rows.div_ceil(block));
-    let mut means = Vec::with_capacity(width * height);
-    for rows in values.chunks(block * n_columns) {
-        let mut sums = vec![([0.0_f32; 3], 0.0_f32); width];
-        for row in rows.chunks_exact(n_columns) {
-            for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
-                for value in values {
-                    (0..3).for_each(|channel| sum.0[channel] += value[channel]);
-                }
-                sum.1 += values.len() as f32;
-            }
-        }
-        means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
-    }
-
-    let sky = [0, 1, 2].map(|channel| {
-        let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
-        sky_around(&means, [width, height])
-    });
-
-    // Bilinear between the middles of blocks.
-    let between = |at: usize, n_blocks: usize| {
-        let place = (at as f32 + 0.5) / block as f32 - 0.5;
-        let place = place.clamp(0.0, (n_blocks - 1) as f32);
-        let first = whole(f64::from(place));
-        (first, (first + 1).min(n_blocks - 1), place - first as f32)
-    };
-    let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
-    let across = |row: usize| -> Vec<f32> {
-        let at = |(left, right, share): &(usize, usize, f32)| {
-            let ends = |channel: usize| [*left, *right].map(|x| sky[channel][row * width + x]);
-            [0, 1, 2].map(ends).map(|[a, b]| a + share * (b - a))
-        };
-        columns.iter().flat_map(at).collect()
-    };
-    let mut rows = [(0, across(0)), (0, across(0))];
-    for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
-        let (above, below, down) = between(y, height);
-        if rows[0].0 != above {
-            rows.swap(0, 1);
-        }
-        for (known, wanted) in rows.iter_mut().zip([above, below]) {
-            if known.0 != wanted {
-                *known = (wanted, across(wanted));
-            }
-        }
-        let [(_, above), (_, below)] = &rows;
-        let lights = values.as_flattened_mut().iter_mut();
-        pulp::Arch::new().dispatch(|| {
-            for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-                // White stays white: a saturated pixel hides what sky there was.
-                let sky = above + down * (below - above);
-                *light = (*light - sky) / (1.0 - sky.min(max_sky));
-            }
-        });
-    }
 }
 
 /// Blocks of a group of ranks.
@@ -346,8 +315,28 @@ pub(super) fn median_size(values: &[f32]) -> f32 {
     f32::from_bits(median(sizes).expect("a picture has pixels"))
 }
 
+/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level
+/// by the least that stands out; `None` where next to nothing stands out from the sky.
+pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
+    // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step
+    // over the root of 12.
+    let noise = 1.4826 * median_size(&seen.values);
+    let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
+    let lit = LIGHT_SIGMAS * sigma;
+
+    let mut values = seen.values.clone();
+    let mut level_at = |share: f64| {
+        let rank = whole(share * ink_px).min(values.len() - 1);
+        *values.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1
+    };
+    (level_at(MIN_INK_SHARE) > lit).then(|| {
+        let full = level_at(GLARE_SHARE).max(lit);
+        (full, full / lit)
+    })
+}
+
 /// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.
-pub(super) fn code_step(level: f32) -> f32 {
+fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
     linear[code] - linear[code - 1]

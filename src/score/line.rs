@@ -40,22 +40,6 @@ const MAX_LINES: usize = 4;
 /// Largest ratio of the letters' heights of two lines.
 const MAX_RATIO: f64 = 1.8;
 
-/// What counts as ink.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct InkRule {
-    pub(super) color: InkColor,
-    /// Share of the lit pixels that is darker than full light: high where bright strokes lie among
-    /// dim streaks, low where strokes differ in brightness.
-    pub(super) full_rank: f64,
-}
-
-/// Ink in the photo's color of ink, or in any.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum InkColor {
-    Own,
-    Any,
-}
-
 /// A line of writing. Lengths are pixels of the searched picture.
 pub(super) struct Line {
     /// Photo pixels to one.
@@ -85,39 +69,44 @@ pub(super) struct Search {
     bright: Vec<f32>,
     /// Those that stand out from the sky.
     levels: Vec<f32>,
-    /// Light in any color and in that of the ink, by the last [`InkRule::full_rank`].
-    exposed: Option<(f64, [Arc<Raster>; 2])>,
 }
 
 impl Search {
     pub(super) fn new(photo: &Photo) -> Self {
         let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
         let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
-        let bright = map(light.values(), luminance);
+        let bright = map(&light.values, luminance);
         let lit = LIT_SIGMAS * (1.4826 * median_size(&bright)).max(1e-4);
         let levels = bright.iter().copied().filter(|value| *value > lit).collect();
-        Self { step, light, bright, levels, exposed: None }
+        Self { step, light, bright, levels }
     }
 
-    /// The lines that a rule finds, from the top; none where nothing shines.
-    pub(super) fn lines(&mut self, rule: InkRule) -> Vec<Line> {
+    /// Light in any color and in that of the ink, where a share of the lit pixels is darker than
+    /// full light: high where bright strokes lie among dim streaks, low where strokes differ in
+    /// brightness. `None` where nothing shines.
+    pub(super) fn exposed(&self, full_rank: f64) -> Option<[Arc<Raster>; 2]> {
         if self.levels.len() < 16 {
-            return Vec::new();
+            return None;
         }
-        let known = self.exposed.take().filter(|(rank, _)| *rank == rule.full_rank);
-        let exposed = known.unwrap_or_else(|| (rule.full_rank, self.exposed(rule.full_rank)));
-        let [bright, pure] = &self.exposed.insert(exposed).1;
-        let width = bright.width;
-        let ink = match rule.color {
-            InkColor::Any => bright,
-            InkColor::Own => pure,
-        };
+        let Light { width, height, ref values, .. } = self.light;
+        let mut levels = self.levels.clone();
+        let rank = whole(full_rank * levels.len() as f64);
+        let n_brightest = levels.len() - rank;
+        let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
+        let pure = color::pure(color::of_brightest(values, n_brightest));
+        let exposed = |light: f32| (light / full).clamp(0.0, 1.0);
+        let bright = self.bright.iter().map(|light| exposed(*light)).collect();
+        let pure = map(values, |light| exposed(pure(light)));
+        Some([bright, pure].map(|values| Arc::new(Raster { width, height, values })))
+    }
+
+    /// The lines of an ink, which is one of two lights, from the top.
+    pub(super) fn lines(&self, light: &[Arc<Raster>; 2], ink: &Arc<Raster>) -> Vec<Line> {
         let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
         let mut lines: Vec<Line> = Vec::new();
         while lines.len() < MAX_LINES {
-            let line = Line::from_mask(self.step, [bright, pure], ink, &mask);
-            let Some(line) = line else { break };
-            mask[line.rows[0] * width..line.rows[1] * width].fill(false);
+            let Some(line) = Line::from_mask(self.step, light, ink, &mask) else { break };
+            mask[line.rows[0] * ink.width..line.rows[1] * ink.width].fill(false);
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
             }
@@ -126,27 +115,12 @@ impl Search {
         lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
         lines
     }
-
-    /// Light in any color and in that of the ink, where a share of the lit pixels is darker than
-    /// full light.
-    fn exposed(&self, full_rank: f64) -> [Arc<Raster>; 2] {
-        let [width, height] = self.light.size();
-        let mut levels = self.levels.clone();
-        let rank = whole(full_rank * levels.len() as f64);
-        let n_brightest = levels.len() - rank;
-        let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
-        let pure = color::pure(color::of_brightest(self.light.values(), n_brightest));
-        let exposed = |light: f32| (light / full).clamp(0.0, 1.0);
-        let bright = self.bright.iter().map(|light| exposed(*light)).collect();
-        let pure = map(self.light.values(), |light| exposed(pure(light)));
-        [bright, pure].map(|values| Arc::new(Raster { width, height, values }))
-    }
 }
 
 impl Line {
     fn from_mask(
         step: usize,
-        light: [&Arc<Raster>; 2],
+        light: &[Arc<Raster>; 2],
         ink: &Arc<Raster>,
         mask: &[bool],
     ) -> Option<Self> {
@@ -161,7 +135,7 @@ impl Line {
         let extent = [top as f64 + half, (bottom as f64 - half).max(top as f64 + half + 1.0)];
         Some(Self {
             step: step as f64,
-            light: light.map(Clone::clone),
+            light: light.clone(),
             ink: ink.clone(),
             letter_px: extent[1] - extent[0],
             stroke_px,
@@ -198,15 +172,9 @@ impl Line {
         let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
         let width = self.strip_width(cap_px);
         let per_area = narrow(1.0 / (pitch * pitch));
-        let ends = |first: f64, n: usize| -> Vec<[f64; 2]> {
-            let ends = (0..n).map(|at| first + pitch * at as f64);
-            ends.map(|from| [from, from + pitch]).collect()
-        };
-        let (columns, rows) = (ends(left, width), ends(top, HEIGHT));
         let channel = |light: &Raster| -> Vec<f32> {
-            let mut sums = light.sums(&columns, &rows);
-            sums.iter_mut().for_each(|sum| *sum = (*sum * per_area).clamp(0.0, 1.0));
-            sums
+            let sums = light.sums([left, top], pitch, 0..width, HEIGHT);
+            sums.into_iter().map(|sum| (sum * per_area).clamp(0.0, 1.0)).collect()
         };
         let [bright, pure] = self.light.each_ref().map(|light| channel(light));
         (Strip::of_light(width, bright, pure), left * self.step, pitch * self.step)

@@ -7,6 +7,7 @@
 use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
 use noctograph_core::error::Result;
+use noctograph_core::geometry::bounds;
 use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
 use noctograph_core::strokes::{Glyph, Strokes};
@@ -40,8 +41,8 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
         vec![[left, first.box_px[0]], [right, last.box_px[2]]]
     };
     let Some((at_zero, across)) = line_through(&pairs) else { return Ok(None) };
-    let bottom = boxes.iter().map(|plane| plane[1]).fold(f64::INFINITY, f64::min);
-    let top = boxes.iter().map(|plane| plane[3]).fold(f64::NEG_INFINITY, f64::max);
+    let corners = boxes.iter().flat_map(|plane| [[plane[0], plane[1]], [plane[2], plane[3]]]);
+    let [_, bottom, _, top] = bounds(corners);
     let high_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let down = high_px / (top - bottom);
@@ -72,11 +73,9 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
 
 /// The box of what a glyph lights: left, bottom, right, top.
 fn lit_box(glyph: &Glyph) -> Option<[f64; 4]> {
-    let points = glyph.moves.iter().filter(|step| step.lit).flat_map(|s| [s.from_m, s.to_m]);
-    points.fold(None, |found: Option<[f64; 4]>, [x, y]| {
-        let [left, bottom, right, top] = found.unwrap_or([x, y, x, y]);
-        Some([left.min(x), bottom.min(y), right.max(x), top.max(y)])
-    })
+    let lit = glyph.moves.iter().filter(|step| step.lit);
+    let sides = bounds(lit.flat_map(|step| [step.from_m, step.to_m]));
+    (sides[0] <= sides[2]).then_some(sides)
 }
 
 /// The median of the slopes between all points (Theil and Sen): a letter with a tail has its middle

@@ -1,11 +1,14 @@
-//! The plane of the word: grids of square pixels on it, and what the photo shows there.
+//! The plane of the word: grids of square pixels on it, what the photo shows there, and the page of
+//! a letter: its cell and a margin, on which strokes and light are compared.
 
 use tiny_skia::Transform;
 
 use super::light::{Frame, Light, Rgb};
+use super::raster::{narrow, whole};
 use super::view::View;
 use super::{PX_PER_H, cap_height_m};
-use noctograph_core::strokes::Strokes;
+use noctograph_core::geometry::bounds;
+use noctograph_core::strokes::{Cell, Strokes};
 
 /// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
 /// that a word out of range is still found.
@@ -13,6 +16,15 @@ pub(super) const SEARCH_H: f64 = 0.75;
 
 /// Largest scale that is tried; the smallest is its inverse.
 pub(super) const SEARCH_SCALE: f64 = 1.25;
+
+/// Farthest shift of a letter that is searched, in pixels: a quarter of a cap height.
+pub(super) const REACH_PX: usize = 8;
+
+/// Margin beside the cell, and above and below it, in pixels.
+const MARGIN_PX: [f64; 2] = [5.0, 12.0];
+
+/// Width of the pen and of its blur, in pixels.
+const PEN_PX: f64 = 3.0;
 
 /// A grid of square pixels in the plane of the word.
 #[derive(Clone, Debug)]
@@ -68,17 +80,12 @@ impl Grid {
         // Shift, and half a cap height for the window and the blur.
         let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
         let side = |length_m: f64| {
-            let pixels = (length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
-            #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-            let pixels = pixels.ceil() as usize;
             // Halved twice by the alignment.
-            pixels.next_multiple_of(4)
+            whole(((length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m).ceil()).next_multiple_of(4)
         };
         let (width, height) = (side(right - left), side(top - bottom));
-        let [left_m, top_m] = [
-            home.center_m[0] - 0.5 * width as f64 * pitch_m,
-            home.center_m[1] + 0.5 * height as f64 * pitch_m,
-        ];
+        let left_m = home.center_m[0] - 0.5 * width as f64 * pitch_m;
+        let top_m = home.center_m[1] + 0.5 * height as f64 * pitch_m;
         Self { left_m, top_m, pitch_m, width, height }
     }
 
@@ -93,20 +100,14 @@ impl Grid {
     pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
         let [a, b] = placed.column().map(|part| part / self.pitch_m);
         let [x, y] = placed.apply([0.0, 0.0]);
-        #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
-        let [a, b, x, y] =
-            [a, b, (x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m]
-                .map(|value| value as f32);
+        let [x, y] = [(x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m];
+        let [a, b, x, y] = [a, b, x, y].map(narrow);
         Transform::from_row(a, -b, -b, -a, x, y)
     }
 
-    /// What the photo shows at each pixel of the grid, the grid moved along with the word.
-    pub(super) fn resample(&self, light: &Light, view: &View, placed: &Placed) -> Vec<Rgb> {
-        self.resample_of(light, view, placed, |light| light)
-    }
-
-    /// The same of a function of each photo pixel's light.
-    pub(super) fn resample_of(
+    /// The mean at each pixel of the grid of a function of the photo's light there, the grid moved
+    /// along with the word.
+    pub(super) fn resample(
         &self,
         light: &Light,
         view: &View,
@@ -124,7 +125,7 @@ impl Grid {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
                 // There is no light from behind the camera.
                 if let (Some(a), Some(b), Some(c), Some(d)) = corners {
-                    *value = light.mean_of(&Frame::around([a, b, c, d]), &of);
+                    *value = light.mean_of(bounds([a, b, c, d]), &of);
                 }
             }
             upper = lower;
@@ -136,12 +137,9 @@ impl Grid {
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
         let corner = |x: usize, y: usize| self.image_point(view, placed, [x, y]);
         let (right, bottom) = (self.width, self.height);
-        Some(Frame::around([
-            corner(0, 0)?,
-            corner(right, 0)?,
-            corner(0, bottom)?,
-            corner(right, bottom)?,
-        ]))
+        let (upper, lower) =
+            ([corner(0, 0)?, corner(right, 0)?], [corner(0, bottom)?, corner(right, bottom)?]);
+        Some(bounds(upper.into_iter().chain(lower)))
     }
 
     /// Edge of the middle pixel in the photo; `None` behind the camera.
@@ -156,5 +154,71 @@ impl Grid {
     fn image_point(&self, view: &View, placed: &Placed, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
         let [x, y] = [self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m];
         view.image_from_plane(placed.apply([x, y]))
+    }
+}
+
+/// A grid around a letter's cell.
+#[derive(Clone, Debug)]
+pub(super) struct LetterPage {
+    pub(super) grid: Grid,
+    /// Width and height of the cell, in pixels; it is in the middle of the page.
+    cell_px: [f64; 2],
+}
+
+impl LetterPage {
+    pub(super) fn new(cell: &Cell) -> Self {
+        let pitch_m = cell.cap_height_m / f64::from(PX_PER_H);
+        let cell_px = [cell.width_m / pitch_m, f64::from(PX_PER_H)];
+        let half = |axis: usize| whole((0.5 * cell_px[axis] + MARGIN_PX[axis]).ceil()) + REACH_PX;
+        let (width, height) = (2 * half(0), 2 * half(1));
+        let grid = Grid {
+            left_m: cell.left_m + 0.5 * cell.width_m - 0.5 * width as f64 * pitch_m,
+            top_m: cell.baseline_m + 0.5 * cell.cap_height_m + 0.5 * height as f64 * pitch_m,
+            pitch_m,
+            width,
+            height,
+        };
+        Self { grid, cell_px }
+    }
+
+    /// The cell on the page: left, top, right, bottom.
+    pub(super) fn cell(&self) -> [f64; 4] {
+        let [x, y] = [self.grid.width, self.grid.height].map(|side| 0.5 * side as f64);
+        let [half_width, half_height] = self.cell_px.map(|side| 0.5 * side);
+        [x - half_width, y - half_height, x + half_width, y + half_height]
+    }
+
+    /// The page without what is beside the cell, where other letters may shine brighter.
+    pub(super) fn columns_of_cell(&self) -> Grid {
+        let [left, _, right, _] = self.cell();
+        let [from, to] = [(left - PEN_PX).floor(), (right + PEN_PX).ceil()];
+        let left_m = self.grid.left_m + from * self.grid.pitch_m;
+        Grid { left_m, width: whole(to - from), ..self.grid.clone() }
+    }
+
+    /// Whether a point is within the cell and its margin.
+    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        let [left, top, right, bottom] = self.cell();
+        (left - MARGIN_PX[0]..=right + MARGIN_PX[0]).contains(&x)
+            && (top - MARGIN_PX[1]..=bottom + MARGIN_PX[1]).contains(&y)
+    }
+
+    /// Whether a cell has a part on the page.
+    pub(super) fn is_near(&self, cell: &Cell) -> bool {
+        let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
+        let [left, bottom] = self.page_from_plane([left_m, baseline_m]);
+        let [right, top] = self.page_from_plane([left_m + width_m, baseline_m + cap_height_m]);
+        let [wide, high] = [self.grid.width, self.grid.height].map(|side| side as f64);
+        right > 0.0 && left < wide && bottom > 0.0 && top < high
+    }
+
+    /// A point of the word's plane on the page.
+    pub(super) fn page_from_plane(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+        [(x_m - self.grid.left_m) / self.grid.pitch_m, (self.grid.top_m - y_m) / self.grid.pitch_m]
+    }
+
+    /// A point of the page in the word's plane.
+    pub(super) fn plane_from_page(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.grid.left_m + x * self.grid.pitch_m, self.grid.top_m - y * self.grid.pitch_m]
     }
 }

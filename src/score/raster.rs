@@ -1,4 +1,14 @@
-//! Rasters of one value a pixel: blur, halving, and correlation of one with another.
+//! Rasters of one value a pixel: strokes drawn with a round pen, blur, halving, and sums of
+//! products.
+//!
+//! Pixel `x, y` has its center at +0.5 and y down; strokes are given in the plane of the word
+//! (meters, y up), with the transform that brings them onto the raster.
+
+use std::ops::Range;
+
+use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Stroke, Transform};
+
+use noctograph_core::strokes::Move;
 
 /// One value a pixel, row by row from the top left.
 #[derive(Clone, Debug)]
@@ -19,35 +29,33 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
-    /// Light in a rectangle given by its columns and rows; outside is dark.
-    pub(super) fn sum(&self, columns: [f64; 2], rows: [f64; 2]) -> f32 {
-        let mut sum = 0.0;
-        for (y, high) in overlaps(rows[0], rows[1], self.height) {
-            let row = &self.values[y * self.width..][..self.width];
-            sum += overlaps(columns[0], columns[1], self.width)
-                .map(|(x, wide)| high * wide * row[x])
-                .sum::<f32>();
-        }
-        sum
-    }
-
-    /// The same in the rectangles of a grid, row by row.
-    pub(super) fn sums(&self, columns: &[[f64; 2]], rows: &[[f64; 2]]) -> Vec<f32> {
+    /// Light in the squares of a grid, from its upper left corner and of a side in pixels, in some
+    /// of its columns and its first rows; outside is dark.
+    pub(super) fn sums(
+        &self,
+        [left, top]: [f64; 2],
+        side: f64,
+        columns: Range<usize>,
+        n_rows: usize,
+    ) -> Vec<f32> {
         type Touched = Vec<(usize, f32)>;
-        let touched = |ends: &[[f64; 2]], n_pixels: usize| -> Vec<Touched> {
-            ends.iter().map(|[from, to]| overlaps(*from, *to, n_pixels).collect()).collect()
+        let touched = |first: f64, squares: Range<usize>, n_pixels: usize| -> Vec<Touched> {
+            let starts = squares.map(|at| first + side * at as f64);
+            starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
         };
-        let (columns, rows) = (touched(columns, self.width), touched(rows, self.height));
-        let sum = |(rows, columns): (&Touched, &Touched)| {
-            let mut sum = 0.0;
-            for (y, high) in rows {
-                let row = &self.values[y * self.width..][..self.width];
-                sum += columns.iter().map(|(x, wide)| high * wide * row[*x]).sum::<f32>();
+        let columns = touched(left, columns, self.width);
+        let mut sums = Vec::with_capacity(n_rows * columns.len());
+        for rows in touched(top, 0..n_rows, self.height) {
+            for columns in &columns {
+                let mut sum = 0.0;
+                for (y, high) in &rows {
+                    let row = &self.values[y * self.width..][..self.width];
+                    sum += columns.iter().map(|(x, wide)| high * wide * row[*x]).sum::<f32>();
+                }
+                sums.push(sum);
             }
-            sum
-        };
-        let all = rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns)));
-        all.map(sum).collect()
+        }
+        sums
     }
 
     /// Gaussian blur, cut off at 3 σ; outside is dark.
@@ -85,10 +93,7 @@ impl Raster {
 
     /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
     pub(super) fn half(&self) -> Self {
-        assert!(
-            self.width.is_multiple_of(2) && self.height.is_multiple_of(2),
-            "even sides can be halved"
-        );
+        assert_eq!([self.width % 2, self.height % 2], [0; 2], "even sides can be halved");
         let (width, height) = (self.width / 2, self.height / 2);
         let mut values = Vec::with_capacity(width * height);
         for pair in self.values.chunks_exact(2 * self.width) {
@@ -98,6 +103,54 @@ impl Raster {
         }
         Self { width, height, values }
     }
+}
+
+/// A page that strokes are drawn on: coverage from 0 to 1.
+pub(super) struct Page(Mask);
+
+impl Page {
+    pub(super) fn blank(width: usize, height: usize) -> Self {
+        let side = |pixels| u32::try_from(pixels).expect("pages are some hundred pixels wide");
+        Self(Mask::new(side(width), side(height)).expect("a page has pixels"))
+    }
+
+    /// Draws the lit moves with a round pen.
+    pub(super) fn stroke(&mut self, moves: &[Move], pen_px: f32, page_from_plane: Transform) {
+        let stroke = Stroke {
+            width: pen_px,
+            line_cap: LineCap::Round,
+            line_join: LineJoin::Round,
+            ..Stroke::default()
+        };
+        // The path is stroked on the page, so that the pen stays round however it was stretched.
+        let path = path_of(moves).and_then(|path| path.transform(page_from_plane));
+        if let Some(line) = path.and_then(|path| path.stroke(&stroke, 1.0)) {
+            self.0.fill_path(&line, FillRule::Winding, true, Transform::identity());
+        }
+    }
+
+    pub(super) fn dry(self) -> Raster {
+        Raster {
+            width: self.0.width() as usize,
+            height: self.0.height() as usize,
+            values: self.0.data().iter().map(|coverage| f32::from(*coverage) / 255.0).collect(),
+        }
+    }
+}
+
+/// The lit moves as a path; `None` where nothing is lit.
+fn path_of(moves: &[Move]) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    let mut pen_at = None;
+    for step in moves.iter().filter(|step| step.lit) {
+        let [from, to] = [step.from_m, step.to_m].map(|point_m| point_m.map(narrow));
+        if pen_at != Some(step.from_m) {
+            builder.move_to(from[0], from[1]);
+        }
+        builder.line_to(to[0], to[1]);
+        pen_at = Some(step.to_m);
+    }
+    builder.finish()
 }
 
 fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {

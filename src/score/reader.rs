@@ -4,18 +4,13 @@ use rayon::prelude::*;
 
 use super::align::Finder;
 use super::alphabet::{classes_of, spells};
-use super::calibration::CALIBRATION;
-use super::choice::Choice;
 use super::color;
-use super::columns::Columns;
-use super::ink::Page;
 use super::judge::{Expected, Judgment, letter_verdict};
-use super::level;
-use super::light::{Frame, Light, Rgb, luminance, map};
-use super::page::LetterPage;
-use super::plane::{Grid, Placed};
-use super::raster::{Raster, whole};
-use super::reading::{ReadLetter, Reading, read};
+use super::lattice::{Choice, Columns};
+use super::light::{Frame, Light, Rgb, full_light, luminance, map};
+use super::plane::{Grid, LetterPage, Placed};
+use super::raster::{Page, Raster, narrow, whole};
+use super::reading::{Reading, is_clear, read};
 use super::spelling::likeliest;
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, SIDE_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
@@ -25,7 +20,9 @@ use super::{
     check_size,
 };
 use noctograph_core::error::Result;
+use noctograph_core::geometry::{bounds, distance};
 use noctograph_core::photo::Photo;
+use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
@@ -65,13 +62,6 @@ const CONTRADICTION: f64 = 20.0;
 /// Letters of a word that is not read blindly by chance.
 const MANY_LETTERS: usize = 3;
 
-/// A verdict, and the light that it is about.
-pub(super) struct Sight {
-    pub(super) verdict: Verdict,
-    /// `None` where the photo does not show the place of the word, or nothing shines there.
-    pub(super) seen: Option<Seen>,
-}
-
 /// The light of a word.
 pub(super) struct Seen {
     pub(super) light: Light,
@@ -103,7 +93,7 @@ impl Reader {
     /// letter that the reader does not know or that leaves no light, letters too narrow or too
     /// wide, or an option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
-        options.check()?;
+        options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
         let ink_px = |glyph: &Glyph| {
@@ -136,7 +126,7 @@ impl Reader {
     /// What the net makes of a faultless drawing of the word.
     pub(super) fn drawn_columns(&self) -> Columns {
         let drawn = |grid: &Grid| {
-            let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
+            let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
             Columns::of(&Strip::drawn(grid.width, light))
         };
@@ -154,7 +144,7 @@ impl Reader {
     ///
     /// If the photo has not three bytes a pixel.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
-        Ok(self.sight(photo, view)?.verdict)
+        Ok(self.sight(photo, view)?.0)
     }
 
     /// The strips that a photo shows, for the training of the net: of each line of the word, its
@@ -170,20 +160,23 @@ impl Reader {
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width).collect())).collect())
     }
 
-    /// The verdict without causes, and the light that it was made from.
+    /// The verdict without causes, and the light that it was made from; `None` where the photo does
+    /// not show the place of the word, or nothing shines there.
     ///
     /// The word is looked for in its place and in the lines that blind recognition finds: two views
     /// of the same light, of which the one that shows the word better counts.
-    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
+    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
-        let cap_height_px = self.cap_height_px(view);
+        // `None` where the photo cannot show a capital.
+        let pixel_px = self.finder.grid.pixel_px(view, &self.home);
+        let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
         let seen = match seen {
             Ok(seen) => seen,
             Err(reason) => {
-                let verdict = Verdict::unseen(&self.strokes, reason, cap_height_px);
+                let verdict = Verdict::unseen(&self.strokes, Some(reason), cap_height_px);
                 let second_opinion = Some(reading.text);
-                return Ok(Sight { verdict: Verdict { second_opinion, ..verdict }, seen: None });
+                return Ok((Verdict { second_opinion, ..verdict }, None));
             }
         };
         let in_place = (!self.has_more(&reading, &seen, view))
@@ -200,8 +193,7 @@ impl Reader {
         };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.at_ends(&seen.around));
-        let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
-        Ok(Sight { verdict, seen: Some(seen) })
+        Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
 
     /// Whether blind recognition clearly reads letters outside the strips that were cut out for the
@@ -209,25 +201,28 @@ impl Reader {
     fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
             self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();
-        let is_outside = |letter: &&ReadLetter| {
-            let [left, top, right, bottom] = letter.box_px;
-            let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
-            letter.p >= CLEAR_SHARE && !frames.iter().any(|frame| frame.holds(middle))
-        };
-        reading.is_clear() && reading.letters.iter().any(|letter| is_outside(&letter))
+        is_clear(&reading.letters)
+            && reading.letters.iter().any(|letter| {
+                let [left, top, right, bottom] = letter.box_px;
+                let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
+                let holds = |[left, top, right, bottom]: &Frame| {
+                    (*left..=*right).contains(&x) && (*top..=*bottom).contains(&y)
+                };
+                letter.p >= CLEAR_SHARE && !frames.iter().any(holds)
+            })
     }
 
     /// Finds the word's light in a photo of the size that the view gives, or why there is none.
     fn see(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
-        let grid = self.finder.grid();
+        let grid = &self.finder.grid;
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
             grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
         let Some((light, sky)) = decoded else { return Err(Reason::NotInPhoto) };
-        let colors = grid.resample(&light, view, &self.home);
+        let colors = grid.resample(&light, view, &self.home, |light| light);
         let bright = brightness(grid, &colors);
         let ink_px = self.ink_px.iter().sum();
-        let Some((full_light, contrast)) = level::full_light(&bright, sky, ink_px) else {
+        let Some((full_light, contrast)) = full_light(&bright, sky, ink_px) else {
             return Err(Reason::NoLight);
         };
         let placed = self.finder.place(&bright.exposed(full_light));
@@ -252,11 +247,6 @@ impl Reader {
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
-    /// Height of a capital in the photo; `None` where the photo cannot show it.
-    fn cap_height_px(&self, view: &View) -> Option<f64> {
-        self.finder.grid().pixel_px(view, &self.home).map(|px| f64::from(PX_PER_H) * px)
-    }
-
     fn verdict(
         &self,
         judgment: Judgment,
@@ -266,7 +256,8 @@ impl Reader {
     ) -> Verdict {
         let has_other_length = judgment.has_other_length();
         let Judgment { choices, rival, readability } = judgment;
-        let reads_other_length = reading.is_clear() && reading.letters.len() != choices.len();
+        let reads_other_length =
+            is_clear(&reading.letters) && reading.letters.len() != choices.len();
         let choices = self.expected.by_character(choices);
         let read = self.spelled(&choices);
         let mut choices = choices.iter();
@@ -290,20 +281,15 @@ impl Reader {
             () => Some(Reason::Misread),
         };
         Verdict {
-            word: self.strokes.word.clone(),
             read,
             legible,
             readability,
             rival,
-            faithfulness: None,
-            calibration: CALIBRATION,
             placement: Some(placement),
-            cap_height_px,
             letters,
             reason,
             second_opinion: Some(reading.text.clone()),
-            causes: Vec::new(),
-            advice: Vec::new(),
+            ..Verdict::unseen(&self.strokes, None, cap_height_px)
         }
     }
 
@@ -336,15 +322,15 @@ fn around(line: &Grid) -> Grid {
 fn strip_grid(glyphs: &[Glyph]) -> Grid {
     let cell = glyphs[0].cell;
     let pitch_m = cell.cap_height_m / CAP_PX as f64;
-    let (left, right) = glyphs
+    let (left_m, right_m) = glyphs
         .iter()
         .map(lit_columns_m)
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), [from, to]| {
             (left.min(from), right.max(to))
         });
-    let width = whole(((right - left) / pitch_m).ceil()) + 2 * MARGIN_PX;
+    let width = whole(((right_m - left_m) / pitch_m).ceil()) + 2 * MARGIN_PX;
     Grid {
-        left_m: left - MARGIN_PX as f64 * pitch_m,
+        left_m: left_m - MARGIN_PX as f64 * pitch_m,
         top_m: cell.baseline_m + cell.cap_height_m + HEAD_ROW as f64 * pitch_m,
         pitch_m,
         width: width.next_multiple_of(2),
@@ -355,14 +341,14 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
 /// Left and right end of what a letter's lit moves draw.
 fn lit_columns_m(glyph: &Glyph) -> [f64; 2] {
     let lit = glyph.moves.iter().filter(|step| step.lit);
-    let ends = lit.flat_map(|step| [step.from_m[0], step.to_m[0]]);
-    ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[left, right], x| [left.min(x), right.max(x)])
+    let [left, _, right, _] = bounds(lit.flat_map(|step| [step.from_m, step.to_m]));
+    [left, right]
 }
 
 /// Length of what a letter's lit moves draw.
 fn lit_length_m(glyph: &Glyph) -> f64 {
     let lit = glyph.moves.iter().filter(|step| step.lit);
-    lit.map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1])).sum()
+    lit.map(|step| distance(step.from_m, step.to_m)).sum()
 }
 
 /// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's
@@ -371,7 +357,7 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
     let grid = &page.grid;
     let color_in = |part: &Grid| {
         let frame = part.frame(view, &seen.placed);
-        let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(&frame));
+        let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
         let share = INK_SHARE * ink_px / (part.width * part.height) as f64;
         let n_brightest = whole(share * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
@@ -382,7 +368,7 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
         color = own;
     }
     let pure = color::pure(color);
-    let pure = grid.resample_of(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
+    let pure = grid.resample(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
     let pure = brightness(grid, &pure);
     // Thin strokes fill our pixels by half: half of the ink is full light, whatever the word's is.
     let mut levels = pure.values.clone();
@@ -396,16 +382,10 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
 }
 
 /// Letters as the trail should draw them on a grid of `cap_px` pixels to a cap height, blurred.
-#[expect(clippy::cast_possible_truncation, reason = "a constant")]
-pub(super) fn draw<'a>(
-    grid: &Grid,
-    home: &Placed,
-    glyphs: impl Iterator<Item = &'a Glyph>,
-    cap_px: f32,
-) -> Raster {
+pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
-        page.stroke(&glyph.moves, PEN_H as f32 * cap_px, grid.page_from_plane(home));
+        page.stroke(&glyph.moves, narrow(PEN_H) * cap_px, grid.page_from_plane(home));
     }
     page.dry().blur(BLUR_H * cap_px)
 }

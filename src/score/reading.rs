@@ -9,9 +9,9 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of, in_case_of};
-use super::columns::Columns;
-use super::line::{self, InkColor, InkRule, Line};
+use super::alphabet::{Classes, alike, class_of, in_case_of, seen_as};
+use super::lattice::Columns;
+use super::line::{self, Line};
 use super::net;
 use super::search::{Symbols, search};
 use super::spelling::likeliest;
@@ -72,23 +72,25 @@ pub struct ReadLetter {
     pub box_px: [f64; 4],
 }
 
+impl ReadLetter {
+    /// Its share, which light that is no letter has not.
+    fn share(&self) -> f64 {
+        if self.letter == '?' { 0.0 } else { self.p }
+    }
+}
+
 impl Reading {
     /// The same where it is clear enough to be writing, and nothing else.
     #[must_use]
     pub fn of_writing(self) -> Self {
-        let seen = |letter: &ReadLetter| if letter.letter == '?' { 0.0 } else { letter.p };
-        let sum: f64 = self.letters.iter().map(seen).sum();
+        let sum: f64 = self.letters.iter().map(ReadLetter::share).sum();
         let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
         if sum >= least * self.letters.len() as f64 { self } else { Self::default() }
     }
-
-    /// Whether letters are read, and read clearly on average.
-    pub(super) fn is_clear(&self) -> bool {
-        is_clear(&self.letters)
-    }
 }
 
-fn is_clear(letters: &[ReadLetter]) -> bool {
+/// Whether letters are read, and read clearly on average.
+pub(super) fn is_clear(letters: &[ReadLetter]) -> bool {
     let sum: f64 = letters.iter().map(|letter| letter.p).sum();
     !letters.is_empty() && sum >= LEAST_SHARE * letters.len() as f64
 }
@@ -105,20 +107,19 @@ struct ReadLine {
 /// Reads a photo.
 #[must_use]
 pub fn read(photo: &Photo) -> Reading {
-    let rules = [0.95, 0.6].into_iter().flat_map(|full_rank| {
-        [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank })
-    });
     // A rule that leaves out letters reads the others as clearly.
     let worth = |lines: &[ReadLine]| -> f64 {
         let letters = lines.iter().flat_map(|line| &line.letters);
-        letters.map(|letter| if letter.letter == '?' { 0.0 } else { letter.p } - EVEN).sum()
+        letters.map(|letter| letter.share() - EVEN).sum()
     };
-    let mut light = line::Search::new(photo);
+    let search = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut known: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;
-    for rule in rules {
-        let found = light.lines(rule);
+    let exposed = [0.95, 0.6].into_iter().filter_map(|full_rank| search.exposed(full_rank));
+    // Ink has the color of the brightest light, or any.
+    let inks = exposed.flat_map(|light| [1, 0].map(|ink| search.lines(&light, &light[ink])));
+    for found in inks {
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
         let adds_nothing = |line: &Line| known.iter().any(|known| line.adds_nothing_to(known));
         if is_sure && found.iter().all(adds_nothing) {
@@ -137,11 +138,11 @@ pub fn read(photo: &Photo) -> Reading {
             .retain(|line| line.ln_p >= top || (line.letters.len() > 1 && is_clear(&line.letters)));
     }
     let texts: Vec<&str> = lines.iter().map(|line| &line.text[..]).collect();
-    let text = texts.join("\n");
-    let (letters, columns): (Vec<_>, Vec<_>) =
-        lines.into_iter().map(|line| (line.letters, line.columns)).unzip();
-    let (letters, columns) = (letters.concat(), Columns::joined(columns));
-    Reading { text, letters, columns }
+    Reading {
+        text: texts.join("\n"),
+        letters: lines.iter().flat_map(|line| line.letters.clone()).collect(),
+        columns: Columns::joined(lines.into_iter().map(|line| line.columns)),
+    }
 }
 
 /// Heights of capitals at which a line is read: those whose columns are no more than are left.
@@ -169,26 +170,20 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let (strip, _, own, left_px, pitch_px) = best?;
     let columns = own.agreed(&strip);
     let (text, ln_p) = spell(&columns)?;
-    let seen = |c: char| classes_of(c).unwrap_or(NO_LETTER);
-    let word: Vec<Classes> = text.chars().map(seen).collect();
-    let digits: Vec<bool> = text.chars().map(|c| c.is_ascii_digit()).collect();
-    let choices = columns.choices(&word, &digits);
-    let middles: Vec<f64> = columns
-        .middles(&word)
-        .into_iter()
-        .map(|column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px)
-        .collect();
     let seen: Vec<char> = text.chars().collect();
-    let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles));
-    let letters: Vec<ReadLetter> = letters
-        .zip(choices.iter().zip(&seen))
-        .map(|((letter, box_px), (choice, seen))| {
-            let own = |(other, _): &&(char, f64)| in_case_of(*other, *seen) == letter;
-            let other = || choice.others.iter().find(own).map_or(0.0, |(_, p)| *p);
-            let p = if letter == *seen { choice.p } else { other() };
-            ReadLetter { letter, p, box_px }
-        })
-        .collect();
+    let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
+    let choices = columns.choices(&word, &seen);
+    let middle_px = |column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px;
+    let middles_px: Vec<f64> = columns.middles(&word).into_iter().map(middle_px).collect();
+    let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));
+    let letters = letters.zip(choices.iter().zip(&seen));
+    let letters = letters.map(|((letter, box_px), (choice, seen))| {
+        let is_read = |(other, _): &&(char, f64)| in_case_of(*other, *seen) == letter;
+        let other = || choice.others.iter().find(is_read).map_or(0.0, |(_, p)| *p);
+        let p = if letter == *seen { choice.p } else { other() };
+        ReadLetter { letter, p, box_px }
+    });
+    let letters: Vec<ReadLetter> = letters.collect();
     let text = spaced(&letters, SPACE_H * CAP_PX as f64 * pitch_px);
     Some(ReadLine { text, letters, ln_p, columns })
 }

@@ -1,7 +1,7 @@
 //! Free reading of a strip: the likeliest words, none being expected.
 
 use super::alphabet::{BLANK, Classes, NO_LETTER};
-use super::columns::Columns;
+use super::lattice::Columns;
 
 /// Prefixes that are followed at once. More find no other words.
 const N_PREFIXES: usize = 12;

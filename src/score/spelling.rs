@@ -8,7 +8,7 @@
 use std::sync::LazyLock;
 
 use super::alphabet::{class_of, in_case_of, latin};
-use super::choice::Choice;
+use super::lattice::Choice;
 
 /// Letters of the Latin alphabet, and the begin or end of a word, which is 0.
 const N_SYMBOLS: usize = 27;

@@ -6,7 +6,6 @@ use super::color;
 use super::light::{Light, Rgb, luminance};
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, narrow, whole};
-use super::soft::take_off_soft_light;
 use super::view::View;
 
 /// Pixels to a cap height.
@@ -36,6 +35,19 @@ const NEIGHBORS: [(f64, f64, f32); 4] =
 /// of it: hot pixels are single ones.
 const LIT: (f32, usize) = (0.15, 2);
 
+/// Light from which a pixel shows a stroke, where the width of strokes is measured.
+const STROKE_LIT: f32 = 0.4;
+
+/// Which share of the lit pixels is narrower than a stroke: corners, blots and a wall are wider.
+const STROKE_RANK: f64 = 0.2;
+
+/// Half of the square of the opening, in widths of a stroke, and at least this many pixels.
+const SOFT_REACH: (f64, usize) = (1.5, 3);
+
+/// How often what is wider than the strokes is taken off: the top of a soft light is less wide than
+/// its foot, and the sky that was taken off has taken the foot.
+const TAKEN: f32 = 3.0;
+
 /// A line of writing: light from 0 to 1.
 #[derive(Clone, Debug)]
 pub(super) struct Strip {
@@ -61,8 +73,7 @@ impl Strip {
     ) -> Self {
         let pure = color::pure(ink_color);
         let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
-        let both =
-            grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
+        let both = grid.resample(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
         let channel =
             |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
         Self::of_light(grid.width, channel(0), channel(1))
@@ -81,9 +92,17 @@ impl Strip {
 
     /// The same, read from the first to the last column with light alone, and the margin that the
     /// net knows: it knows no wide darkness, and sees letters in it.
-    pub(super) fn where_lit(self) -> Self {
-        let read = lit_columns(&self.bright, self.width);
-        Self { read, ..self }
+    pub(super) fn where_lit(mut self) -> Self {
+        let is_lit = |x: &usize| {
+            let column = self.bright.iter().skip(*x).step_by(self.width);
+            column.filter(|light| **light >= LIT.0).count() >= LIT.1
+        };
+        let (first, last) = ((0..self.width).find(is_lit), (0..self.width).rfind(is_lit));
+        if let (Some(first), Some(last)) = (first, last) {
+            let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(self.width);
+            self.read = first.saturating_sub(MARGIN_PX) / 2 * 2..end;
+        }
+        self
     }
 
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
@@ -116,12 +135,13 @@ impl Strip {
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
         let column = |x: f64| whole(((x - left) / ratio).max(0.0)).min(self.width);
         let columns = column(0.0)..(column(part.width as f64) + 1).min(self.width);
-        for (row, at) in (0..HEIGHT).flat_map(|row| columns.clone().map(move |at| (row, at))) {
-            let (x, y) = (left + ratio * at as f64, top + ratio * row as f64);
-            let more = change.sum([x, x + ratio], [y, y + ratio]) * per_area;
+        let more = change.sums([left, top], ratio, columns.clone(), HEIGHT);
+        for (row, more) in more.chunks(columns.len().max(1)).enumerate() {
             for channel in [&mut self.bright, &mut self.pure] {
-                let light = &mut channel[row * self.width + at];
-                *light = (*light + more).clamp(0.0, 1.0);
+                let lights = &mut channel[row * self.width..][columns.clone()];
+                for (light, more) in lights.iter_mut().zip(more) {
+                    *light = (*light + more * per_area).clamp(0.0, 1.0);
+                }
             }
         }
         columns
@@ -177,18 +197,75 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// The columns from the first to the last with light, and the margin that the net knows; all where
-/// there is none.
-fn lit_columns(bright: &[f32], width: usize) -> Range<usize> {
-    let is_lit = |x: &usize| {
-        let column = bright.iter().skip(*x).step_by(width);
-        column.filter(|light| **light >= LIT.0).count() >= LIT.1
+/// Takes soft light off the channels of a strip, whose first one is how bright the light looks: a
+/// lit wall or a glow is wider than the strokes, and is none of them.
+///
+/// An opening, the maximum over squares of the minimum in each, keeps what is wider than the square
+/// and loses the strokes: it is taken off the light.
+fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
+    let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
+    for light in channels {
+        let soft = pulp::Arch::new().dispatch(|| {
+            let least = over_squares(light, width, reach, f32::min);
+            over_squares(&least, width, reach, f32::max)
+        });
+        for (light, soft) in light.iter_mut().zip(soft) {
+            *light = (*light - TAKEN * soft).max(0.0);
+        }
+    }
+}
+
+/// Width of most strokes: the shorter of the lit runs along the row and the column of a pixel.
+fn stroke_px(light: &[f32], width: usize) -> f64 {
+    let height = light.len() / width;
+    let lit = |at: usize| light[at] >= STROKE_LIT;
+    let mut run = vec![usize::MAX; light.len()];
+    let mut shorten = |line: &mut dyn Iterator<Item = usize>| {
+        let mut current: Vec<usize> = Vec::new();
+        for at in line.map(Some).chain([None]) {
+            match at.filter(|at| lit(*at)) {
+                Some(at) => current.push(at),
+                None => {
+                    let length = current.len();
+                    current.drain(..).for_each(|at| run[at] = run[at].min(length));
+                }
+            }
+        }
     };
-    let (Some(first), Some(last)) = ((0..width).find(is_lit), (0..width).rfind(is_lit)) else {
-        return 0..width;
+    (0..height).for_each(|y| shorten(&mut (y * width..(y + 1) * width)));
+    (0..width).for_each(|x| shorten(&mut (x..light.len()).step_by(width)));
+    let mut runs: Vec<usize> = run.into_iter().filter(|length| *length < usize::MAX).collect();
+    if runs.is_empty() {
+        return 0.0;
+    }
+    let rank = whole(STROKE_RANK * runs.len() as f64);
+    *runs.select_nth_unstable(rank).1 as f64
+}
+
+/// The least or the greatest of the pixels in the square around each.
+#[inline(always)]
+fn over_squares(
+    light: &[f32],
+    width: usize,
+    reach: usize,
+    of: impl Fn(f32, f32) -> f32,
+) -> Vec<f32> {
+    let take = |values: &mut [f32], near: &[f32]| {
+        values.iter_mut().zip(near).for_each(|(value, near)| *value = of(*value, *near));
     };
-    let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(width);
-    first.saturating_sub(MARGIN_PX) / 2 * 2..end
+    let mut rows = light.to_vec();
+    for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
+        for away in 1..(reach + 1).min(width) {
+            take(&mut row[away..], light);
+            take(row, &light[away..]);
+        }
+    }
+    let mut squares = rows.clone();
+    for away in (1..=reach).map(|rows| rows * width).take_while(|away| *away < light.len()) {
+        take(&mut squares[away..], &rows);
+        take(&mut squares, &rows[away..]);
+    }
+    squares
 }
 
 #[cfg(test)]

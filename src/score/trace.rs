@@ -67,13 +67,9 @@ impl LightLines {
         for (index, _) in self.thin.iter().enumerate().filter(|(_, line)| **line) {
             clean.values[index] = 1.0;
             for beside in around(index, self.width, self.thin.len()) {
-                let share: f32 = if beside % self.width == index % self.width
-                    || beside / self.width == index / self.width
-                {
-                    0.6
-                } else {
-                    0.3
-                };
+                let across = beside % self.width == index % self.width;
+                let down = beside / self.width == index / self.width;
+                let share: f32 = if across || down { 0.6 } else { 0.3 };
                 clean.values[beside] = clean.values[beside].max(share);
             }
         }
@@ -106,20 +102,12 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
                         continue;
                     }
                     // Clockwise from above.
-                    let ring = [
-                        at - width,
-                        at - width + 1,
-                        at + 1,
-                        at + width + 1,
-                        at + width,
-                        at + width - 1,
-                        at - 1,
-                        at - width - 1,
-                    ]
-                    .map(|beside| ink[beside]);
+                    let (up, down) = (at - width, at + width);
+                    let ring = [up, up + 1, at + 1, down + 1, down, down - 1, at - 1, up - 1];
+                    let ring = ring.map(|beside| ink[beside]);
                     let n_ink = ring.iter().filter(|ink| **ink).count();
                     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
-                    let [up, right, down, left] = [ring[0], ring[2], ring[4], ring[6]];
+                    let [up, _, right, _, down, _, left, _] = ring;
                     let open = match pass {
                         0 => !(right && down && (up || left)),
                         _ => !(up && left && (right || down)),

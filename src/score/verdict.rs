@@ -149,7 +149,11 @@ impl Verdict {
     }
 
     /// A word of which nothing can be seen.
-    pub(super) fn unseen(strokes: &Strokes, reason: Reason, cap_height_px: Option<f64>) -> Self {
+    pub(super) fn unseen(
+        strokes: &Strokes,
+        reason: Option<Reason>,
+        cap_height_px: Option<f64>,
+    ) -> Self {
         let letters: Vec<_> =
             strokes.glyphs.iter().map(|glyph| LetterVerdict::unseen(glyph.character)).collect();
         Self {
@@ -163,7 +167,7 @@ impl Verdict {
             placement: None,
             cap_height_px,
             letters,
-            reason: Some(reason),
+            reason,
             second_opinion: None,
             causes: Vec::new(),
             advice: Vec::new(),
@@ -218,7 +222,7 @@ mod tests {
     #[test]
     fn a_likelier_rival_caps_the_probability_of_being_read_by_the_words_share() {
         let strokes = write("PARIS", &LetterOptions::default()).unwrap();
-        let unseen = Verdict::unseen(&strokes, Reason::NoLight, None);
+        let unseen = Verdict::unseen(&strokes, None, None);
         let of = |readability: f64, rival: Option<f64>| {
             let rival = rival.map(|p| RivalWord { word: "ARIS".into(), p });
             Verdict { readability, rival, ..unseen.clone() }.read_probability()

@@ -6,7 +6,8 @@ use noctograph::camera::CameraOptions;
 use noctograph::crazyflie::read_anchors;
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{Ink, LetterOptions, Pace, Strokes, Trace, draw, write};
-use noctograph::light::{LightOptions, LightTrace, light};
+use noctograph::light::csv::read as read_light;
+use noctograph::light::{LightOptions, light};
 use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::{self, Metadata, Photo};
 use noctograph::plan::{Plan, PlanOptions, plan};
@@ -131,12 +132,7 @@ pub(crate) fn all() -> Vec<Reader> {
         reader("log-folder", "log.csv", folder, || vec![CFCLIENT.into()]),
         reader("flight", "flight.csv", flight, || vec![flight_csv()]),
         reader("plan", "plan.csv", |_, b| Plan::parse_csv(b, "p").is_ok(), || vec![plan_csv()]),
-        reader(
-            "light",
-            "light.csv",
-            |_, b| LightTrace::parse_csv(b, "l").is_ok(),
-            || vec![LIGHT.into()],
-        ),
+        reader("light", "light.csv", |_, b| read_light(b, "l").is_ok(), || vec![LIGHT.into()]),
         reader("png", "photo.png", photo, pngs),
         reader("jpeg", "photo.jpg", photo, || vec![jpeg()]),
         reader(

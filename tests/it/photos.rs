@@ -4,7 +4,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use noctograph::light::LightTrace;
+use noctograph::flight::table::Table;
 use noctograph::photo::{self, Photo};
 
 use crate::cli::{fails, json, noctograph, run_json};
@@ -241,7 +241,7 @@ impl Read for Rows {
 fn a_billion_samples_are_refused_with_numbers_and_bounded_memory() {
     let header = &b"t,x,y,z,r,g,b\n"[..];
     let rows = Rows { left: 1_000_000_000, at: 0 };
-    let error = LightTrace::parse_csv(header.chain(rows), "big.csv").unwrap_err().to_string();
+    let error = Table::parse(header.chain(rows), "big.csv").unwrap_err().to_string();
     assert!(error.contains("at most 240 MiB of memory"), "{error}");
 }
 

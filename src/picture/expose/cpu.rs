@@ -167,7 +167,7 @@ const LANE_DITHER: [u32; LANES] = {
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::scenes;
+    use super::super::tests::scenes;
     use super::*;
 
     #[test]

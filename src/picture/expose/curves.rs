@@ -10,8 +10,8 @@
 
 use std::ops::Range;
 
-use super::narrow;
 use super::record::Record;
+use crate::narrow;
 
 /// Pixels that are computed at once: a register of 256 bits.
 pub(super) const LANES: usize = 8;

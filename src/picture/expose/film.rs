@@ -1,6 +1,29 @@
-//! Film: the product, as integer counts.
+//! Film: the product, as integer counts, and their scale: the finest at which no pixel can
+//! overflow.
+//!
+//! The sum of the peaks of the records that touch a tile of 16 × 16 pixels bounds each of its
+//! pixels. One count is the smallest power of two, in lx s, at which the brightest tile stays below
+//! 2^31 counts. A quarter of a `u32` is reserved for the glow of the floor, and a quarter for the
+//! rounding of up to 2^30 records.
 
+use super::Tint;
+use super::sheet::ALL;
 use noctograph_core::digest::Digest;
+
+/// Side of a tile.
+const TILE_PX: u32 = 16;
+
+/// Bits of the sum of peaks on a tile, in counts.
+const TILE_BITS: i32 = 31;
+
+/// Bits of the peak of a record, in counts: those of its curves.
+const PEAK_BITS: i32 = 30;
+
+/// Bits of the glow of the floor, in counts.
+const GLOW_BITS: i32 = 30;
+
+/// Finest scale: enough for any light, and far from underflow.
+const MIN_SCALE_LOG2: i32 = -128;
 
 /// Luminous exposure of the sensor per pixel and color channel, as integer counts.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,8 +72,7 @@ impl Film {
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
-        digest.add(self.width_px.to_le_bytes());
-        digest.add(self.height_px.to_le_bytes());
+        digest.add([self.width_px, self.height_px].map(u32::to_le_bytes).as_flattened());
         digest.add(self.scale_log2.to_le_bytes());
         for counts in self.counts.chunks(4096) {
             let bytes: Vec<u8> = counts.iter().flat_map(|count| count.to_le_bytes()).collect();
@@ -58,4 +80,37 @@ impl Film {
         }
         digest.hex()
     }
+}
+
+/// Smallest `scale_log2` at which no pixel can overflow, with a glow of up to `glow_lx_s`.
+pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
+    let [width, height] = size_px;
+    let columns = width.div_ceil(TILE_PX) as usize;
+    let rows = height.div_ceil(TILE_PX) as usize;
+    let mut tiles = vec![[0.0_f64; 3]; columns * rows];
+    let mut brightest_record = 0.0_f64;
+    for tint in tints {
+        let shares = tint.shares.map(|share| f64::from(share) / f64::from(ALL));
+        for record in &tint.records {
+            let peak_lx_s = record.peak_lx_s();
+            brightest_record = brightest_record.max(peak_lx_s);
+            let [across, down] = record.inside(width, &(0..height));
+            let tile = |px: u32| (px / TILE_PX) as usize;
+            for row in tile(down.start)..=tile(down.end - 1) {
+                let first = row * columns;
+                for sum in &mut tiles[first + tile(across.start)..=first + tile(across.end - 1)] {
+                    for (sum, share) in sum.iter_mut().zip(shares) {
+                        *sum += share * peak_lx_s;
+                    }
+                }
+            }
+        }
+    }
+    let brightest_tile = tiles.iter().flatten().copied().fold(0.0, f64::max);
+    // x < 2^exponent
+    let exponent = |x: f64| if x > 0.0 { libm::frexp(x).1 } else { MIN_SCALE_LOG2 };
+    (exponent(brightest_tile) - TILE_BITS)
+        .max(exponent(brightest_record) - PEAK_BITS)
+        .max(exponent(glow_lx_s) - GLOW_BITS)
+        .max(MIN_SCALE_LOG2)
 }

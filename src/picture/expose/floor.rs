@@ -17,8 +17,9 @@ use rayon::prelude::*;
 
 use super::record::DITHER;
 use super::sources::{Branch, Rgb, Tree, exposures_lx_s, reflected, trees};
-use super::{ExposeOptions, Film, Room, narrow};
+use super::{ExposeOptions, Film, Room};
 use crate::light::LightTrace;
+use crate::narrow;
 use noctograph_core::camera::Camera;
 
 /// Side of the squares before any is quartered.
@@ -250,8 +251,8 @@ impl<'a> Floor<'a> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::super::tests::{camera, lamp};
+mod tests {
+    use super::super::tests::{hanging, looking_down};
     use super::*;
 
     const MATTE: ExposeOptions = ExposeOptions {
@@ -262,21 +263,6 @@ pub(super) mod tests {
         room_m: None,
         wall_albedo: 0.4,
     };
-
-    /// A camera 2 m above the floor that looks down at it.
-    pub(in crate::expose) fn looking_down() -> Camera {
-        let camera_from_world =
-            noctograph_core::geometry::camera_from_world(Vector3::new(0.0, 1.0, -1.0));
-        Camera { position_m: Vector3::z() * 2.0, camera_from_world, ..camera(320, 200) }
-    }
-
-    /// A lamp of 1.8 cd that shines straight down at a place for 3 s.
-    pub(in crate::expose) fn hanging(place: [f64; 3]) -> LightTrace {
-        let mut lamp = lamp([(0.0, place), (3.0, place)]);
-        (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.0, 0.0);
-        lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
-        LightTrace { lamps: vec![lamp] }
-    }
 
     #[test]
     fn a_lamp_over_a_matte_floor_leaves_the_textbook_exposure() {

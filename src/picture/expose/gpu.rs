@@ -49,10 +49,9 @@ impl Gpu {
         });
         let options = wgpu::RequestAdapterOptions::default();
         let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| {
-            gpu_error(
-                format!("none found ({e})"),
-                "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the processor",
-            )
+            let hint =
+                "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the processor";
+            gpu_error(format!("none found ({e})"), hint)
         })?;
         let about = adapter.get_info();
         let name = [about.name, about.driver_info].join(", ");
@@ -98,7 +97,7 @@ impl Gpu {
         let [width, height] = latent.size_px.map(|px| px as usize);
         let most = (self.max_sheet_bytes / TILE_BYTES).min(TILES) as usize;
         if most == 0 {
-            return Err(self.fail("a tile is too large for it".to_owned()));
+            return Err(self.fail("a tile is too large for it"));
         }
         let mut counts = vec![0; 3 * width * height];
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
@@ -147,10 +146,10 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         for lists in &rounds {
             let on_device = filled("lists", bytemuck::cast_slice(lists));
-            let entries = [&on_device, &parts, &curves, sheet];
-            let entries = std::array::from_fn::<_, 4, _>(|i| wgpu::BindGroupEntry {
-                binding: [0, 1, 2, 3][i],
-                resource: entries[i].as_entire_binding(),
+            let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, sheet)];
+            let entries = entries.map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
             });
             let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("splat"),
@@ -197,19 +196,16 @@ impl Gpu {
         if let Some(complaint) = self.complaint.lock().ok().and_then(|mut c| c.take()) {
             return Err(self.fail(complaint));
         }
-        waited.map_err(|e| self.fail(e.to_string()))?;
-        receiver
-            .recv()
-            .map_err(|e| self.fail(e.to_string()))?
-            .map_err(|e| self.fail(e.to_string()))?;
-        let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e.to_string()))?;
+        waited.map_err(|e| self.fail(e))?;
+        receiver.recv().map_err(|e| self.fail(e))?.map_err(|e| self.fail(e))?;
+        let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e))?;
         take(bytemuck::cast_slice(&mapped));
         drop(mapped);
         out.unmap();
         Ok(())
     }
 
-    fn fail(&self, what: String) -> Error {
+    fn fail(&self, what: impl std::fmt::Display) -> Error {
         gpu_error(format!("{}: {what}", self.adapter), "choose the processor as the backend")
     }
 }

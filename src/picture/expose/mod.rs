@@ -38,14 +38,10 @@ mod parts;
 mod project;
 mod record;
 mod room;
-mod scale;
 mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
-#[cfg(feature = "gpu")]
-#[cfg(test)]
-mod twins;
 
 use std::num::NonZero;
 use std::thread::JoinHandle;
@@ -170,7 +166,7 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
 
     let glow = Glow::new(trace, camera, options);
     let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
-    let scale_log2 = scale::finest_scale_log2(&tints, glow_lx_s, size_px);
+    let scale_log2 = film::finest_scale_log2(&tints, glow_lx_s, size_px);
     Ok(Latent { size_px, scale_log2, tints, glow })
 }
 
@@ -338,18 +334,18 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
             tints.push(Tint { shares, records: Vec::new() });
             tints.len() - 1
         });
-        let records = &mut tints[known].records;
-        let before = records.len();
         segments.clear();
         let intervals = project::intervals(lamp, camera);
         merge::merge(intervals, most, merge_tolerance_px, &mut segments);
         for segment in &segments {
-            record::records(segment, [camera.width_px, camera.height_px], |r| records.push(r));
-            if n + records.len() - before > MAX_SAMPLES {
-                return Err(too_many("picture", "segments", n + records.len() - before));
+            record::records(segment, [camera.width_px, camera.height_px], |record| {
+                tints[known].records.push(record);
+                n += 1;
+            });
+            if n > MAX_SAMPLES {
+                return Err(too_many("picture", "segments", n));
             }
         }
-        n += records.len() - before;
     }
     Ok(tints)
 }
@@ -357,11 +353,4 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
 fn too_many(place: &str, what: &str, found: usize) -> Error {
     let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
     Error::input(place, format!("{found} {what}"), format!("at most {MAX_SAMPLES}"), hint)
-}
-
-/// A number of an image, whose positions and light need no more than f32.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "6e-8 of the value")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }

@@ -114,12 +114,11 @@ pub(super) fn check(lamp: &Lamp) -> Result<()> {
     ];
     for (key, value, max) in settings {
         if !(0.0..=max).contains(&value) {
-            return Err(Error::input(
-                format!("lamp `{name}`: {key}"),
-                value,
-                format!("a number from 0 to {max:e}"),
-                "correct this emitter in the scene; a color outside sRGB must be brought inside",
-            ));
+            let (place, wanted) =
+                (format!("lamp `{name}`: {key}"), format!("a number from 0 to {max:e}"));
+            let hint =
+                "correct this emitter in the scene; a color outside sRGB must be brought inside";
+            return Err(Error::input(place, value, wanted, hint));
         }
     }
     let mut before = f64::NEG_INFINITY;

@@ -8,8 +8,8 @@
 use std::ops::Range;
 
 use super::merge::Segment;
-use super::narrow;
 use super::project::Px;
+use crate::narrow;
 
 /// Most spots of a record.
 pub(super) const SPOTS: usize = 4;

@@ -287,7 +287,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::floor::tests::{hanging, looking_down};
+    use super::super::tests::{hanging, looking_down};
     use super::*;
 
     fn seen(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {

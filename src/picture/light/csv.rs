@@ -9,15 +9,14 @@
 
 use std::io::Read;
 use std::ops::Range;
-use std::path::Path;
 
 use nalgebra::Vector3;
 
 use super::{Emitter, Lamp, LightSample, LightTrace};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::plain_text;
-use noctograph_core::flight::stamps::{FoundUnit, unit_of};
-use noctograph_core::flight::table::{Table, on_grid, write_table};
+use noctograph_core::flight::stamps::unit_of;
+use noctograph_core::flight::table::{Table, on_grid};
 
 /// Columns of the file.
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
@@ -66,7 +65,8 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 ///
 /// # Errors
 ///
-/// [`Error::Input`], as [`LightTrace::read_csv`].
+/// [`Error::Input`] with line and column where a cell is not a number, time falls, or an intensity
+/// is negative.
 pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
     let plain = plain_text(text);
     let mut warnings = plain.notes;
@@ -79,7 +79,7 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         match name.filter(|name| !names.contains(&(*name).to_owned())) {
             Some(name) => names.push(name.to_owned()),
             None => {
-                others.push((*title).to_owned());
+                others.push(*title);
                 names.push(format!("other {title}"));
             }
         }
@@ -87,126 +87,55 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
-    let at = plain.text.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(0);
-    let end = plain.text[at..]
-        .iter()
-        .position(|byte| *byte == b'\n')
-        .map_or(plain.text.len(), |n| at + n);
     // Empty lines before the head have no row.
+    let start = plain.text.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(0);
+    let (before, rest) = plain.text.split_at(start);
+    let end = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
     let names = names.join(",");
-    let renamed = plain.text[..at].chain(names.as_bytes()).chain(&plain.text[end..]);
-    let lines_before = plain.text[..at].iter().filter(|byte| **byte == b'\n').count();
-    let table = Table::parse(renamed, file)?;
-    let mut scale = Scale::default();
+    let table = Table::parse(before.chain(names.as_bytes()).chain(&rest[end..]), file)?;
+    let lines_before = before.iter().filter(|byte| **byte == b'\n').count();
+
+    let mut unit_s = 1.0;
     if !own {
         let found = unit_of(table.column("t")?);
-        if found.unit_s != 1.0 {
-            let FoundUnit { unit_s, step, .. } = found;
+        unit_s = found.unit_s;
+        if unit_s != 1.0 {
+            let step = found.step;
             warnings.push(format!("stamps {step} apart: taken as {unit_s} s a unit"));
-            scale.unit_s = unit_s;
         }
     }
-    let colors = ["r", "g", "b"].map(|name| table.column(name));
-    let values = colors.iter().flatten().flat_map(|column| column.iter());
-    let most = values.clone().copied().fold(0.0, f64::max);
-    let are_levels = most > 1.0 && most <= FULL_LEVEL && values.clone().all(|v| v.fract() == 0.0);
+    let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
+    let most = colors.clone().copied().fold(0.0, f64::max);
+    let are_levels =
+        most > 1.0 && most <= FULL_LEVEL && colors.clone().all(|level| level.fract() == 0.0);
+    let unit_cd = if are_levels && !own { FULL_CD / FULL_LEVEL } else { 1.0 };
     if are_levels && own {
         warnings
             .push("r, g and b are whole numbers up to 255: they are candela all the same".into());
     } else if are_levels {
-        scale.cd = FULL_CD / FULL_LEVEL;
         warnings.push(format!(
             "its colors are levels of 0 to 255, of which 255 is shown as {FULL_CD} cd"
         ));
     }
-    Ok((LightTrace::from_table(&table, file, lines_before, &scale)?, warnings))
-}
 
-/// Units of a table's columns.
-struct Scale {
-    unit_s: f64,
-    cd: f64,
-}
-
-impl Default for Scale {
-    fn default() -> Self {
-        Self { unit_s: 1.0, cd: 1.0 }
-    }
-}
-
-impl LightTrace {
-    /// Reads a light trace.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
-    /// cell is not a number, time falls, or an intensity is negative.
-    pub fn read_csv(path: &Path) -> Result<Self> {
-        Self::from_table(&Table::read(path)?, &path.display().to_string(), 0, &Scale::default())
-    }
-
-    /// Reads the text of a light trace; `file` is its name in messages.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read_csv`].
-    pub fn parse_csv(text: impl Read, file: &str) -> Result<Self> {
-        Self::from_table(&Table::parse(text, file)?, file, 0, &Scale::default())
-    }
-
-    fn from_table(table: &Table, file: &str, lines_before: usize, scale: &Scale) -> Result<Self> {
-        let mut columns: [&[f64]; 7] = [&[]; 7];
-        for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            *column = match name {
-                "t" => table.times_in("t", scale.unit_s)?,
-                name => table.quantity(name)?,
-            };
+    let t = table.times_in("t", unit_s)?;
+    let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
+    let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
+    for (name, column) in [("r", r), ("g", g), ("b", b)] {
+        if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
+            let place = format!("{file}:{}: column {name}", lines_before + row + 2);
+            let hint = "correct the file, or write it again";
+            return Err(Error::input(place, column[row], "a number from 0 to 1e6", hint));
         }
-        let [t, x, y, z, r, g, b] = columns;
-        let refused = |row: usize, column: &str, found: f64, wanted: &str| {
-            let place = format!("{file}:{}: column {column}", lines_before + row + 2);
-            Err(Error::input(place, found, wanted, "correct the file, or write it again"))
-        };
-        for (name, column) in [("r", r), ("g", g), ("b", b)] {
-            if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
-                return refused(row, name, column[row], "a number from 0 to 1e6");
-            }
-        }
-        let instants: Vec<Instant> = (0..t.len())
-            .map(|i| Instant {
-                time_s: on_grid(t[i] * scale.unit_s),
-                position_m: Vector3::new(x[i], y[i], z[i]),
-                rgb_cd: [r[i], g[i], b[i]].map(|value| value * scale.cd),
-            })
-            .collect();
-        let lamps = lit_runs(&instants).into_iter().flat_map(lamps).collect();
-        Ok(Self { lamps })
     }
-
-    /// Writes the trace as a table: its lamps one after another in order of time. A lamp with a
-    /// beam is written with its intensity on the axis.
-    ///
-    /// # Errors
-    ///
-    /// Those of the writer, and [`std::io::ErrorKind::InvalidInput`] where two lamps are lit at one
-    /// time: a table has one lamp.
-    pub fn write_csv(&self, mut out: impl std::io::Write) -> std::io::Result<()> {
-        let times = |lamp: &Lamp| Some((lamp.samples.first()?.time_s, lamp.samples.last()?.time_s));
-        let mut lamps: Vec<(f64, f64, &Lamp)> =
-            self.lamps.iter().filter_map(|lamp| times(lamp).map(|(a, b)| (a, b, lamp))).collect();
-        lamps.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if lamps.windows(2).any(|pair| pair[1].0 < pair[0].1) {
-            let what = "lamps that are lit at one time do not fit into one table";
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
-        }
-        let rows = lamps.iter().flat_map(|(_, _, lamp)| {
-            lamp.samples.iter().map(|LightSample { time_s, position_m: p, level, .. }| {
-                let [r, g, b] = lamp.emitter.rgb.map(|c| c * lamp.emitter.intensity_cd * level);
-                [*time_s, p.x, p.y, p.z, r, g, b].map(on_grid)
-            })
-        });
-        write_table(&mut out, &COLUMNS.map(str::to_owned), rows)
-    }
+    let instant = |row: usize| Instant {
+        time_s: on_grid(t[row] * unit_s),
+        position_m: Vector3::new(x[row], y[row], z[row]),
+        rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
+    };
+    let instants: Vec<Instant> = (0..t.len()).map(instant).collect();
+    let lamps = lit_runs(&instants).flat_map(lamps).collect();
+    Ok((LightTrace { lamps }, warnings))
 }
 
 /// A row of the table.
@@ -223,22 +152,14 @@ impl Instant {
 }
 
 /// Stretches with light, each with the dark instants at its ends.
-fn lit_runs(instants: &[Instant]) -> Vec<&[Instant]> {
-    let lit = |i: usize| instants[i].rgb_cd != [0.0; 3];
-    let mut runs = Vec::new();
-    let mut start = None;
-    for i in 0..instants.len() {
-        match start {
-            None if lit(i) => start = Some(i.saturating_sub(1)),
-            Some(first) if !lit(i) => {
-                runs.push(&instants[first..=i]);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    runs.extend(start.map(|first| &instants[first..]));
-    runs
+fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
+    let is_lit = |instant: &Instant| instant.rgb_cd != [0.0; 3];
+    let mut end = 0;
+    instants.chunk_by(move |a, b| is_lit(a) == is_lit(b)).filter_map(move |run| {
+        let start = end;
+        end += run.len();
+        is_lit(&run[0]).then(|| &instants[start.saturating_sub(1)..(end + 1).min(instants.len())])
+    })
 }
 
 /// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
@@ -311,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_color_is_a_lamp_and_fades_into_the_next() {
-        let trace = LightTrace::parse_csv(TABLE.as_bytes(), "light.csv").unwrap();
+        let trace = read(TABLE.as_bytes(), "light.csv").unwrap().0;
         let found: Vec<_> = trace
             .lamps
             .iter()
@@ -333,19 +254,8 @@ mod tests {
         for i in 0..40 {
             text += &format!("{i},0,0,1,{},{},0.5\n", 0.9 - f64::from(i) * 0.02, i);
         }
-        let trace = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap();
+        let trace = read(text.as_bytes(), "light.csv").unwrap().0;
         assert_eq!(trace.lamps.len(), 3, "red, green, blue");
-    }
-
-    #[test]
-    fn a_trace_of_one_color_reads_back() {
-        let text: String = TABLE.lines().take(5).map(|line| line.to_owned() + "\n").collect();
-        let trace = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap();
-        let mut file = Vec::new();
-        trace.write_csv(&mut file).unwrap();
-        assert_eq!(LightTrace::parse_csv(&file[..], "again.csv").unwrap(), trace);
-        let two = LightTrace { lamps: [trace.lamps.clone(), trace.lamps].concat() };
-        assert!(two.write_csv(&mut Vec::new()).is_err(), "two lamps at one time");
     }
 
     #[test]
@@ -378,7 +288,7 @@ mod tests {
         }
         let own = "t,x,y,z,r,g,b\n0,0,0,1,255,0,0\n1,0,0,1,255,0,0\n";
         let (trace, said) = read(own.as_bytes(), "log").unwrap();
-        assert_eq!(trace, LightTrace::parse_csv(own.as_bytes(), "log").unwrap(), "candela");
+        assert_eq!(trace.lamps[0].emitter.intensity_cd, 255.0);
         assert!(said[0].contains("candela"), "{said:?}");
         assert!(!is_light_trace(b"t,x,y,z,yaw\n0,0,0,0,0\n"));
     }
@@ -400,7 +310,7 @@ mod tests {
             ("t,x,y,z,r,g,b\n1,0,0,1,1,1,1\n0,0,0,1,1,1,1\n", ":3: column t"),
         ];
         for (text, place) in cases {
-            let error = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap_err();
+            let error = read(text.as_bytes(), "light.csv").unwrap_err();
             assert!(error.to_string().contains(&format!("light.csv{place}")), "{error}");
         }
     }

@@ -60,13 +60,13 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
 
 /// The gaps that no lamp shines across, each with the longest way that a lamp can have taken.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
-    let open: Vec<Gap> = gaps(flight).into_iter().filter(|gap| !gap.is_bridged()).collect();
-    if open.is_empty() {
+    if flight.gaps.is_empty() {
         return Vec::new();
     }
     let speed_m_s = speed_m_s(flight);
+    let open = gaps(flight).into_iter().filter(|gap| !gap.is_bridged());
     let way_m = |gap: &Gap| 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]);
-    open.into_iter().map(|gap| (gap, way_m(&gap))).collect()
+    open.map(|gap| (gap, way_m(&gap))).collect()
 }
 
 /// The samples of a flight in stretches: over bridges, and from one open gap to the next.
@@ -74,22 +74,20 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     if flight.gaps.is_empty() {
         return vec![Cow::Borrowed(&flight.samples)];
     }
-    let mut stretches = vec![Vec::new()];
+    let (mut stretches, mut stretch) = (Vec::new(), Vec::new());
     let mut rest = &flight.samples[..];
     for gap in gaps(flight) {
         let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
         rest = after;
-        let stretch = stretches.last_mut().expect("there is a first one");
         stretch.extend_from_slice(before);
-        if gap.is_bridged() {
-            let bridge = bridge(stretch, after);
-            stretch.extend(bridge);
-        } else {
-            stretches.push(Vec::new());
+        match gap.is_bridged() {
+            true => stretch.extend(bridge(&stretch, after)),
+            false => stretches.push(Cow::Owned(std::mem::take(&mut stretch))),
         }
     }
-    stretches.last_mut().expect("there is a first one").extend_from_slice(rest);
-    stretches.into_iter().map(Cow::Owned).collect()
+    stretch.extend_from_slice(rest);
+    stretches.push(Cow::Owned(stretch));
+    stretches
 }
 
 /// Samples between the end of one stretch and the start of the next.
@@ -131,47 +129,42 @@ fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
 
 /// Acceleration that a flight stays below in 95 % of its time, outside of its gaps.
 fn acceleration_m_s2(flight: &Flight) -> f64 {
-    let mut found = Vec::new();
-    let mut gaps = flight.gaps.iter().peekable();
-    let mut places: Vec<&FlightSample> = Vec::new();
-    for sample in &flight.samples {
-        if gaps.next_if(|gap| gap[1] <= sample.time_s).is_some() {
-            places.clear();
-        }
-        if places.last().is_none_or(|last| sample.time_s - last.time_s >= VELOCITY_S) {
-            places.push(sample);
-        }
-        if let [a, b, c] = places[..] {
-            let velocity = |a: &FlightSample, b: &FlightSample| {
-                (b.position_m - a.position_m) / (b.time_s - a.time_s)
-            };
-            let lasts_s = 0.5 * (c.time_s - a.time_s);
-            found.push(((velocity(b, c) - velocity(a, b)).norm() / lasts_s, lasts_s));
-            places.remove(0);
-        }
-    }
-    weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
+    let runs = spaced(flight, &flight.samples);
+    let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|run| {
+        let velocity = |a: &FlightSample, b: &FlightSample| {
+            (b.position_m - a.position_m) / (b.time_s - a.time_s)
+        };
+        let lasts_s = 0.5 * (run[2].time_s - run[0].time_s);
+        ((velocity(run[1], run[2]) - velocity(run[0], run[1])).norm() / lasts_s, lasts_s)
+    });
+    weighted_quantile(&mut accelerations.collect::<Vec<_>>(), 0.95).unwrap_or(0.0)
 }
 
 /// Speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
 fn speed_m_s(flight: &Flight) -> f64 {
     let air = airborne(flight).unwrap_or(0..flight.samples.len());
-    let samples = &flight.samples[air];
+    let runs = spaced(flight, &flight.samples[air]);
+    let speeds = runs.iter().flat_map(|run| run.windows(2)).map(|pair| {
+        let lasts_s = pair[1].time_s - pair[0].time_s;
+        ((pair[1].position_m - pair[0].position_m).norm() / lasts_s, lasts_s)
+    });
+    weighted_quantile(&mut speeds.collect::<Vec<_>>(), 0.95).unwrap_or(0.0)
+}
+
+/// Samples at least [`VELOCITY_S`] apart, in the runs between the gaps.
+fn spaced<'a>(flight: &Flight, samples: &'a [FlightSample]) -> Vec<Vec<&'a FlightSample>> {
     let mut gaps = flight.gaps.iter().peekable();
-    let mut found = Vec::new();
-    let mut from: Option<&FlightSample> = None;
+    let (mut runs, mut run) = (Vec::new(), Vec::<&FlightSample>::new());
     for sample in samples {
         if gaps.next_if(|gap| gap[1] <= sample.time_s).is_some() {
-            from = None;
+            runs.push(std::mem::take(&mut run));
         }
-        let since = *from.get_or_insert(sample);
-        let lasts_s = sample.time_s - since.time_s;
-        if lasts_s >= VELOCITY_S {
-            found.push(((sample.position_m - since.position_m).norm() / lasts_s, lasts_s));
-            from = Some(sample);
+        if run.last().is_none_or(|last| sample.time_s - last.time_s >= VELOCITY_S) {
+            run.push(sample);
         }
     }
-    weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
+    runs.push(run);
+    runs
 }
 
 #[cfg(test)]

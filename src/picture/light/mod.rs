@@ -30,7 +30,6 @@ use radio::Change;
 pub use noctograph_core::lamps::*;
 pub use programs::{color_led_wrgb, ring_rgb};
 
-mod chance;
 mod color;
 pub mod csv;
 pub mod gaps;

@@ -2,9 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::chance::Chance;
 use super::color::mixture;
-use super::radio::{Change, Timer, arrivals, arrivals_of};
+use super::radio::{Chance, Change, Timer, arrivals};
 use super::ring::{Frame, byte, frames};
 use super::tables::{color_led, led_ring};
 use super::{
@@ -16,10 +15,10 @@ use noctograph_core::flight::Flight;
 /// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
 pub(super) struct Programs<'a> {
-    pub(super) flight: &'a Flight,
-    pub(super) options: &'a LightOptions,
-    pub(super) seed: u64,
-    pub(super) drone: u64,
+    flight: &'a Flight,
+    options: &'a LightOptions,
+    seed: u64,
+    drone: u64,
     begin_s: f64,
     end_s: f64,
     /// Frames of the ring, computed once.
@@ -76,7 +75,8 @@ impl<'a> Programs<'a> {
 
     fn commanded(&self, channel: &str) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, channel);
-        let arrivals = arrivals(self.flight, channel, 0.0, self.options, &chance);
+        let levels = self.flight.lights.get(channel).map_or(&[][..], |levels| levels);
+        let arrivals = arrivals(&self.flight.samples, levels, 0.0, self.options, &chance);
         let LightOptions { tick_s, tick_phase_s, .. } = self.options;
         Timer { period_s: *tick_s, phase_s: *tick_phase_s }.hold(&arrivals)
     }
@@ -98,14 +98,12 @@ impl<'a> Programs<'a> {
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
-        (0..)
-            .map(|index: u32| (u64::from(index), timer.tick_s(f64::from(index))))
-            .take_while(|(_, time_s)| *time_s < self.end_s)
-            .map(|(index, time_s)| {
-                let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
-                Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
-            })
-            .collect()
+        let times_s = (0..).map(|index: u32| (u64::from(index), timer.tick_s(f64::from(index))));
+        let change = |(index, time_s)| {
+            let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
+            Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
+        };
+        times_s.take_while(|(_, time_s)| *time_s < self.end_s).map(change).collect()
     }
 
     fn ring(&self, led: usize, die: usize) -> Vec<Change> {
@@ -127,8 +125,7 @@ impl<'a> Programs<'a> {
         let sent = self.color_led_sent();
         let at_first = sent.first().copied().unwrap_or(0.0);
         let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
-        let samples = &self.flight.samples;
-        let arrivals = arrivals_of(samples, &sent, at_first, self.options, &chance);
+        let arrivals = arrivals(&self.flight.samples, &sent, at_first, self.options, &chance);
         let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
         let mut changes = self.steady(at_first);
         changes.extend(timer.hold(&arrivals));
@@ -172,8 +169,8 @@ impl<'a> Programs<'a> {
 /// all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Range and steps of that intensity in which the bytes are sought that fit best.
-const FITTED: [f64; 3] = [0.8, 1.2, 16.0];
+/// Range of that intensity in which, in 16 steps, the bytes are sought that fit best.
+const FITTED: [f64; 2] = [0.8, 1.2];
 
 /// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
 /// (sRGB).
@@ -199,22 +196,17 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
     let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
     let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
-    let [from, to, steps] = FITTED;
-    let (mut best, mut least, mut k) = ([0; 3], f64::INFINITY, 0.0);
-    while k <= steps {
-        let scale_cd = white_cd * (from + (to - from) * k / steps);
+    let fit = |step: u8| {
+        let scale_cd = white_cd * (FITTED[0] + (FITTED[1] - FITTED[0]) * f64::from(step) / 16.0);
         let off = |die: usize, byte: u8| (cd(die, byte) / scale_cd - color[die]).abs();
-        let bytes = std::array::from_fn(|die| {
+        let bytes: [u8; 3] = std::array::from_fn(|die| {
             let nearest = (0..=255).min_by(|a, b| off(die, *a).total_cmp(&off(die, *b)));
             nearest.unwrap_or(0)
         });
         let error: f64 = (0..3).map(|die| off(die, bytes[die]) / white[die]).sum();
-        if error < least {
-            (best, least) = (bytes, error);
-        }
-        k += 1.0;
-    }
-    best
+        (bytes, error)
+    };
+    (0..=16).map(fit).min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
 /// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.

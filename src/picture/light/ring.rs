@@ -3,8 +3,7 @@
 //! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255;
 //! the light of a WS2812B is proportional. As in the firmware, single precision and truncation.
 
-use super::chance::Chance;
-use super::radio::{Change, Timer, arrivals};
+use super::radio::{Chance, Change, Timer, arrivals};
 use super::{
     LightOptions, RING, RING_COLORS, RING_LEDS, RingColor, RingEffect, RingFade, ring_memory_rgb,
 };
@@ -59,11 +58,10 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     let mut commands = Vec::new();
     let mut write_s = 0.0;
     for (index, channel) in CHANNELS.iter().enumerate() {
-        let at_first = flight.lights.get(*channel).and_then(|levels| levels.first());
-        let changes = arrivals(flight, channel, at_first.copied().unwrap_or(0.0), options, chance);
-        commands.extend(
-            changes.into_iter().map(|c| (index, Change { time_s: c.time_s + write_s, ..c })),
-        );
+        let levels = flight.lights.get(*channel).map_or(&[][..], |levels| levels);
+        let at_first = levels.first().copied().unwrap_or(0.0);
+        let changes = arrivals(&flight.samples, levels, at_first, options, chance).into_iter();
+        commands.extend(changes.map(|c| (index, Change { time_s: c.time_s + write_s, ..c })));
         // A fade's color is one parameter, a solid color three: they arrive one after another.
         if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
             write_s += options.radio_write_s;

@@ -98,13 +98,6 @@ impl Pose {
     }
 }
 
-/// A level at a time; levels are linear between knots, and two knots at one time are a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Knot {
-    time_s: f64,
-    level: f64,
-}
-
 /// Samples of a lamp over a flight; none where it is never lit.
 ///
 /// A dark lamp has no samples, and each lit run begins and ends at level 0. It is dark between two
@@ -136,7 +129,7 @@ pub(super) fn shine(
 fn shine_along(
     poses: &[Pose],
     fixture: &Fixture,
-    knots: &[Knot],
+    knots: &[Change],
     next: &mut usize,
     samples: &mut Vec<LightSample>,
 ) {
@@ -151,7 +144,7 @@ fn shine_along(
             let start = before.map_or(here, |before| lamp(before, fixture));
             for index in first..*next {
                 if lit_beside(knots, index) {
-                    let Knot { time_s, level } = knots[index];
+                    let Change { time_s, level } = knots[index];
                     samples.push(LightSample { level, ..between(start, here, time_s) });
                 }
             }
@@ -165,10 +158,11 @@ fn shine_along(
     }
 }
 
-/// Levels as knots: a change is a step, or a ramp of a lamp with a rise or decay time. After a ramp
-/// that the next change cuts short, levels continue from its end.
-fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
-    let mut knots: Vec<Knot> = Vec::with_capacity(2 * changes.len());
+/// Levels as knots, between which they are linear, and of which two at one time are a step: a
+/// change is a step, or a ramp of a lamp with a rise or decay time. After a ramp that the next
+/// change cuts short, levels continue from its end.
+fn knots(changes: &[Change], options: &LightOptions) -> Vec<Change> {
+    let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());
     let mut level = 0.0;
     for (index, change) in changes.iter().enumerate() {
         let gap = change.level - level;
@@ -179,26 +173,26 @@ fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
         let ramp_s = full_s * gap.abs();
         let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
         let end_s = change.time_s + ramp_s;
-        knots.push(Knot { time_s: change.time_s, level });
+        knots.push(Change { time_s: change.time_s, level });
         // A whole ramp ends on the level itself: sums of rounded times would miss it, below 0.
         level = if end_s <= until_s {
             change.level
         } else {
             level + gap * ((until_s - change.time_s) / ramp_s)
         };
-        knots.push(Knot { time_s: end_s.min(until_s), level });
+        knots.push(Change { time_s: end_s.min(until_s), level });
     }
     knots
 }
 
 /// Whether a lamp is lit at a knot, just before or just after it.
-fn lit_beside(knots: &[Knot], index: usize) -> bool {
+fn lit_beside(knots: &[Change], index: usize) -> bool {
     let first = index.saturating_sub(1);
     knots[first..(index + 2).min(knots.len())].iter().any(|knot| knot.level > 0.0)
 }
 
 /// The level between the knots before and after `next`.
-fn level_at(knots: &[Knot], next: usize, time_s: f64) -> f64 {
+fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
     match knots.get(next) {
         Some(after) if after.level != last.level => {

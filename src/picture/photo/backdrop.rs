@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use super::Photo;
 use super::options::PhotoOptions;
-use super::{Photo, narrow};
 use crate::expose::{ExposeOptions, Room};
+use crate::{narrow, whole};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::srgb;
@@ -95,9 +96,7 @@ impl Backdrop {
             picture.add(y, self.center_px[1], rows);
         }
     }
-}
 
-impl Backdrop {
     /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without
     /// walls.
     fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
@@ -164,7 +163,6 @@ impl Picture {
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let place = place.clamp(0.0, f64::from(n - 1));
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    let first = place as usize;
+    let first = whole(place);
     ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
 }

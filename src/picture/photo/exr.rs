@@ -6,7 +6,8 @@ use exr::math::Vec2;
 use exr::meta::attribute::{Chromaticities, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
 
-use super::{Readout, metadata, narrow};
+use super::{Readout, metadata};
+use crate::narrow;
 use noctograph_core::camera::Camera;
 
 /// Primaries and white of linear sRGB (ITU-R BT.709, D65).

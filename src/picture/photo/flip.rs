@@ -84,7 +84,9 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
-    let largest = largest_color_difference();
+    // That of green and blue.
+    let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
+    let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
     let values = (0..a.lab[0].values.len()).map(|i| {
         let [color_a, color_b] =
             [&a, &b].map(|picture| [0, 1, 2].map(|c| picture.lab[c].values[i]));
@@ -118,27 +120,26 @@ impl Perceived {
     fn new(photo: &Photo) -> Self {
         let width = photo.width_px as usize;
         let light = srgb::linear_from_level();
-        let opponent: Vec<[f32; 3]> = photo
-            .rgb8
-            .chunks_exact(3)
-            .map(|p| opponent_from_xyz(xyz_from_rgb([0, 1, 2].map(|c| light[usize::from(p[c])]))))
-            .collect();
-        let plane = |c: usize| Plane { width, values: opponent.iter().map(|p| p[c]).collect() };
-        let planes = [plane(0), plane(1), plane(2)];
-        let gray =
-            Plane { width, values: planes[0].values.iter().map(|y| (y + 16.0) / 116.0).collect() };
-        let filtered = [0, 1, 2].map(|c| planes[c].filtered(SENSITIVITY[c]));
-        let lab: Vec<[f32; 3]> = (0..opponent.len())
-            .map(|i| {
-                let xyz = xyz_from_opponent([0, 1, 2].map(|c| filtered[c].values[i]));
-                let rgb = rgb_from_xyz(xyz).map(|value| value.clamp(0.0, 1.0));
-                hunt_lab(xyz_from_rgb(rgb))
-            })
-            .collect();
-        let lab = |c: usize| Plane { width, values: lab.iter().map(|p| p[c]).collect() };
+        let opponent = photo.rgb8.as_chunks::<3>().0.iter().map(|pixel| {
+            opponent_from_xyz(xyz_from_rgb(pixel.map(|level| light[usize::from(level)])))
+        });
+        let channels = planes(width, &opponent.collect::<Vec<_>>());
+        let gray = channels[0].values.iter().map(|y| (y + 16.0) / 116.0);
+        let gray = Plane { width, values: gray.collect() };
+        let filtered = [0, 1, 2].map(|c| channels[c].filtered(SENSITIVITY[c]));
+        let lab = (0..gray.values.len()).map(|i| {
+            let xyz = xyz_from_opponent([0, 1, 2].map(|c| filtered[c].values[i]));
+            hunt_lab(xyz_from_rgb(rgb_from_xyz(xyz).map(|value| value.clamp(0.0, 1.0))))
+        });
+        let lab = planes(width, &lab.collect::<Vec<_>>());
         let [edges, points] = gray.features();
-        Self { lab: [lab(0), lab(1), lab(2)], edges, points }
+        Self { lab, edges, points }
     }
+}
+
+/// The channels of a picture.
+fn planes(width: usize, pixels: &[[f32; 3]]) -> [Plane; 3] {
+    [0, 1, 2].map(|c| Plane { width, values: pixels.iter().map(|pixel| pixel[c]).collect() })
 }
 
 impl Plane {
@@ -156,9 +157,10 @@ impl Plane {
         };
         let (first, bell) = of(a1, b1);
         let (second, wide) = of(a2, b2);
-        let mut out = self.along_both(&unit(bell));
+        let both = |kernel: Vec<f32>| self.along_x(&kernel).along_y(&kernel);
+        let mut out = both(unit(bell));
         if second > 0.0 {
-            let wide = self.along_both(&unit(wide));
+            let wide = both(unit(wide));
             for (out, wide) in out.values.iter_mut().zip(wide.values) {
                 *out = (first * *out + second * wide) / (first + second);
             }
@@ -183,10 +185,6 @@ impl Plane {
         })
     }
 
-    fn along_both(&self, kernel: &[f32]) -> Self {
-        self.along_x(kernel).along_y(kernel)
-    }
-
     /// Convolved with a kernel along the rows; the border pixel is repeated.
     fn along_x(&self, kernel: &[f32]) -> Self {
         let radius = kernel.len() / 2;
@@ -197,10 +195,8 @@ impl Plane {
             padded.extend(std::iter::repeat_n(row[0], radius));
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[self.width - 1], radius));
-            let windows = padded.windows(kernel.len());
-            values.extend(
-                windows.map(|near| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()),
-            );
+            let sum = |near: &[f32]| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>();
+            values.extend(padded.windows(kernel.len()).map(sum));
         }
         Self { width: self.width, values }
     }
@@ -289,12 +285,6 @@ fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
 
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + libm::hypotf(a[1] - b[1], a[2] - b[2])
-}
-
-/// Difference of green and blue, with the exponent of colors.
-fn largest_color_difference() -> f32 {
-    let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
-    libm::powf(hyab(green, blue), COLOR_EXPONENT)
 }
 
 fn compressed(difference: f32, largest: f32) -> f32 {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::TASK_ROWS;
 use super::options::PhotoOptions;
-use super::spread::{Plane, QUADRUPLE};
+use super::spread::{DOUBLE, Plane, QUADRUPLE};
 use crate::expose::Film;
 use noctograph_core::camera::Camera;
 
@@ -167,7 +167,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     // Up: blurred, and spread to cells half as wide.
     let mut halo = rest.blurred();
     for mut own in taken.into_iter().rev() {
-        own.add_doubled(&halo);
+        halo.spread_into(&DOUBLE, &mut own);
         halo = own.blurred();
     }
     halo

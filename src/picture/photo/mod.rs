@@ -18,8 +18,10 @@ use image::ImageEncoder;
 use rayon::prelude::*;
 
 use crate::expose::{ExposeOptions, Film};
+use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::Described;
 
 pub use noctograph_core::photo::Photo;
 
@@ -33,7 +35,7 @@ pub use tone::Tone;
 use backdrop::Backdrop;
 use glare::Glare;
 use sensor::Sensor;
-use starburst::Change;
+use starburst::{Change, starburst};
 use tone::{Levels8, Levels16};
 
 mod animation;
@@ -144,7 +146,7 @@ fn process<T: Copy + Default + Send>(
     seed: u64,
     finish: impl Fn(&mut [Vec<f32>; 3], &mut [T]) + Sync,
 ) -> Result<(f64, Vec<T>)> {
-    options.check()?;
+    options.check("photo", None)?;
     if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
         let found = format!("{}x{}", film.width_px, film.height_px);
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
@@ -153,13 +155,7 @@ fn process<T: Copy + Default + Send>(
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);
-    let spikes = match options.aperture_blades {
-        0 => Vec::new(),
-        blades => {
-            let cells = glare::cells(film, glare::WHOLE);
-            starburst::starburst(film, camera, blades, &cells, glare::WHOLE)
-        }
-    };
+    let spikes = starburst(film, camera, options.aperture_blades);
 
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let lens = Lens { film, glare, spikes };
@@ -211,10 +207,4 @@ impl Lens<'_> {
             *count = u32::try_from(sum.max(0)).unwrap_or(u32::MAX);
         }
     }
-}
-
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }

@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use super::narrow;
+use crate::narrow;
 use noctograph_core::random::split_mix;
 
 /// Cells of the table of normal numbers.
@@ -89,28 +89,19 @@ impl Normal {
         Self { cells }
     }
 
-    /// The normal number for 32 uniform bits.
-    #[inline(always)]
-    pub(super) fn number(&self, bits: u32) -> f32 {
-        within(self.cells[(bits >> LOWER_BITS) as usize], bits)
-    }
-
-    /// Those of each of some bits.
+    /// The normal number for each of some 32 uniform bits.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, bits: [u32; N]) -> [f32; N] {
         let cells = bits.map(|bits| self.cells[(bits >> LOWER_BITS) as usize]);
-        std::array::from_fn(|n| within(cells[n], bits[n]))
+        std::array::from_fn(|n| {
+            let ([from, slope], lower) = (cells[n], bits[n] & ((1 << LOWER_BITS) - 1));
+            from + slope * lower.cast_signed() as f32
+        })
     }
 }
 
+/// Bits that select within a cell.
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
-
-/// The number within a cell.
-#[inline(always)]
-fn within([from, slope]: [f32; 2], bits: u32) -> f32 {
-    let lower = (bits & ((1 << LOWER_BITS) - 1)).cast_signed();
-    from + slope * lower as f32
-}
 
 /// Quantile of the normal distribution for 0 < p < 1, to 1.2e-9 of itself (rational approximation
 /// of Acklam).

@@ -2,8 +2,7 @@
 
 use super::tone::Tone;
 use noctograph_core::camera::Camera;
-use noctograph_core::error::Result;
-use noctograph_core::settings::{Described, settings};
+use noctograph_core::settings::settings;
 
 settings! {
     /// Lens and sensor effects, and the tone curve. Every effect has a value that turns it off.
@@ -112,14 +111,5 @@ impl PhotoOptions {
     pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
         let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();
         (ambient_lx_s > 0.0).then(|| libm::log2(ambient_lx_s / camera.saturation_lx_s()))
-    }
-
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`](noctograph_core::error::Error::Input) with the key that is out of range.
-    pub fn check(&self) -> Result<()> {
-        Described::check(self, "photo", None)
     }
 }

@@ -154,20 +154,17 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
         }
     };
     let rgb = |pixel: &[u8]| [0, 1, 2].map(|channel| level(pixel, channel));
+    samples.resize(samples.len().max(3 * n), 0);
+    let turn = |pixel: usize| {
+        let levels = rgb(&samples[pixel * bytes..][..bytes]);
+        samples[3 * pixel..][..3].copy_from_slice(&levels);
+    };
     // Forward where pixels shrink, backward where they grow, so that none is overwritten unread.
-    if bytes >= 3 {
-        for pixel in 0..n {
-            let levels = rgb(&samples[pixel * bytes..][..bytes]);
-            samples[3 * pixel..][..3].copy_from_slice(&levels);
-        }
-        samples.truncate(3 * n);
-    } else {
-        samples.resize(3 * n, 0);
-        for pixel in (0..n).rev() {
-            let levels = rgb(&samples[pixel * bytes..][..bytes]);
-            samples[3 * pixel..][..3].copy_from_slice(&levels);
-        }
+    match bytes >= 3 {
+        true => (0..n).for_each(turn),
+        false => (0..n).rev().for_each(turn),
     }
+    samples.truncate(3 * n);
 }
 
 /// Refuses an image that is too large, before it is decoded.

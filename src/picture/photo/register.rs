@@ -13,6 +13,7 @@ mod light_map;
 use nalgebra::{Matrix4, Vector4};
 
 use super::Photo;
+use crate::whole;
 use light_map::{Levels, LightMap};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::weighted_quantile;
@@ -95,26 +96,26 @@ pub struct Registration {
 /// [`Error::Infeasible`] where nothing in the photograph resembles the render.
 pub fn register(render: &Photo, photo: &Photo) -> Result<Registration> {
     let [render, photo] = [render, photo].map(Levels::new);
-    let mut followed: Vec<Similarity> = coarse(render.coarsest(), photo.coarsest())
-        .into_iter()
-        .map(|s| s.between(1.0 / render.factor(0), 1.0 / photo.factor(0)))
-        .collect();
-    let mut best = (f64::NEG_INFINITY, None);
+    let [by_render, by_photo] = [&render, &photo].map(|levels| 1.0 / levels.factor(0));
+    let coarse = coarse(&render.levels[0], &photo.levels[0]).into_iter();
+    // With their correlations.
+    let mut followed: Vec<(f64, Similarity)> =
+        coarse.map(|s| (0.0, s.between(by_render, by_photo))).collect();
     for level in 0..render.levels.len() {
-        let [from, to] = [&render, &photo].map(|levels| levels.at(level));
+        let [from, to] = [&render, &photo].map(|levels| &levels.levels[level]);
         let [by_from, by_to] = [&render, &photo].map(|levels| levels.factor(level));
-        let mut scored: Vec<(f64, Similarity)> = followed
-            .iter()
-            .filter_map(|start| climb(from, to, start.between(by_from, by_to)))
-            .map(|(score, s)| (score, s.between(1.0 / by_from, 1.0 / by_to)))
-            .collect();
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let climbed = followed.iter().filter_map(|(_, start)| {
+            let (correlation, found) = climb(from, to, start.between(by_from, by_to))?;
+            Some((correlation, found.between(1.0 / by_from, 1.0 / by_to)))
+        });
+        followed = climbed.collect();
+        followed.sort_by(|a, b| b.0.total_cmp(&a.0));
         // Half of the candidates remain at each level.
-        scored.truncate((FOLLOWED >> level).max(1));
-        best = scored.first().map_or((f64::NEG_INFINITY, None), |(c, s)| (*c, Some(*s)));
-        followed = scored.into_iter().map(|(_, s)| s).collect();
+        followed.truncate((FOLLOWED >> level).max(1));
     }
-    let (correlation, Some(transform)) = best else { return Err(nothing_alike(0.0)) };
+    let Some(&(correlation, transform)) = followed.first() else {
+        return Err(nothing_alike(0.0));
+    };
     if correlation < LEAST_CORRELATION {
         return Err(nothing_alike(correlation));
     }
@@ -140,9 +141,13 @@ fn nothing_alike(correlation: f64) -> Error {
 /// The best candidates of all scales, rotations and shifts of the coarsest pictures, one for each
 /// scale and rotation.
 fn coarse(render: &LightMap, photo: &LightMap) -> Vec<Similarity> {
-    let points = brightest(render);
-    let square = |values: &[f32]| values.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
-    let norms = square(&points.iter().map(|p| p.1).collect::<Vec<_>>()) * square(&photo.values);
+    // The brightest twelfth of the render.
+    let mut points: Vec<([f64; 2], f32)> =
+        (0..render.values.len()).map(|i| (render.middle(i), render.values[i])).collect();
+    points.sort_by(|a, b| b.1.total_cmp(&a.1));
+    points.truncate((render.values.len() / 12).max(16));
+    let norm = |values: Vec<f32>| values.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+    let norms = norm(points.iter().map(|point| point.1).collect()) * norm(photo.values.clone());
     let equal = photo.width.max(photo.height) as f64 / render.width.max(render.height) as f64;
     let middle = [render.width as f64 / 2.0, render.height as f64 / 2.0];
     let (w, h) = (photo.width.cast_signed(), photo.height.cast_signed());
@@ -158,25 +163,21 @@ fn coarse(render: &LightMap, photo: &LightMap) -> Vec<Similarity> {
             };
             let center = about.apply(middle);
             // Points relative to the middle of the render, to be shifted over the photo.
-            let placed: Vec<(isize, isize, f32)> = points
-                .iter()
-                .map(|(place, value)| {
-                    let [x, y] = about.apply(*place);
-                    (rounded(x - center[0]), rounded(y - center[1]), *value)
-                })
-                .collect();
+            let placed = points.iter().map(|(place, value)| {
+                let [x, y] = about.apply(*place);
+                (rounded(x - center[0]), rounded(y - center[1]), *value)
+            });
+            let placed: Vec<(isize, isize, f32)> = placed.collect();
             let mut best = (0.0_f32, [0, 0]);
             for dy in 0..h {
                 for dx in 0..w {
-                    let sum: f32 = placed
-                        .iter()
-                        .map(|(x, y, value)| {
-                            let (x, y) = (x + dx, y + dy);
-                            let inside = (0..w).contains(&x) && (0..h).contains(&y);
-                            let index = (y * w + x).max(0).cast_unsigned();
-                            if inside { value * photo.values[index] } else { 0.0 }
-                        })
-                        .sum();
+                    let lights = placed.iter().map(|(x, y, value)| {
+                        let (x, y) = (x + dx, y + dy);
+                        let inside = (0..w).contains(&x) && (0..h).contains(&y);
+                        let index = (y * w + x).max(0).cast_unsigned();
+                        if inside { value * photo.values[index] } else { 0.0 }
+                    });
+                    let sum: f32 = lights.sum();
                     if sum > best.0 {
                         best = (sum, [dx, dy]);
                     }
@@ -193,19 +194,6 @@ fn coarse(render: &LightMap, photo: &LightMap) -> Vec<Similarity> {
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(2 * FOLLOWED);
     found.into_iter().map(|(_, s)| s).collect()
-}
-
-/// The brightest twelfth of a picture: points and values.
-fn brightest(ink: &LightMap) -> Vec<([f64; 2], f32)> {
-    let mut points: Vec<([f64; 2], f32)> = (0..ink.values.len())
-        .map(|i| {
-            let place = [(i % ink.width) as f64 + 0.5, (i / ink.width) as f64 + 0.5];
-            (place, ink.values[i])
-        })
-        .collect();
-    points.sort_by(|a, b| b.1.total_cmp(&a.1));
-    points.truncate((ink.values.len() / 12).max(16));
-    points
 }
 
 /// Refines a transform; also returns its correlation.
@@ -237,7 +225,7 @@ fn step(render: &LightMap, photo: &LightMap, p: Vector4<f64>) -> Option<(f64, Ve
     for (i, &t) in render.values.iter().enumerate() {
         let t = f64::from(t);
         all_t += t * t;
-        let (x, y) = ((i % render.width) as f64 + 0.5, (i / render.width) as f64 + 0.5);
+        let [x, y] = render.middle(i);
         let place = [p[0] * x - p[1] * y + p[2], p[1] * x + p[0] * y + p[3]];
         let Some([w, slope_x, slope_y]) = photo.at(place) else { continue };
         let row =
@@ -271,7 +259,7 @@ const RESIDUAL_POINTS: usize = 2000;
 
 /// Distances from the trails of the render to the nearest of the photo, in pixels of the photo.
 fn residual_px(render: &Levels, photo: &Levels, transform: &Similarity) -> [f64; 2] {
-    let [from, to] = [render, photo].map(|levels| trails(levels.at(levels.levels.len() - 1)));
+    let [from, to] = [render, photo].map(|levels| trails(&levels.levels[levels.levels.len() - 1]));
     let near = transform.between(render.finest, photo.finest);
     let mut off: Vec<(f64, f64)> = from
         .iter()
@@ -292,14 +280,8 @@ fn trails(ink: &LightMap) -> Vec<[f64; 2]> {
     let mut sorted = ink.values.clone();
     sorted.sort_by(f32::total_cmp);
     let least = (0.2 * sorted[(sorted.len() - 1) * 995 / 1000]).max(f32::MIN_POSITIVE);
-    let lit = |i: &usize| ink.values[*i] >= least;
-    let point = |i: usize| [(i % ink.width) as f64 + 0.5, (i / ink.width) as f64 + 0.5];
-    (0..ink.values.len()).filter(lit).map(point).collect()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels, not below 0")]
-fn whole(px: f64) -> usize {
-    px as usize
+    let is_lit = |i: &usize| ink.values[*i] >= least;
+    (0..ink.values.len()).filter(is_lit).map(|i| ink.middle(i)).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "pixels")]

@@ -15,9 +15,9 @@
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
 //! modeled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
 
-use super::narrow;
 use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
 use super::options::{Noise, PhotoOptions, SensorNoise};
+use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::random::poisson;
 
@@ -119,17 +119,8 @@ impl pulp::NullaryFnOnce for Reading<'_> {
 /// inverse.
 fn leak(crosstalk_frac: f64) -> [[[f32; 3]; 3]; 2] {
     let (near, far) = (crosstalk_frac, 0.1 * crosstalk_frac);
-    let leak = nalgebra::Matrix3::new(
-        1.0 - near - far,
-        near,
-        far,
-        near,
-        1.0 - 2.0 * near,
-        near,
-        far,
-        near,
-        1.0 - near - far,
-    );
+    let (side, middle) = (1.0 - near - far, 1.0 - 2.0 * near);
+    let leak = nalgebra::Matrix3::new(side, near, far, near, middle, near, far, near, side);
     let undo = leak.try_inverse().expect("less than a third leaks");
     [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
@@ -235,7 +226,7 @@ impl Noisy {
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
-        mean + variance.sqrt() * self.normal.number(bits)
+        mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
     /// The hot photosites of a row: channel, column, electrons.

@@ -140,7 +140,7 @@ impl Plane {
 
     /// Adds the light spread along both axes to `out`.
     #[inline(always)]
-    fn spread_into<const PARTS: usize>(&self, spread: &Spread<PARTS>, out: &mut Self) {
+    pub(super) fn spread_into<const PARTS: usize>(&self, spread: &Spread<PARTS>, out: &mut Self) {
         let mut row = vec![0; self.width];
         for (y, sources) in spread.sources(self.height, out.height).iter().enumerate() {
             row.fill(0);
@@ -153,11 +153,6 @@ impl Plane {
             let places = &mut out.values[y * out.width..][..out.width];
             spread.along(&row, places, |place, light| *place += light);
         }
-    }
-
-    /// Adds the light of cells twice as wide.
-    pub(super) fn add_doubled(&mut self, coarse: &Self) {
-        coarse.spread_into(&DOUBLE, self);
     }
 
     /// Blurred by 1-2-1 along both axes.
@@ -198,7 +193,7 @@ mod tests {
             assert_eq!(plane.halved().values.iter().sum::<u64>(), sum, "{width}x{height}");
             for (w, h) in [(2 * width, 2 * height), (2 * width - 1, 2 * height - 1)] {
                 let mut fine = Plane::dark(w, h);
-                fine.add_doubled(&plane);
+                plane.spread_into(&DOUBLE, &mut fine);
                 assert_eq!(fine.values.iter().sum::<u64>(), sum, "{w}x{h}");
             }
         }
@@ -228,7 +223,7 @@ mod tests {
         let plane = Plane { width: 6, height: 4, values: vec![64; 24] };
         assert_eq!(plane.blurred(), plane);
         let mut fine = Plane::dark(12, 8);
-        fine.add_doubled(&plane);
+        plane.spread_into(&DOUBLE, &mut fine);
         assert!(fine.values.iter().all(|value| *value == 16), "{fine:?}");
         let mut pixels = vec![0; 24];
         QUADRUPLE.along(&[32; 6], &mut pixels, |pixel, light| *pixel += light);

@@ -9,9 +9,10 @@
 //! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
 //! of spikes by color.
 
-use super::glare::{CELL_PX, WHOLE};
+use super::glare::{CELL_PX, WHOLE, cells};
 use super::spread::Plane;
 use crate::expose::Film;
+use crate::whole;
 use noctograph_core::camera::Camera;
 
 /// Wavelength of red, green and blue LEDs.
@@ -50,17 +51,14 @@ pub(super) struct Change {
     pub(super) counts: [i64; 3],
 }
 
-/// The spikes of a film, by pixel. `cells` holds `share / WHOLE` of its light.
-pub(super) fn starburst(
-    film: &Film,
-    camera: &Camera,
-    blades: u32,
-    cells: &[Plane; 3],
-    share: u32,
-) -> Vec<Change> {
+/// The spikes of a film, by pixel; none of an iris without blades.
+pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change> {
+    if blades == 0 {
+        return Vec::new();
+    }
     let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
     let mut changes = Vec::new();
-    for point in points(film, camera, cells, share) {
+    for point in points(film, camera, &cells(film, WHOLE)) {
         let of_light = WAVELENGTH_M.map(|wavelength_m| {
             let blur_px = wavelength_m * camera.f_number / camera.pixel_pitch_m();
             let of_light = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
@@ -88,9 +86,8 @@ struct Point {
 }
 
 /// Points where lamps dwell: cells much brighter than all around.
-fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<Point> {
+fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let (width, height) = (cells[0].width, cells[0].height);
-    let counts = f64::from(WHOLE) / f64::from(share);
     let saturation = camera.saturation_lx_s() * libm::exp2(-f64::from(film.scale_log2));
     let bright = BRIGHT_PX * saturation;
     let cell = |x: usize, y: usize| cells.iter().map(|p| p.values[y * width + x]).sum::<u64>();
@@ -100,17 +97,15 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<P
         for x in margin..width.saturating_sub(margin) {
             let own = cell(x, y);
             // At least a ninth of the light of its block.
-            if own as f64 * counts * 9.0 < bright {
+            if own as f64 * 9.0 < bright {
                 continue;
             }
             let around = |reach: usize| {
                 (y - reach..=y + reach)
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
-            // Of equal cells, the first is the point.
-            let is_top = around(margin)
-                .all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x]) || cell(i, j) < own);
-            if !is_top {
+            // Of equal cells, the last is the point.
+            if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x])) {
                 continue;
             }
             let light = |c: usize| {
@@ -119,15 +114,14 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<P
                 };
                 // A trail leaves three cells of light in the block and two in the ring around.
                 let (block, both) = (sum(REACH_CELLS), sum(margin));
-                ((block as f64 - 1.5 * (both - block) as f64) * counts).max(0.0)
+                (block as f64 - 1.5 * (both - block) as f64).max(0.0)
             };
             let light: [f64; 3] = std::array::from_fn(light);
-            if light.iter().copied().fold(0.0, f64::max) < bright {
-                continue;
+            if light.iter().any(|light| *light >= bright) {
+                let corner = [x - REACH_CELLS, y - REACH_CELLS];
+                let center_px = center_px(film, corner);
+                found.push((own, Point { corner, center_px, light }));
             }
-            let corner = [x - REACH_CELLS, y - REACH_CELLS];
-            let center_px = center_px(film, corner);
-            found.push((own, Point { corner, center_px, light }));
         }
     }
     found.sort_by_key(|(own, _)| std::cmp::Reverse(*own));
@@ -211,9 +205,4 @@ fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>
         });
         changes.push(Change { index, counts });
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels, not below 0")]
-fn whole(px: f64) -> usize {
-    px as usize
 }

@@ -111,8 +111,7 @@ fn the_lens_keeps_every_count() {
         let camera = camera(size_px, |c| c.f_number = 11.0);
         let options = PhotoOptions { glare_frac: 0.3, ..PhotoOptions::default() };
         let glare = Glare::new(&film, &camera, &options);
-        let cells = glare::cells(&film, glare::WHOLE);
-        let spikes = starburst::starburst(&film, &camera, 7, &cells, glare::WHOLE);
+        let spikes = starburst(&film, &camera, 7);
         assert_eq!(glare.is_some(), size_px[1] >= 8, "{size_px:?}");
         assert!(!spikes.is_empty() || size_px[1] < 100, "{size_px:?}");
         let lens = Lens { film: &film, glare, spikes };
@@ -174,10 +173,7 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
 fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     let size_px = [400, 300];
     let camera = camera(size_px, |c| c.f_number = 16.0);
-    let spikes = |film: &Film, blades| {
-        let cells = glare::cells(film, glare::WHOLE);
-        starburst::starburst(film, &camera, blades, &cells, glare::WHOLE)
-    };
+    let spikes = |film: &Film, blades| starburst(film, &camera, blades);
     let trail = film(size_px, |_, x, y| if x.abs_diff(y) < 3 { count(40.0) } else { 0 });
     assert!(spikes(&trail, 7).is_empty(), "a trail");
     let dwell = film(size_px, |_, x, y| {

@@ -4,12 +4,12 @@
 use nalgebra::Vector3;
 use tiny_skia::Transform;
 
-use super::super::ink::Page;
-use super::super::raster::Raster;
+use super::super::raster::{Page, Raster};
 use super::super::{ScoreOptions, Verdict, score};
 use noctograph_core::camera::Camera;
 use noctograph_core::geometry::camera_from_world;
 use noctograph_core::photo::Photo;
+use noctograph_core::srgb::encoded_from_linear;
 use noctograph_core::strokes::{Move, Strokes};
 use noctograph_letters::{LetterOptions, write};
 
@@ -178,11 +178,9 @@ impl Shot {
             let point = camera.image_from_world(Vector3::new(x, 0.0, y)).unwrap();
             [point.x_px, point.y_px]
         };
-        let moves: Vec<Move> = self
-            .moves
-            .iter()
-            .map(|step| Move { from_m: seen(step.from_m), to_m: seen(step.to_m), ..*step })
-            .collect();
+        let on_photo =
+            |step: &Move| Move { from_m: seen(step.from_m), to_m: seen(step.to_m), ..*step };
+        let moves: Vec<Move> = self.moves.iter().map(on_photo).collect();
         let [_, y] = seen([0.0, 0.0]);
         let px_per_m = (y - seen([0.0, 1.0])[1]) as f32;
         let mut page = Page::blank(camera.width_px as usize, camera.height_px as usize);
@@ -202,12 +200,7 @@ impl Shot {
     fn develop(&self, linear: &Raster) -> Photo {
         let mut dice = Dice(1);
         let mut encode = |value: f32| {
-            let value = f64::from(value).clamp(0.0, 1.0);
-            let encoded = if value <= 0.003_130_8 {
-                12.92 * value
-            } else {
-                1.055 * libm::pow(value, 1.0 / 2.4) - 0.055
-            };
+            let encoded = encoded_from_linear(f64::from(value).clamp(0.0, 1.0));
             (255.0 * encoded + self.noise * dice.gauss()).round().clamp(0.0, 255.0) as u8
         };
         let rgb8 =

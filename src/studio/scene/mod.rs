@@ -303,8 +303,8 @@ impl Scene {
         self.light.check()?;
         self.camera.check()?;
         Described::check(&self.expose, "expose", None)?;
-        self.photo.check()?;
-        self.score.check()
+        self.photo.check("photo", None)?;
+        self.score.check("score", None)
     }
 }
 

@@ -184,6 +184,7 @@ fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
 mod tests {
     use super::*;
     use noctograph_core::camera::{BodyModel, LensModel};
+    use noctograph_picture::light::csv::read;
 
     /// A headlight from the side.
     const SIDE_CD: f64 = 0.09;
@@ -195,7 +196,7 @@ mod tests {
             let t = f64::from(i) / 100.0;
             csv += &format!("{t},{:.4},0,0.75,{candela},{candela},{candela}\n", 0.2 * t - 0.2);
         }
-        let trace = LightTrace::parse_csv(csv.as_bytes(), "a.csv").unwrap();
+        let trace = read(csv.as_bytes(), "a.csv").unwrap().0;
         let mut options = CameraOptions {
             metering: Metering::Trail(TrailMetering::default()),
             shutter_close_s: Some(open_s),
@@ -231,7 +232,7 @@ mod tests {
                 let t = f64::from(i) / 100.0;
                 csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
             }
-            let trace = LightTrace::parse_csv(csv.as_bytes(), "a.csv").unwrap();
+            let trace = read(csv.as_bytes(), "a.csv").unwrap().0;
             let options = CameraOptions {
                 metering: Metering::Trail(TrailMetering::default()),
                 ..CameraOptions::default()

@@ -141,7 +141,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`logs::import`] and [`LightTrace::read_csv`].
+    /// As [`logs::import`] and [`read_light`].
     pub fn read(path: &Path, options: &ImportOptions) -> Result<(Self, Vec<String>)> {
         let flight = if path.is_dir() {
             logs::import(path, options)?

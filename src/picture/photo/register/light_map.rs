@@ -1,7 +1,7 @@
 //! Light of a picture above its surroundings, to register it by, from coarse to fine.
 
-use super::whole;
-use crate::photo::{Photo, narrow};
+use crate::photo::Photo;
+use crate::{narrow, whole};
 use noctograph_core::srgb;
 
 /// Longer side of the coarsest and of the finest picture.
@@ -41,14 +41,6 @@ impl Levels {
         Self { levels, finest }
     }
 
-    pub(super) fn at(&self, level: usize) -> &LightMap {
-        &self.levels[level]
-    }
-
-    pub(super) fn coarsest(&self) -> &LightMap {
-        &self.levels[0]
-    }
-
     /// Pixels of the picture per pixel of a level.
     pub(super) fn factor(&self, level: usize) -> f64 {
         self.finest * libm::exp2((self.levels.len() - 1 - level) as f64)
@@ -72,13 +64,11 @@ impl LightMap {
             for x in 0..width {
                 let columns = range(x, width, full[0]);
                 let n = (rows.len() * columns.len()) as f32;
-                let sum: f32 = rows
-                    .clone()
-                    .map(|y| 3 * y * full[0])
-                    .map(|row| &photo.rgb8[row + 3 * columns.start..row + 3 * columns.end])
-                    .flat_map(|row| row.chunks_exact(3).map(luminance))
-                    .sum();
-                values.push(sum / n);
+                let pixels = rows.clone().flat_map(|y| {
+                    let row = &photo.rgb8[3 * y * full[0]..][3 * columns.start..3 * columns.end];
+                    row.chunks_exact(3).map(luminance)
+                });
+                values.push(pixels.sum::<f32>() / n);
             }
         }
         let mut ink = Self { width, height, values };
@@ -117,14 +107,15 @@ impl LightMap {
         let at = |x: usize, y: usize| {
             self.values[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
         };
-        let quad = |x: usize, y: usize| {
-            0.25 * (at(2 * x, 2 * y)
-                + at(2 * x + 1, 2 * y)
-                + at(2 * x, 2 * y + 1)
-                + at(2 * x + 1, 2 * y + 1))
-        };
-        let values = (0..height).flat_map(|y| (0..width).map(move |x| quad(x, y))).collect();
-        Self { width, height, values }
+        let quad =
+            |x: usize, y: usize| 0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1));
+        let row = |y: usize| (0..width).map(move |x| quad(2 * x, 2 * y));
+        Self { width, height, values: (0..height).flat_map(row).collect() }
+    }
+
+    /// The middle of a pixel.
+    pub(super) fn middle(&self, index: usize) -> [f64; 2] {
+        [(index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5]
     }
 
     /// Value and slopes at a point, bilinear; `None` outside.

@@ -5,6 +5,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::light::{Emitter, Lamp, LightSample};
+use noctograph_core::geometry::camera_from_world;
+
+#[cfg(feature = "gpu")]
+mod twins;
 
 /// A camera at the origin that looks along y: 36 mm wide sensor, 35 mm lens at f/8.
 pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
@@ -49,6 +53,20 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
     Lamp { drone: None, emitter, samples: places.into_iter().map(sample).collect() }
 }
 
+/// A camera 2 m above the floor that looks down at it.
+pub(super) fn looking_down() -> Camera {
+    let camera_from_world = camera_from_world(Vector3::new(0.0, 1.0, -1.0));
+    Camera { position_m: Vector3::z() * 2.0, camera_from_world, ..camera(320, 200) }
+}
+
+/// A lamp of 1.8 cd that shines straight down at a place for 3 s.
+pub(super) fn hanging(place: [f64; 3]) -> LightTrace {
+    let mut lamp = lamp([(0.0, place), (3.0, place)]);
+    (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.0, 0.0);
+    lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
+    LightTrace { lamps: vec![lamp] }
+}
+
 /// A lissajous figure of 2 m with a pause, at 250 Hz, 3 m away.
 pub(super) fn figure(n: u32) -> Lamp {
     lamp((0..n).map(|i| {
@@ -57,6 +75,51 @@ pub(super) fn figure(n: u32) -> Lamp {
         let place = [libm::sin(1.1 * s), 3.0 + 0.1 * libm::sin(0.3 * t), 0.5 * libm::cos(1.9 * s)];
         (t, place)
     }))
+}
+
+/// The latent image of lamps.
+fn latent(lamps: Vec<Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
+    let options = ExposeOptions {
+        merge_tolerance_px: tolerance_px,
+        floor_albedo: 0.0,
+        ..ExposeOptions::default()
+    };
+    project(&LightTrace { lamps }, camera, &options).expect("light")
+}
+
+/// Scenes by name, of which different ways leave the same bits.
+pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
+    // Splitmix64, a throw of 0 to 1: random hops, hovers and streaks across every border.
+    let mut state = 7_u64;
+    let mut throw = || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (z ^ (z >> 31)) as f64 / u64::MAX as f64
+    };
+    let mut hops = lamp((0..400).map(|i| {
+        let place = [3.4 * (throw() - 0.5), 1.0 + 4.0 * throw(), 2.2 * (throw() - 0.5)];
+        (f64::from(i) * 0.01, place)
+    }));
+    hops.emitter.rgb = [0.3, 1.1, 2.2];
+    let mut red = figure(1500);
+    red.emitter.rgb = [4.7, 0.0, 0.0];
+    let hover = lamp([(0.0, [0.2, 3.0, 0.1]), (9.0, [0.2, 3.0, 0.1])]);
+    let corner = lamp([(0.0, [-1.54, 3.0, 0.96]), (9.0, [-1.54, 3.0, 0.96])]);
+    let slow = lamp((0..300).map(|i| (f64::from(i) * 0.004, [f64::from(i) * 1e-4, 3.0, 0.0])));
+
+    let vga = camera(640, 400);
+    let soft = Camera { blur_m: 900e-6, ..camera(640, 400) };
+    let tall = camera(97, 1500);
+    vec![
+        ("random hops", latent(vec![hops.clone()], &vga, 0.005)),
+        ("random hops, soft lens", latent(vec![hops.clone()], &soft, 0.0)),
+        ("figures", latent(vec![red, figure(1500)], &vga, 0.005)),
+        ("hover, corner, slow", latent(vec![hover, corner, slow], &vga, 0.0)),
+        ("tall picture", latent(vec![hops], &tall, 0.005)),
+        ("nothing", latent(Vec::new(), &camera(33, 17), 0.005)),
+    ]
 }
 
 /// The CPU's film, merged at `merge_tolerance_px`.

@@ -2,11 +2,10 @@
 
 use wgpu::naga;
 
-use super::curves::LOW_BITS;
-use super::gpu::{Gpu, SHADER};
-use super::parts::{Part, TILE_PX};
-use super::record::DITHER;
-use super::tests::{camera, figure, lamp};
+use super::super::curves::LOW_BITS;
+use super::super::gpu::{Gpu, SHADER};
+use super::super::parts::{Part, TILE_PX};
+use super::super::record::DITHER;
 use super::*;
 
 /// The device; `None` without one, which is a failure where `NOCTOGRAPH_REQUIRE_GPU` is set.
@@ -20,51 +19,6 @@ fn device() -> Option<Gpu> {
             None
         }
     }
-}
-
-/// The latent image of lamps.
-fn latent(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
-    let options = ExposeOptions {
-        merge_tolerance_px: tolerance_px,
-        floor_albedo: 0.0,
-        ..ExposeOptions::default()
-    };
-    project(&LightTrace { lamps }, camera, &options).expect("light")
-}
-
-/// Scenes by name.
-pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
-    // Splitmix64, a throw of 0 to 1: random hops, hovers and streaks across every border.
-    let mut state = 7_u64;
-    let mut throw = || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        (z ^ (z >> 31)) as f64 / u64::MAX as f64
-    };
-    let mut hops = lamp((0..400).map(|i| {
-        let place = [3.4 * (throw() - 0.5), 1.0 + 4.0 * throw(), 2.2 * (throw() - 0.5)];
-        (f64::from(i) * 0.01, place)
-    }));
-    hops.emitter.rgb = [0.3, 1.1, 2.2];
-    let mut red = figure(1500);
-    red.emitter.rgb = [4.7, 0.0, 0.0];
-    let hover = lamp([(0.0, [0.2, 3.0, 0.1]), (9.0, [0.2, 3.0, 0.1])]);
-    let corner = lamp([(0.0, [-1.54, 3.0, 0.96]), (9.0, [-1.54, 3.0, 0.96])]);
-    let slow = lamp((0..300).map(|i| (f64::from(i) * 0.004, [f64::from(i) * 1e-4, 3.0, 0.0])));
-
-    let vga = camera(640, 400);
-    let soft = Camera { blur_m: 900e-6, ..camera(640, 400) };
-    let tall = camera(97, 1500);
-    vec![
-        ("random hops", latent(vec![hops.clone()], &vga, 0.005)),
-        ("random hops, soft lens", latent(vec![hops.clone()], &soft, 0.0)),
-        ("figures", latent(vec![red, figure(1500)], &vga, 0.005)),
-        ("hover, corner, slow", latent(vec![hover, corner, slow], &vga, 0.0)),
-        ("tall picture", latent(vec![hops], &tall, 0.005)),
-        ("nothing", latent(Vec::new(), &camera(33, 17), 0.005)),
-    ]
 }
 
 #[test]

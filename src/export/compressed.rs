@@ -4,6 +4,12 @@
 //! neither positions nor times drift. (cflib's `CompressedSegment` truncates both: the same NOOR is
 //! off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of the
 //! design at both ends.
+//!
+//! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
+//! (x, y, z in mm, yaw in 0.1°); then a piece after another: a byte with two bits an axis (x, y, z,
+//! yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration as uint16 in ms,
+//! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
+//! bytes. The first control point of a piece is the last of the piece before.
 
 use nalgebra::Vector3;
 
@@ -11,11 +17,6 @@ use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::plan::Plan;
-
-mod form;
-
-pub(super) use form::END;
-use form::{Axis, Piece};
 
 /// Longest piece: the largest uint16, in s.
 const MAX_PIECE_S: f64 = 65.535;
@@ -28,12 +29,33 @@ const LINEAR_M: f64 = 0.0008;
 /// A piece that is cubic on three axes.
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 
+/// What ends a trajectory.
+pub(super) const END: [u8; 3] = [0; 3];
+
 /// A trajectory as the drone stores it: a piece at least.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Compressed {
-    pieces: Vec<Piece>,
+    pub(super) pieces: Vec<Piece>,
     /// Heading throughout, in tenths of a degree.
-    yaw: i16,
+    pub(super) yaw: i16,
+}
+
+/// One piece.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    /// The first control point, which is the end of the piece before, mm.
+    pub(super) start_mm: [i16; 3],
+    pub(super) duration_ms: u16,
+    /// The control points of each axis after the first one.
+    pub(super) axes: [Axis; 3],
+}
+
+/// The further control points of an axis, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Axis {
+    Constant,
+    Linear(i16),
+    Cubic([i16; 3]),
 }
 
 impl Compressed {
@@ -66,19 +88,10 @@ impl Compressed {
         Err(stretch.too_long(until_s, &found, hint))
     }
 
-    /// Bytes of a plan within a distance of its design, whether or not they fit the memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::encode`], but for the length.
-    pub fn n_bytes(plan: &Plan, tolerance_m: f64) -> Result<usize> {
-        Ok(Self::of_any_length(&Stretch::new(plan)?, tolerance_m)?.to_bytes().len())
-    }
-
     /// The same, whether or not it fits the memory.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
-        let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoint(0).position_m[axis]));
+        let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoints[0].position_m[axis]));
         let next = |from, to, before: &[Piece], rounding| {
             piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
         };
@@ -88,10 +101,21 @@ impl Compressed {
         Ok(Self { pieces, yaw })
     }
 
-    /// Number of pieces.
+    /// The bytes that the drone stores.
     #[must_use]
-    pub fn n_pieces(&self) -> usize {
-        self.pieces.len()
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
+        let mut bytes = start_mm.map(i16::to_le_bytes).concat();
+        bytes.extend(self.yaw.to_le_bytes());
+        for piece in &self.pieces {
+            let [x, y, z] = piece.axes.map(Axis::code);
+            bytes.push(x | y << 2 | z << 4);
+            bytes.extend(piece.duration_ms.to_le_bytes());
+            let points_mm = piece.axes.iter().flat_map(Axis::points_mm);
+            bytes.extend(points_mm.flat_map(|point_mm| point_mm.to_le_bytes()));
+        }
+        bytes.extend(END);
+        bytes
     }
 
     /// Duration as flown, s.
@@ -118,6 +142,74 @@ impl Compressed {
     }
 }
 
+impl Axis {
+    /// Its four control points as a cubic, mm.
+    fn control_mm(self, start_mm: i16) -> [f64; 4] {
+        let a = f64::from(start_mm);
+        match self {
+            Self::Constant => [a; 4],
+            Self::Linear(end_mm) => {
+                let d = f64::from(end_mm);
+                [a, a + (d - a) / 3.0, d - (d - a) / 3.0, d]
+            }
+            Self::Cubic(points_mm) => {
+                let [b, c, d] = points_mm.map(f64::from);
+                [a, b, c, d]
+            }
+        }
+    }
+
+    /// Its coefficients in m and s.
+    fn polynomial(self, start_mm: i16, duration_s: f64) -> [f64; 8] {
+        let [a, b, c, d] = self.control_mm(start_mm).map(|mm| mm / 1000.0);
+        let share = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
+        let (t, t2) = (duration_s, duration_s * duration_s);
+        [share[0], share[1] / t, share[2] / t2, share[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Self::Constant => 0,
+            Self::Linear(_) => 1,
+            Self::Cubic(_) => 2,
+        }
+    }
+
+    fn points_mm(&self) -> &[i16] {
+        match self {
+            Self::Constant => &[],
+            Self::Linear(end_mm) => std::slice::from_ref(end_mm),
+            Self::Cubic(points_mm) => points_mm,
+        }
+    }
+}
+
+impl Piece {
+    /// Bytes on board.
+    fn n_bytes(&self) -> usize {
+        3 + 2 * self.axes.iter().map(|axis| axis.points_mm().len()).sum::<usize>()
+    }
+
+    /// The last control point, mm.
+    pub(super) fn end_mm(&self) -> [i16; 3] {
+        let end_mm = |axis: usize| self.axes[axis].points_mm().last().copied();
+        std::array::from_fn(|axis| end_mm(axis).unwrap_or(self.start_mm[axis]))
+    }
+
+    /// Its motion as the firmware computes it.
+    fn polynomials(&self) -> Polynomials {
+        let duration_s = f64::from(self.duration_ms) / 1000.0;
+        let axis = |axis: usize| self.axes[axis].polynomial(self.start_mm[axis], duration_s);
+        Polynomials { duration_s, axes: [axis(0), axis(1), axis(2)] }
+    }
+
+    /// As a Bézier curve: its four control points, m.
+    fn curve_m(&self) -> [Vector3<f64>; 4] {
+        let axes = [0, 1, 2].map(|axis| self.axes[axis].control_mm(self.start_mm[axis]));
+        [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / 1000.0)
+    }
+}
+
 /// The piece between two setpoints: on each axis the simplest form that is near enough.
 fn piece(
     stretch: &Stretch,
@@ -129,7 +221,7 @@ fn piece(
     #[expect(clippy::cast_possible_truncation, reason = "below 65 535")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
     let duration_s = f64::from(duration_ms) / 1000.0;
-    let (here, there) = (stretch.setpoint(from), stretch.setpoint(to));
+    let (here, there) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let axis = |axis: usize| {
         let end_mm = round_mm(there.position_m[axis]);
         let forms = [(Axis::Constant, CONSTANT_M), (Axis::Linear(end_mm), LINEAR_M)];
@@ -170,8 +262,7 @@ fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> Axis {
 }
 
 fn check_range(stretch: &Stretch) -> Result<()> {
-    for index in 0..=stretch.last() {
-        let setpoint = stretch.setpoint(index);
+    for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
         if step_s > MAX_PIECE_S {
             return Err(Error::Infeasible {
@@ -199,7 +290,8 @@ fn round_mm(x_m: f64) -> i16 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pieces::{motion, waves};
+    use super::super::pieces::motion;
+    use super::super::tests::{assert_same, checked_m, decoded, read, waves};
     use super::*;
     use noctograph_flying::plan::{PlanOptions, Setpoint, plan};
     use noctograph_letters::{LetterOptions, write};
@@ -218,6 +310,22 @@ mod tests {
             let [_, velocity, acceleration] = motion(&pieces, f64::from(ms) / 1000.0);
             [f64::max(v, velocity.norm()), f64::max(a, acceleration.norm())]
         })
+    }
+
+    #[test]
+    fn the_firmwares_own_evaluator_reads_these_bytes_the_same() {
+        let (bytes, rows) = read(include_str!("recorded/compressed.txt"));
+        let trajectory = decoded(&bytes);
+        assert_same(&rows, &trajectory.polynomials());
+        assert_eq!(trajectory.to_bytes(), bytes);
+    }
+
+    #[test]
+    fn a_heading_is_the_firmwares_first_yaw_and_constant() {
+        let (mut bytes, _) = read(include_str!("recorded/compressed.txt"));
+        bytes[6..8].copy_from_slice(&(-900_i16).to_le_bytes());
+        let trajectory = decoded(&bytes);
+        assert_eq!((trajectory.yaw, trajectory.to_bytes()), (-900, bytes));
     }
 
     #[test]
@@ -247,7 +355,7 @@ mod tests {
         ]
         .concat();
         assert_eq!(bytes, want);
-        assert_eq!(Compressed::from_bytes(&bytes).unwrap(), trajectory);
+        assert_eq!(decoded(&bytes), trajectory);
         let [position_m, velocity_m_s, _] = motion(&trajectory.polynomials(), 0.75);
         assert!((position_m - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
         assert!((velocity_m_s - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
@@ -279,7 +387,7 @@ mod tests {
         ) {
             let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
             let stretch = Stretch::new(&plan).unwrap();
-            let worst_m = stretch.checked_m(&trajectory.polynomials());
+            let worst_m = checked_m(&stretch, &trajectory.polynomials());
             let [max_m_s, max_m_s2] = stretch.limits();
             // The end of a piece is off by half a millisecond at most.
             let late_m = 0.0005 * max_m_s;
@@ -290,7 +398,7 @@ mod tests {
                 "{} of {} m/s, {} of {} m/s²", v, max_m_s, a, max_m_s2
             );
             proptest::prop_assert!(trajectory.pieces.iter().all(|p| p.duration_ms < 65_500));
-            let back = Compressed::from_bytes(&trajectory.to_bytes()).unwrap();
+            let back = decoded(&trajectory.to_bytes());
             proptest::prop_assert_eq!(back, trajectory);
         }
     }
@@ -300,7 +408,7 @@ mod tests {
         let plan = noor();
         let trajectory = Compressed::encode(&plan, 0.002).unwrap();
         let (bytes, stretch) = (trajectory.to_bytes().len(), Stretch::new(&plan).unwrap());
-        let worst_m = stretch.checked_m(&trajectory.polynomials());
+        let worst_m = checked_m(&stretch, &trajectory.polynomials());
         assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
         let [max_m_s, max_m_s2] = stretch.limits();
         let [v, a] = sampled(&trajectory);
@@ -311,7 +419,7 @@ mod tests {
     fn the_deviation_is_that_of_the_bytes_at_each_of_the_drones_milliseconds() {
         let plan = noor();
         let bytes = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
-        let trajectory = Compressed::from_bytes(&bytes).unwrap();
+        let trajectory = decoded(&bytes);
         let stretch = Stretch::new(&plan).unwrap();
         // De Casteljau's way from point to point, which `motion` does not go.
         let on_curve = |mut points: Vec<Vector3<f64>>, share: f64| {
@@ -332,7 +440,7 @@ mod tests {
         }
         let said_m = stretch.worst_m(&trajectory.polynomials());
         assert!((said_m - worst_m).abs() < 1e-9, "{said_m} m said, {worst_m} m by the bytes");
-        let checked_m = stretch.checked_m(&trajectory.polynomials());
+        let checked_m = checked_m(&stretch, &trajectory.polynomials());
         assert!(said_m > checked_m + 5e-5, "{said_m} m, and {checked_m} m where it was checked");
     }
 
