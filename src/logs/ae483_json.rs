@@ -14,6 +14,7 @@
 
 use std::collections::BTreeMap;
 
+use super::cfclient_csv::WRAP_S;
 use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
 use super::{ImportOptions, MAX_VARIABLES, TimeUnit, plain_csv};
@@ -21,9 +22,6 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::statistics::median;
-
-/// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
-const WRAP_S: f64 = 16_777.216;
 
 /// Steps of reading a byte of text.
 const STEPS: usize = 3;
@@ -46,26 +44,19 @@ pub(super) fn read(
         Err(error) => error,
     };
     let value = match json_tree::read(&text, budget) {
-        Ok(value) => value,
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
             warnings.push(format!("the file ends too early, at {place}; the part before is read"));
             close(&mut text);
             budget.free(left - budget.bytes_left());
-            json_tree::read(&text, budget).map_err(broken)?
+            json_tree::read(&text, budget)
         }
-        Err(source) => return Err(broken(source)),
+        value => value,
     };
+    let value = value.map_err(broken)?;
     drop(text);
-    let mut reader = Reader {
-        file,
-        budget,
-        blocks: Vec::new(),
-        warnings,
-        skipped: Vec::new(),
-        open: Vec::new(),
-        firmware: None,
-    };
+    let log = Recording { warnings, wrap_s: Some(WRAP_S), ..Recording::new(file) };
+    let mut reader = Reader { budget, log, skipped: Vec::new() };
     let in_seconds = match value {
         Node::Object(mut top) => {
             let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
@@ -80,43 +71,37 @@ pub(super) fn read(
             return Err(Error::input(file, "JSON of another shape", wanted, HINT));
         }
     };
-    let Reader { mut blocks, mut warnings, skipped, open, firmware, .. } = reader;
+    let Reader { mut log, skipped, .. } = reader;
     if !skipped.is_empty() {
-        warnings.push(format!("not read: {}", shortened(&skipped)));
+        log.warnings.push(format!("not read: {}", shortened(&skipped)));
     }
-    settle_units(&mut blocks, in_seconds, options.time_unit, &mut warnings);
-    for block in &mut blocks {
-        plain_csv::settle_angles(block, &open, options.angle_unit, &mut warnings);
+    settle_units(&mut log, in_seconds, options.time_unit);
+    for block in &mut log.blocks {
+        plain_csv::settle_angles(block, options.angle_unit, &mut log.warnings);
     }
-    let (file, wrap_s) = (file.to_owned(), Some(WRAP_S));
-    Ok(Recording { file, blocks, warnings, wrap_s, firmware, ..Recording::default() })
+    Ok(log)
 }
 
 /// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of
 /// events have steps of any length.
-fn settle_units(
-    blocks: &mut [Block],
-    in_seconds: bool,
-    wanted: TimeUnit,
-    warnings: &mut Vec<String>,
-) {
+fn settle_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let of_clock = |block: &&mut Block| block.clock == clock;
-        let steps = blocks.iter_mut().filter(of_clock).filter_map(|block| {
+        let steps = log.blocks.iter_mut().filter(of_clock).filter_map(|block| {
             let steps = block.time_s.windows(2).map(|pair| pair[1] - pair[0]);
             median(steps.filter(|step| *step > 0.0))
         });
         let step = steps.fold(f64::INFINITY, f64::min);
         let unit_s = wanted.seconds().unwrap_or_else(|| unit_s(step, in_seconds));
         if wanted.seconds().is_none() && in_seconds && unit_s != 1.0 && step.is_finite() {
-            warnings.push(format!(
+            log.warnings.push(format!(
                 "stamps {step} apart are taken as {unit_s} s a unit: no Crazyflie logs so slowly in \
                  seconds"
             ));
         }
         // By the number that a unit is of a second, so that 10 ms are 0.01 s to the last bit.
         let per_s = (1.0 / unit_s).round();
-        for time_s in blocks.iter_mut().filter(of_clock).flat_map(|block| &mut block.time_s) {
+        for time_s in log.blocks.iter_mut().filter(of_clock).flat_map(|block| &mut block.time_s) {
             *time_s /= per_s;
         }
     }
@@ -194,53 +179,40 @@ fn close(text: &mut Vec<u8>) {
 }
 
 struct Reader<'a> {
-    file: &'a str,
     budget: &'a Budget,
-    blocks: Vec<Block>,
-    warnings: Vec<String>,
+    log: Recording,
     /// Members that are no part of a log.
     skipped: Vec<String>,
-    /// Angles of rows without a unit.
-    open: Vec<String>,
-    /// The drone's firmware, as the log names it.
-    firmware: Option<String>,
 }
 
 impl Reader<'_> {
     fn folder(&mut self, members: BTreeMap<String, Node>, prefix: &str) -> Result<()> {
         for (key, value) in members {
             let name = joined(prefix, &key, self.budget)?;
-            let mut inner = match value {
+            match value {
+                Node::Missing => {}
                 Node::List(list) => {
                     if !self.rows(&name, &list)? {
                         self.skipped.push(format!("{name} (a list without times)"));
                     }
-                    continue;
                 }
                 Node::Object(inner) if is_metadata(&name) && !inner.contains_key("time") => {
                     inner.iter().for_each(|(key, value)| self.firmware(key, value));
-                    continue;
                 }
-                Node::Object(inner) => inner,
-                Node::Missing => continue,
-                value @ (Node::Text(_) | Node::Number(_)) if is_metadata(&name) => {
-                    self.firmware(&key, &value);
-                    continue;
+                Node::Object(mut inner) => {
+                    let time = inner.get("time");
+                    if time.is_some() && inner.contains_key("data") {
+                        self.variable(&name, inner.remove("time"), inner.remove("data"))?;
+                    } else if matches!(time, Some(Node::List(_))) {
+                        self.block(&name, inner)?;
+                    } else if name == "drone" {
+                        self.folder(inner, "")?;
+                    } else {
+                        self.folder(inner, &name)?;
+                    }
                 }
-                value => {
-                    self.skipped.push(format!("{name} ({})", value.text()));
-                    continue;
-                }
-            };
-            let timed_list = matches!(inner.get("time"), Some(Node::List(_)));
-            if inner.contains_key("data") && inner.contains_key("time") {
-                self.variable(&name, inner.remove("time"), inner.remove("data"))?;
-            } else if timed_list {
-                self.block(&name, inner)?;
-            } else if key == "drone" && prefix.is_empty() {
-                self.folder(inner, "")?;
-            } else {
-                self.folder(inner, &name)?;
+                value if is_metadata(&name) => self.firmware(&key, &value),
+                value => self.skipped.push(format!("{name} ({})", value.text())),
             }
         }
         Ok(())
@@ -249,17 +221,20 @@ impl Reader<'_> {
     /// Keeps the drone's firmware, where a member names it.
     fn firmware(&mut self, key: &str, value: &Node) {
         if let (Node::Text(name), "firmware" | "firmware_version") = (value, key) {
-            self.firmware.get_or_insert_with(|| name.clone());
+            self.log.firmware.get_or_insert_with(|| name.clone());
         }
     }
 
-    /// Adds a block of columns.
-    fn add(&mut self, block: Block) -> Result<()> {
-        self.blocks.push(block);
-        let n = self.blocks.iter().map(|block| block.columns.len().max(1)).sum::<usize>();
+    /// Adds a block of columns, as long as its times.
+    fn add(&mut self, mut block: Block) -> Result<()> {
+        for column in &mut block.columns {
+            column.values.truncate(block.time_s.len());
+        }
+        self.log.blocks.push(block);
+        let n = self.log.blocks.iter().map(|block| block.columns.len().max(1)).sum::<usize>();
         if n > MAX_VARIABLES {
             let wanted = format!("at most {MAX_VARIABLES}");
-            return Err(Error::input(self.file, "too many variables", wanted, HINT));
+            return Err(Error::input(&self.log.file, "too many variables", wanted, HINT));
         }
         Ok(())
     }
@@ -269,15 +244,14 @@ impl Reader<'_> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
         self.cut_to_shorter(name, &mut time_s, &mut values);
-        let column = Column { name: name.to_owned(), values };
-        let same = |block: &Block| block.clock == Clock::Drone && block.time_s == time_s;
-        if self.blocks.last().is_some_and(same) {
-            let mut block = self.blocks.pop().expect("it is the same");
-            block.columns.push(column);
-            return self.add(block);
-        }
-        let name = name.to_owned();
-        self.add(Block { name, time_s, columns: vec![column], ..Block::default() })
+        let same = |block: &mut Block| block.clock == Clock::Drone && block.time_s == time_s;
+        let mut block = self.log.blocks.pop_if(same).unwrap_or_else(|| Block {
+            name: name.to_owned(),
+            time_s: time_s.clone(),
+            ..Block::default()
+        });
+        block.columns.push(Column::new(name.to_owned(), values));
+        self.add(block)
     }
 
     fn block(&mut self, name: &str, mut members: BTreeMap<String, Node>) -> Result<()> {
@@ -286,14 +260,10 @@ impl Reader<'_> {
         for (key, value) in members {
             if matches!(value, Node::List(_)) {
                 let name = joined(name, &key, self.budget)?;
-                columns.push(Column { values: self.numbers(&name, Some(value))?, name });
+                let mut values = self.numbers(&name, Some(value))?;
+                self.cut_to_shorter(&name, &mut time_s, &mut values);
+                columns.push(Column::new(name, values));
             }
-        }
-        for column in &mut columns {
-            self.cut_to_shorter(&column.name, &mut time_s, &mut column.values);
-        }
-        for column in &mut columns {
-            column.values.truncate(time_s.len());
         }
         self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })
     }
@@ -301,33 +271,22 @@ impl Reader<'_> {
     /// Takes the lists of an object, one of them of times, as columns under the usual names of
     /// plain CSV; leaves the rest.
     fn columns(&mut self, members: &mut BTreeMap<String, Node>) -> Result<()> {
-        let is_list = |key: &String| matches!(members[key], Node::List(_));
-        let titles: Vec<String> = members.keys().filter(|key| is_list(key)).cloned().collect();
+        let lists = members.iter().filter(|(_, value)| matches!(value, Node::List(_)));
+        let titles: Vec<String> = lists.map(|(title, _)| title.clone()).collect();
         self.budget.steps(10_000 * titles.len())?;
         let Some(time) = titles.iter().find(|title| plain_csv::meaning(title).0 == "t") else {
             return Ok(());
         };
-        let mut block = Block { name: "columns".to_owned(), ..Block::default() };
-        block.time_s = self.scaled(members, time)?;
+        let mut time_s = self.numbers(time, members.remove(time))?;
+        let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
+        time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
+        let mut columns = Vec::new();
         for title in titles.iter().filter(|title| *title != time) {
-            let (name, unit) = plain_csv::meaning(title);
-            if unit.is_none() {
-                self.open.push(name.clone());
-            }
-            let mut values = self.scaled(members, title)?;
-            self.cut_to_shorter(title, &mut block.time_s, &mut values);
-            block.columns.push(Column { name, values });
+            let mut values = self.numbers(title, members.remove(title))?;
+            self.cut_to_shorter(title, &mut time_s, &mut values);
+            columns.push(plain_csv::column_of(title, values));
         }
-        let n = block.time_s.len();
-        block.columns.iter_mut().for_each(|column| column.values.truncate(n));
-        self.add(block)
-    }
-
-    /// Takes a list of numbers, in the unit of its title.
-    fn scaled(&self, members: &mut BTreeMap<String, Node>, title: &str) -> Result<Vec<f64>> {
-        let unit = plain_csv::meaning(title).1.unwrap_or(1.0);
-        let values = self.numbers(title, members.remove(title))?;
-        Ok(values.into_iter().map(|value| value * unit).collect())
+        self.add(Block { name: "columns".to_owned(), time_s, columns, ..Block::default() })
     }
 
     /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
@@ -342,25 +301,18 @@ impl Reader<'_> {
         self.budget.bytes(size_of::<f64>() * rows.len() * list.cells.len())?;
         let mut columns = Vec::new();
         for (key, cells) in list.cells.iter().filter(|(key, _)| *key != time) {
-            let (name, unit) = match name {
-                "" => {
-                    let (name, unit) = plain_csv::meaning(key);
-                    if unit.is_none() {
-                        self.open.push(name.clone());
-                    }
-                    (name, unit)
-                }
-                folder => (joined(folder, key, self.budget)?, None),
-            };
             let mut values = vec![f64::NAN; rows.len()];
-            let mut at = 0;
+            let mut index = 0;
             for (row, value) in cells {
-                at += rows[at..].iter().take_while(|(timed, _)| timed < row).count();
-                if rows.get(at).is_some_and(|(timed, _)| timed == row) {
-                    values[at] = value * unit.unwrap_or(1.0);
+                index += rows[index..].iter().take_while(|(timed, _)| timed < row).count();
+                if rows.get(index).is_some_and(|(timed, _)| timed == row) {
+                    values[index] = *value;
                 }
             }
-            columns.push(Column { name, values });
+            columns.push(match name {
+                "" => plain_csv::column_of(key, values),
+                folder => Column::new(joined(folder, key, self.budget)?, values),
+            });
         }
         let time_s = rows.iter().map(|(_, stamp)| stamp * unit_s).collect();
         self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })?;
@@ -370,53 +322,34 @@ impl Reader<'_> {
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
-            let text =
-                format!("{name}: {n_time} stamps for {n_data} values; the longer list is cut");
-            self.warnings.push(text);
+            self.log.warnings.push(format!(
+                "{name}: {n_time} stamps for {n_data} values; the longer list is cut"
+            ));
         }
         time_s.truncate(n_data);
         values.truncate(n_time);
     }
 
     fn numbers(&self, name: &str, value: Option<Node>) -> Result<Vec<f64>> {
-        let refuse = |place: String, found: String| {
-            Err(Error::input(place, found, "a list of numbers", HINT))
-        };
-        match value {
+        let (place, found) = match value {
             Some(Node::List(List { odd: Some((index, found)), .. })) => {
-                refuse(format!("{}: {name}[{index}]", self.file), found)
+                (format!("{name}[{index}]"), found)
             }
-            Some(Node::List(list)) => Ok(list.numbers),
-            other => {
-                let found = other.map_or_else(String::new, |node| node.text());
-                refuse(format!("{}: {name}", self.file), found)
-            }
-        }
+            Some(Node::List(list)) => return Ok(list.numbers),
+            other => (name.to_owned(), other.map_or_else(String::new, |node| node.text())),
+        };
+        let place = format_args!("{}: {place}", self.log.file);
+        Err(Error::input(place, found, "a list of numbers", HINT))
     }
 }
 
 /// Whether a member says of a log whose it is and when it was made, which changes nothing: those of
 /// the course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
-    const NAMES: [&str; 14] = [
-        "noctograph",
-        "firmware",
-        "start_time",
-        "end_time",
-        "uri",
-        "address",
-        "drone_id",
-        "word",
-        "scene",
-        "plan",
-        "date",
-        "program",
-        "version",
-        "metadata",
-    ];
-    let ends = ["_sha256", "_digest", "_version"];
-    NAMES.contains(&name)
-        || ends.iter().any(|end| name.ends_with(end))
+    const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
+                         plan date program version metadata";
+    NAMES.split(' ').any(|known| known == name)
+        || ["_sha256", "_digest", "_version"].iter().any(|end| name.ends_with(end))
         || name.starts_with("metadata.")
 }
 

@@ -3,9 +3,11 @@
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
 
+use std::path::Path;
+
 use super::firmware;
 use super::recording::{Block, Column, Recording};
-use super::sheet::Sheet;
+use super::sheet::{self, Sheet};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Budget, plain_text};
 
@@ -13,28 +15,39 @@ use noctograph_core::files::{Budget, plain_text};
 const STAMP: &str = "Timestamp";
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
-const WRAP_S: f64 = 16_777.216;
+pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// Whether a header is cfclient's: its stamp, and variables as `group.name`.
-pub(super) fn is_header(header: &[String]) -> bool {
-    header.first().is_some_and(|name| name == STAMP)
-        && header[1..].iter().any(|name| name.contains('.'))
+/// Whether a text has cfclient's header: its stamp, and variables as `group.name`.
+pub(super) fn is_its_own(text: &[u8]) -> bool {
+    sheet::header(text).is_some_and(|header| {
+        header.first().is_some_and(|name| name == STAMP)
+            && header[1..].iter().any(|name| name.contains('.'))
+    })
+}
+
+/// Whether a file may be cfclient's, by its name.
+pub(super) fn may_be_its_own(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"))
 }
 
 /// Reads a file, which is a block of a recording; `recording` is the name of that in messages.
 pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) -> Result<Recording> {
     let plain = plain_text(text);
-    let sheet = Sheet::read(&plain.text, file, &[], &|_| true, budget)?;
-    let Sheet { header, columns, mut warnings, .. } = sheet;
-    warnings.splice(0..0, plain.notes);
-    let mut columns = columns.into_iter();
-    let time_s = columns.next().unwrap_or_default().into_iter().map(|ms| ms / 1000.0).collect();
-    let named = header.into_iter().skip(1).zip(columns);
-    let columns = named.map(|(name, values)| Column { name, values }).collect();
-    let name = std::path::Path::new(file).file_stem().unwrap_or_default();
-    let name = name.to_string_lossy().into_owned();
-    let blocks = vec![Block { name, time_s, columns, ..Block::default() }];
-    let (file, firmware) = (recording.to_owned(), firmware::in_comments(text));
-    let wrap_s = Some(WRAP_S);
-    Ok(Recording { file, blocks, warnings, wrap_s, firmware, ..Recording::default() })
+    let sheet = Sheet::read(&plain.text, file, &[], |_| true, budget)?;
+    let mut columns =
+        sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
+    let stamps_ms = columns.next().map(|column| column.values).unwrap_or_default();
+    let block = Block {
+        name: Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        time_s: stamps_ms.into_iter().map(|ms| ms / 1000.0).collect(),
+        columns: columns.collect(),
+        ..Block::default()
+    };
+    Ok(Recording {
+        blocks: vec![block],
+        warnings: plain.notes.into_iter().chain(sheet.warnings).collect(),
+        wrap_s: Some(WRAP_S),
+        firmware: firmware::in_comments(text),
+        ..Recording::new(recording)
+    })
 }

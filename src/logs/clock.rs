@@ -1,7 +1,7 @@
 //! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
 
 use super::ImportOptions;
-use super::recording::{Block, Clock, Pace, Recording};
+use super::recording::{Block, Clock, Recording};
 use noctograph_core::crazyflie::{Release, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
@@ -33,83 +33,74 @@ pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Resu
     }
     let clock_ratio = options.clock_ratio.unwrap_or_else(|| rate(recording, options.firmware));
     for block in recording.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
-        for time_s in &mut block.time_s {
-            *time_s /= clock_ratio;
-        }
+        block.time_s.iter_mut().for_each(|time_s| *time_s /= clock_ratio);
     }
     Ok(())
 }
 
 /// Refuses rows in any order: a log's clock falls where it wraps or starts again, and nowhere else.
 fn check_order(block: &Block, file: &str) -> Result<()> {
-    let (n, falls) =
-        (block.time_s.len(), block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count());
+    let n = block.time_s.len();
+    let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < FALLS || falls <= n / 4 {
         return Ok(());
     }
-    let found = format!("{falls} of {n} times before the one above");
+    let found = format_args!("{falls} of {n} times before the one above");
     Err(Error::input(file, found, "rows in the order of their times", "sort them by time"))
 }
 
 fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
-    let n = block.time_s.len();
-    let finite = (0..n).filter(|&i| block.time_s[i].abs() < LATEST_S).collect();
-    let mut kept = without_spikes(&block.time_s, finite);
+    let Block { name, time_s, columns, .. } = block;
+    let n = time_s.len();
+    let mut warn = |text: String| warnings.push(format!("block {name}: {text}"));
+    let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
+    let mut kept = without_spikes(time_s, finite);
     if let Some(wrap_s) = wrap_s {
-        let wraps = undo_wraps(&mut block.time_s, &kept, wrap_s);
+        let wraps = undo_wraps(time_s, &kept, wrap_s);
         if wraps > 0 {
-            let name = &block.name;
-            warnings.push(format!(
-                "block {name}: the clock wrapped {wraps} time(s) after {wrap_s} s; undone"
-            ));
+            warn(format!("the clock wrapped {wraps} time(s) after {wrap_s} s; undone"));
         }
     }
     let mut outside = 0;
-    let stretches = stretches(&block.time_s, &kept);
+    let stretches: Vec<&[usize]> =
+        kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S).collect();
     if stretches.len() > 1 {
         // Stamps that repeat take no time: zeros after the end of a log are no flight.
-        let lasts_s = |stretch: &std::ops::Range<usize>| {
-            let latest_s = stretch.clone().map(|k| block.time_s[kept[k]]);
-            latest_s.fold(f64::NEG_INFINITY, f64::max) - block.time_s[kept[stretch.start]]
+        let lasts_s = |stretch: &[usize]| {
+            let latest_s = stretch.iter().map(|&i| time_s[i]).fold(f64::NEG_INFINITY, f64::max);
+            latest_s - time_s[stretch[0]]
         };
-        let rank = |stretch: &&std::ops::Range<usize>| (lasts_s(stretch), stretch.len());
-        let longest = stretches.iter().max_by(|a, b| {
-            let [(a_s, a), (b_s, b)] = [rank(a), rank(b)];
-            a_s.total_cmp(&b_s).then(a.cmp(&b))
-        });
-        let stretch = longest.cloned().unwrap_or_default();
-        warnings.push(format!(
-            "block {}: the clock starts again {} time(s); only the longest stretch, samples {} to \
-             {} of {n}, is kept",
-            block.name,
+        let longest = stretches
+            .iter()
+            .max_by(|a, b| lasts_s(a).total_cmp(&lasts_s(b)).then(a.len().cmp(&b.len())));
+        let longest = longest.map(|stretch| stretch.to_vec()).unwrap_or_default();
+        warn(format!(
+            "the clock starts again {} time(s); only the longest stretch, samples {} to {} of {n}, \
+             is kept",
             stretches.len() - 1,
-            kept[stretch.start] + 1,
-            kept[stretch.end - 1] + 1,
+            longest[0] + 1,
+            longest[longest.len() - 1] + 1,
         ));
-        outside = kept.len() - stretch.len();
-        kept = kept[stretch].to_vec();
+        outside = kept.len() - longest.len();
+        kept = longest;
     }
     let mut last_s = f64::NEG_INFINITY;
     kept.retain(|&i| {
-        let rises = block.time_s[i] > last_s;
-        last_s = last_s.max(block.time_s[i]);
+        let rises = time_s[i] > last_s;
+        last_s = last_s.max(time_s[i]);
         rises
     });
     let dropped = n - outside - kept.len();
     if dropped > 0 {
         let start = kept.first().map_or(0, |first| *first);
-        let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0);
-        warnings.push(format!(
-            "block {}: {dropped} of {n} samples dropped, whose time stamp does not rise (first: \
-             sample {})",
-            block.name,
-            first + 1,
+        let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
+        warn(format!(
+            "{dropped} of {n} samples dropped, whose time stamp does not rise (first: sample {first})"
         ));
     }
     if kept.len() < n {
-        block.time_s = kept.iter().map(|&i| block.time_s[i]).collect();
-        for column in &mut block.columns {
-            column.values = kept.iter().map(|&i| column.values[i]).collect();
+        for values in columns.iter_mut().map(|column| &mut column.values).chain([time_s]) {
+            *values = kept.iter().map(|&i| values[i]).collect();
         }
     }
 }
@@ -119,11 +110,8 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
         let next_s = indices.get(place + 1).map(|&next| time_s[next]);
-        let spike = kept
-            .last()
-            .zip(next_s)
-            .is_some_and(|(&before, next_s)| next_s < time_s[i] && time_s[before] < next_s);
-        if !spike {
+        let beside = kept.last().map(|&before| time_s[before]).zip(next_s);
+        if !beside.is_some_and(|(before_s, next_s)| before_s < next_s && next_s < time_s[i]) {
             kept.push(i);
         }
     }
@@ -144,15 +132,6 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// The stretches of `kept` without a restart of the clock.
-fn stretches(time_s: &[f64], kept: &[usize]) -> Vec<std::ops::Range<usize>> {
-    let restart = |k: &usize| time_s[kept[*k]] < time_s[kept[k - 1]] - RESTART_S;
-    let mut edges = vec![0];
-    edges.extend((1..kept.len()).filter(restart));
-    edges.push(kept.len());
-    edges.windows(2).map(|pair| pair[0]..pair[1]).collect()
-}
-
 /// Shifts a block that began just after a wrap by one wrap, as the blocks that began before it.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let drone = |block: &&mut Block| block.clock == Clock::Drone;
@@ -160,9 +139,7 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let latest_s = starts.fold(f64::NEG_INFINITY, f64::max);
     for block in blocks.iter_mut().filter(drone) {
         if block.time_s[0] < latest_s - 0.5 * wrap_s {
-            for time_s in &mut block.time_s {
-                *time_s += wrap_s;
-            }
+            block.time_s.iter_mut().for_each(|time_s| *time_s += wrap_s);
         }
     }
 }
@@ -170,29 +147,28 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 /// Seconds of the drone's clock per true second: of a log on the card as its stamps show, else as
 /// the firmware that it names has it, else as the scene's. What is mended or guessed is said.
 fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
-    if recording.pace != Pace::Microseconds {
+    if !recording.is_on_card {
         return 1.0;
     }
     let firmware = recording.firmware.as_deref();
     let named = firmware.and_then(|firmware| Some((Release::of(firmware)?, firmware)));
     let of_block = |block: &Block| Some((shown_rate(block)?, block.name.clone()));
     let shown = recording.blocks.iter().find_map(of_block);
-    let (rate, is_said, why) = match (shown, named) {
+    let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
-            (rate, rate != 1.0, format!("as the period of block {block} shows"))
+            (rate, false, format!("as the period of block {block} shows"))
         }
         (Some((rate, block)), Some((release, firmware))) => {
             let is_odd = rate != release.clock();
             let odd = if is_odd { ", other than in firmware " } else { " and in firmware " };
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
-            (rate, rate != 1.0 || is_odd, why)
+            (rate, is_odd, why)
         }
         // Version 1 has the milliseconds of the operating system, as far as its stamps do not show
         // otherwise.
         (None, _) if recording.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
-            let rate = release.clock();
-            (rate, rate != 1.0, format!("as that of firmware {firmware}, which flew"))
+            (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
         }
         (None, None) => {
             let release = assumed.unwrap_or(Release::MODELED);
@@ -209,7 +185,9 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
         _ => format!("runs at 84/85 = {SLOW_CLOCK:.4} of true time"),
     };
     let mended = if rate == 1.0 { "" } else { "; stretched to true seconds" };
-    recording.warnings.extend(is_said.then(|| format!("the drone's clock {runs}, {why}{mended}")));
+    if rate != 1.0 || is_odd {
+        recording.warnings.push(format!("the drone's clock {runs}, {why}{mended}"));
+    }
     rate
 }
 
@@ -233,7 +211,7 @@ mod tests {
 
     fn settled(stamps: &[f64], wrap_s: Option<f64>) -> (Vec<f64>, Vec<f64>, usize) {
         let values = (0_u32..).map(f64::from).take(stamps.len()).collect();
-        let columns = vec![Column { name: "a".into(), values }];
+        let columns = vec![Column::new("a".into(), values)];
         let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
         let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
         settle(&mut recording, &ImportOptions::default()).unwrap();
@@ -299,8 +277,7 @@ mod tests {
         let time_s = (0..200).map(|i| f64::from(i) * period_s + uneven(i)).collect();
         let blocks = vec![Block { time_s, ..Block::default() }];
         let firmware = firmware.map(str::to_owned);
-        let pace = Pace::Microseconds;
-        let mut log = Recording { blocks, pace, firmware, ..Recording::default() };
+        let mut log = Recording { blocks, is_on_card: true, firmware, ..Recording::default() };
         let stamped_s = log.blocks[0].time_s[199];
         settle(&mut log, options).unwrap();
         (log.blocks[0].time_s[199] / stamped_s, log.warnings.join("\n"))
@@ -343,7 +320,7 @@ mod tests {
         let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
         settle(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
-        (log.pace, log.wrap_s) = (Pace::Microseconds, Some(4e6));
+        (log.is_on_card, log.wrap_s) = (true, Some(4e6));
         settle(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!(
             (log.blocks[0].time_s[1], log.warnings.len()),

@@ -31,17 +31,15 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
 
 /// What one should know of the firmware that flew, where `assumed` is that of the scene.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
-    let (named, assumed) = (recording.firmware.as_ref()?, assumed?);
-    let assumed_name = assumed.name();
-    match Release::of(named) {
+    let (named, assumed) = (recording.firmware.as_ref()?, assumed?.name());
+    match Release::of(named).map(Release::name) {
         Some(flown) if flown == assumed => None,
         Some(flown) => Some(format!(
-            "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it is \
-             \"{assumed_name}\"",
-            flown.name(),
+            "the drone flew firmware {named}: vehicle.firmware = \"{flown}\" is its model, and here it \
+             is \"{assumed}\""
         )),
         None => Some(format!(
-            "firmware {named} is no release: it is taken for {assumed_name} (vehicle.firmware)"
+            "firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)"
         )),
     }
 }

@@ -2,6 +2,9 @@
 
 use noctograph_core::error::{Error, Result};
 
+const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
+                             pymavlink), and import that";
+
 /// What a file begins with, what it is, and what to do.
 const FORMATS: [(&[u8], &str, &str); 16] = [
     (
@@ -9,16 +12,8 @@ const FORMATS: [(&[u8], &str, &str); 16] = [
         "a ULog file of PX4",
         "convert it with `ulog2csv FILE` (of pyulog), and import its vehicle_local_position CSV",
     ),
-    (
-        b"\xa3\x95",
-        "a DataFlash log of ArduPilot",
-        "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of pymavlink), and import that",
-    ),
-    (
-        b"FMT, 128,",
-        "a DataFlash log of ArduPilot, as text",
-        "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of pymavlink), and import that",
-    ),
+    (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
+    (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
     (
         b"#ROSBAG V",
         "a rosbag of ROS 1",
@@ -52,10 +47,8 @@ const FORMATS: [(&[u8], &str, &str); 16] = [
 
 /// Refuses a file of another program, with what turns it into a table.
 pub(super) fn refuse(bytes: &[u8], file: &str) -> Result<()> {
-    match FORMATS.iter().find(|(begins, ..)| bytes.starts_with(begins)) {
-        Some((_, what, hint)) => {
-            Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))
-        }
-        None => Ok(()),
-    }
+    let known = FORMATS.iter().find(|(begins, ..)| bytes.starts_with(begins));
+    known.map_or(Ok(()), |(_, what, hint)| {
+        Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))
+    })
 }

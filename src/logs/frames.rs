@@ -6,22 +6,20 @@
 //! to point up all the same, and a warning says that it is a guess; where two do, the log is
 //! refused.
 
-use super::recording::{Block, Recording, names};
+use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
 use noctograph_core::error::{Error, Result};
 
-/// Patterns of the columns of a vector.
-const VECTORS: [&str; 6] = [
+/// Patterns of the columns of a vector; the last is a part of a quaternion.
+const VECTORS: [&str; 7] = [
     "{x y z}_m",
     "{x y z}_estimate_m",
     "{x y z}_design_m",
     "v{x y z}_world_m_s",
     "v{x y z}_body_m_s",
     "w{x y z}_body_rad_s",
+    "q{x y z}",
 ];
-
-/// The vector part of a quaternion.
-const QUATERNION: &str = "q{x y z}";
 
 /// Yaw, pitch and roll about axes that point down change their signs but the last.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
@@ -36,11 +34,11 @@ const FLOOR_M: f64 = 0.05;
 
 /// Turns the world of the plain columns so that z points up.
 pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
-    let format = recording.in_format;
-    let (axes, why) = match (options.axes, recording.axes, format) {
-        (Axes::Auto, Axes::Auto, _) => found(recording)?,
-        (Axes::Auto, axes, Some(format)) => (axes, Some(format!("as {format} writes it"))),
-        (Axes::Auto, axes, None) | (axes, ..) => (axes, None),
+    let in_format = |format| format!("as {format} writes it");
+    let (axes, why) = match (options.axes, recording.axes) {
+        (Axes::Auto, Axes::Auto) => shown(recording)?,
+        (Axes::Auto, axes) => (axes, recording.in_format.map(in_format)),
+        (axes, _) => (axes, None),
     };
     if matches!(axes, Axes::Auto | Axes::ZUp) {
         // A format whose z points up needs no word.
@@ -60,49 +58,40 @@ pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Resu
 
 /// Turns a block's columns.
 fn turn(block: &mut Block, axes: Axes) {
-    for pattern in VECTORS.iter().chain([&QUATERNION]) {
-        let places: Vec<Option<usize>> = names(pattern)
-            .map(|name| block.columns.iter().position(|column| column.name == name))
-            .collect();
-        let [x, y, z] = places[..] else { continue };
-        match axes {
-            Axes::ZDown => [y, z].into_iter().flatten().for_each(|place| negate(block, place)),
-            Axes::YUp => {
-                let (Some(_), Some(y), Some(z)) = (x, y, z) else { continue };
-                negate(block, z);
-                let columns = &mut block.columns;
-                let values = std::mem::take(&mut columns[y].values);
-                columns[y].values = std::mem::replace(&mut columns[z].values, values);
-            }
-            Axes::Auto | Axes::ZUp => {}
-        }
-    }
     if axes == Axes::ZDown {
-        for name in ANGLES {
-            if let Some(place) = block.columns.iter().position(|column| column.name == name) {
-                negate(block, place);
-            }
+        let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
+        vectors.chain(ANGLES.map(str::to_owned)).for_each(|name| negate(block.column_mut(&name)));
+        return;
+    }
+    for pattern in VECTORS {
+        let place = |name| block.columns.iter().position(|column| column.name == name);
+        let places: Option<Vec<usize>> = names(pattern).map(place).collect();
+        if let Some([_, y, z]) = places.as_deref()
+            && let Ok([y, z]) = block.columns.get_disjoint_mut([*y, *z])
+        {
+            std::mem::swap(&mut y.values, &mut z.values);
+            negate(Some(y));
         }
     }
 }
 
-fn negate(block: &mut Block, place: usize) {
-    block.columns[place].values.iter_mut().for_each(|value| *value = -*value);
+fn negate(column: Option<&mut Column>) {
+    let values = column.into_iter().flat_map(|column| &mut column.values);
+    values.for_each(|value| *value = -*value);
+}
+
+/// The places of a block where all of them are known; none of a block without.
+fn places_m(block: &Block) -> Option<Vec<[f64; 3]>> {
+    let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
+    let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
+    let rows: Vec<_> = rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
+    (rows.len() > 2).then_some(rows)
 }
 
 /// The axes that the flight shows, and why; or `Auto`, and a doubt.
-fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
+fn shown(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
-    let of = |block: &Block| {
-        let column = |name: &str| block.columns.iter().find(|column| column.name == name);
-        let [x, y, z] = ["x_m", "y_m", "z_m"].map(column);
-        let (x, y, z) = (&x?.values, &y?.values, &z?.values);
-        let rows = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]);
-        let rows: Vec<[f64; 3]> =
-            rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
-        (rows.len() > 2).then_some(rows)
-    };
-    let Some(rows) = recording.blocks.iter().find_map(of) else { return none };
+    let Some(rows) = recording.blocks.iter().find_map(places_m) else { return none };
     if takes_off(&rows, 2, 1.0) {
         return none;
     }
@@ -124,29 +113,24 @@ fn found(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return guess(unseen);
     }
-    let down = takes_off(&rows, 2, -1.0);
-    let y_up = takes_off(&rows, 1, 1.0);
-    match (down, y_up) {
+    let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let found = "a flight that rises along -z and along y";
             let hint = "say which axes its world has: z-down or y-up";
-            Err(Error::input("axes", found, "one axis that points up", hint)
-                .at(&recording.file, None))
+            let error = Error::input("axes", found, "one axis that points up", hint);
+            return Err(error.at(&recording.file, None));
         }
         (true, false) => {
-            let why =
-                format!("since it goes down to z = {lowest_m:.2} m from where it starts or ends");
-            Ok((Axes::ZDown, Some(why)))
+            let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
+            (Axes::ZDown, format!("since it {down}"))
         }
-        (false, true) => {
-            let why = "since it takes off and lands along y alone".to_owned();
-            Ok((Axes::YUp, Some(why)))
-        }
+        (false, true) => (Axes::YUp, "since it takes off and lands along y alone".to_owned()),
         (false, false) if is_below => {
-            guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)"))
+            return guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)"));
         }
-        (false, false) => guess(unseen),
-    }
+        (false, false) => return guess(unseen),
+    };
+    Ok((axes, Some(why)))
 }
 
 /// Whether rows begin or end on the floor, straight below a climb along an axis, and never come
@@ -184,15 +168,14 @@ fn climbs<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::Column;
 
     /// A flight of take-off, an L on the wall and landing, in a world that `to` makes of ours.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();
-        let column = |axis: usize| Column {
-            name: ["x_m", "y_m", "z_m"][axis].into(),
-            values: rows.iter().map(|row| row[axis]).collect(),
+        let column = |axis: usize| {
+            let values = rows.iter().map(|row| row[axis]).collect();
+            Column::new(["x_m", "y_m", "z_m"][axis].into(), values)
         };
         let block = Block {
             time_s: (0..=80).map(f64::from).collect(),

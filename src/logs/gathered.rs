@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LIMIT, cfclient_csv, sheet};
+use super::{LIMIT, cfclient_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::entries_in;
 
@@ -38,18 +38,14 @@ pub struct GatheredLog {
 ///
 /// [`Error::Io`] where it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
-    for path in entries_in(folder)? {
-        let is_csv = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"));
+    let is_its_own = |path: &PathBuf| {
         // What cannot be read is no file of cfclient's; its import says why.
-        let head = || LIMIT.beginning(&path, HEAD_BYTES).ok();
-        let of_cfclient = |head: Vec<u8>| {
-            sheet::header(&head).is_some_and(|header| cfclient_csv::is_header(&header))
-        };
-        if is_csv && path.is_file() && head().is_some_and(of_cfclient) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
+        let head = || LIMIT.beginning(path, HEAD_BYTES).ok();
+        cfclient_csv::may_be_its_own(path)
+            && path.is_file()
+            && head().is_some_and(|head| cfclient_csv::is_its_own(&head))
+    };
+    Ok(entries_in(folder)?.iter().any(is_its_own))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of
@@ -78,14 +74,9 @@ pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
         }
     }
     if logs.is_empty() || logs.len() > MAX_LOGS {
-        let place = folder.display().to_string();
+        let (found, wanted) = (format!("{} logs", logs.len()), format!("1 to {MAX_LOGS}"));
         let hint = "name a folder with a log (or a folder of cfclient's) for each flight";
-        return Err(Error::input(
-            place,
-            format!("{} logs", logs.len()),
-            format!("1 to {MAX_LOGS}"),
-            hint,
-        ));
+        return Err(Error::input(folder.display(), found, wanted, hint));
     }
     logs.sort();
     Ok(logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect())

@@ -175,12 +175,10 @@ impl List {
                 Node::Number(number) => {
                     // A list that grows may hold twice its cells.
                     budget.bytes(2 * size_of::<(usize, f64)>())?;
-                    if let Some(cells) = self.cells.get_mut(&name) {
-                        cells.push((row, *number));
-                    } else {
+                    if !self.cells.contains_key(&name) {
                         budget.bytes(NAMED + name.len())?;
-                        self.cells.insert(name, vec![(row, *number)]);
                     }
+                    self.cells.entry(name).or_default().push((row, *number));
                 }
                 Node::Missing | Node::Text(_) | Node::List(_) => {}
             }

@@ -62,7 +62,6 @@ mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
-mod units;
 mod usd;
 
 pub use gathered::{GatheredLog, is_one_log, logs_in};
@@ -214,7 +213,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     let name = path.display().to_string();
     if path.is_dir() {
         let budget = Budget::of(&name, HINT);
-        return on_own_clock(folder(path, &name, &budget)?, options, &budget);
+        return flight(folder(path, &name, &budget)?, options, &budget);
     }
     on_clock(&read(path)?, &name, options)
 }
@@ -233,30 +232,28 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     foreign::refuse(bytes, file)?;
     let header = sheet::header(bytes).unwrap_or_default();
-    let mut on_clock = if is_own(&header) {
+    let has = |wanted: &str| header.iter().any(|name| name == wanted);
+    let has_letters = has(OWN[0]) && has("letter");
+    let has_ranges = header.iter().any(|name| name.starts_with("ranging."));
+    // A flight file begins with a pose, or it has the column of letters, which every one has.
+    let is_own = header.starts_with(&OWN.map(str::to_owned))
+        || header.first().is_some_and(|name| name == OWN[0]) && has_letters && !has_ranges;
+    let mut on_clock = if is_own {
         let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
         OnClock { flight, zero_stamp_s: Some(0.0), firmware: None }
     } else {
-        parse(bytes, file, options)?
+        let budget = Budget::of(file, HINT);
+        budget.bytes(bytes.len())?;
+        flight(recording(bytes, file, options, &budget)?, options, &budget)?
     };
     // A flight file with ranges is an imported log; a table of ranges with times in s is none.
-    let has = |wanted: &str| header.iter().any(|name| name == wanted);
-    if has(OWN[0]) && has("letter") && header.iter().any(|name| name.starts_with("ranging.")) {
+    if has_letters && has_ranges {
         on_clock.zero_stamp_s = None;
     }
     Ok(on_clock)
-}
-
-/// Whether a header is that of a flight file: it begins with a pose, or it has the column of
-/// letters, which every flight file has.
-fn is_own(header: &[String]) -> bool {
-    header.starts_with(&OWN.map(str::to_owned))
-        || header.first().is_some_and(|name| name == OWN[0])
-            && header.iter().any(|name| name == "letter")
-            && !header.iter().any(|name| name.starts_with("ranging."))
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -271,44 +268,37 @@ fn use_estimate(flight: &mut Flight) {
     }
 }
 
-/// Imports a log from its bytes; `file` is its name in messages.
-fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
-    let budget = Budget::of(file, HINT);
-    budget.bytes(bytes.len())?;
-    let recording = if bytes.first() == Some(&usd::MAGIC) {
-        usd::read(bytes, file, options.damaged, &budget)
-    } else {
-        let text = decoded(bytes);
-        match Format::detect(&text, file)? {
-            Format::Json => ae483_json::read(&text, file, options, &budget),
-            Format::Cfclient => cfclient_csv::read(&text, file, file, &budget),
-            Format::Plain => return plain(&text, file, options, &budget),
-        }
-    };
-    on_own_clock(recording?, options, &budget)
-}
-
-/// A recording on a clock of its own.
-fn on_own_clock(recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
-    let firmware = recording.firmware.clone();
-    let (flight, _) = flight(recording, options, budget)?;
-    Ok(OnClock { flight, zero_stamp_s: None, firmware })
-}
-
-/// Imports a plain table; its stamps may be those of a clock that others share.
-fn plain(text: &[u8], file: &str, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
-    let mut recording = plain_csv::read(text, file, options, budget)?;
-    let (shared, firmware) = (recording.is_stamped, firmware::in_comments(text));
-    recording.firmware.clone_from(&firmware);
-    let (flight, zero_s) = flight(recording, options, budget)?;
-    Ok(OnClock { flight, zero_stamp_s: shared.then_some(zero_s), firmware })
-}
-
-fn flight(
-    mut recording: Recording,
+/// Reads a log of the format that its content shows.
+fn recording(
+    bytes: &[u8],
+    file: &str,
     options: &ImportOptions,
     budget: &Budget,
-) -> Result<(Flight, f64)> {
+) -> Result<Recording> {
+    if bytes.first() == Some(&usd::MAGIC) {
+        return usd::read(bytes, file, options.damaged, budget);
+    }
+    let text = decoded(bytes);
+    let content = text.trim_ascii_start();
+    match content.first() {
+        None => return Err(unknown(file, "an empty file")),
+        Some(b'{' | b'[') => return ae483_json::read(&text, file, options, budget),
+        Some(_) => {}
+    }
+    let plain = plain_text(content).text;
+    let line = sheet::first_line(&plain);
+    if line.contains(&0) || !sheet::is_separated(line) || std::str::from_utf8(line).is_err() {
+        let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
+        return Err(unknown(file, format!("a file that begins with {start:?}")));
+    }
+    if cfclient_csv::is_its_own(&plain) {
+        return cfclient_csv::read(&text, file, file, budget);
+    }
+    plain_csv::read(&text, file, options, budget)
+}
+
+/// Makes a recording a flight.
+fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
     recording.check(budget)?;
     // An event that never came has no claim to the names of its variables.
     recording.blocks.retain(|block| !block.time_s.is_empty());
@@ -318,39 +308,9 @@ fn flight(
     frames::settle(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
-    mapper::flight(recording, options, budget)
-}
-
-/// A format of logs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Json,
-    Cfclient,
-    Plain,
-}
-
-impl Format {
-    /// Recognizes a format from its content.
-    fn detect(bytes: &[u8], file: &str) -> Result<Self> {
-        let text = bytes.trim_ascii_start();
-        match text.first() {
-            None => return Err(unknown(file, "an empty file")),
-            Some(b'{' | b'[') => return Ok(Self::Json),
-            Some(_) => {}
-        }
-        let plain = plain_text(text);
-        let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
-        let mut lines = plain.text.split(|byte| *byte == b'\n');
-        let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
-        if first.contains(&0) || !separated(first) || std::str::from_utf8(first).is_err() {
-            let start: String = String::from_utf8_lossy(&text[..text.len().min(24)]).into();
-            return Err(unknown(file, format!("a file that begins with {start:?}")));
-        }
-        Ok(match sheet::header(&plain.text) {
-            Some(header) if cfclient_csv::is_header(&header) => Self::Cfclient,
-            _ => Self::Plain,
-        })
-    }
+    let (is_stamped, firmware) = (recording.is_stamped, recording.firmware.take());
+    let (flight, zero_s) = mapper::flight(recording, options, budget)?;
+    Ok(OnClock { flight, zero_stamp_s: is_stamped.then_some(zero_s), firmware })
 }
 
 fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
@@ -365,29 +325,39 @@ fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
 
 /// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
 fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
-    let mut paths = files_in(path)?;
-    paths.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")));
-    let mut all: Option<Recording> = None;
-    for path in paths {
-        let bytes = read(&path)?;
+    let mut all = Recording::new(name);
+    for path in files_in(path)?.iter().filter(|path| cfclient_csv::may_be_its_own(path)) {
+        let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
-        if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
+        if cfclient_csv::is_its_own(&bytes) {
             let file = path.display().to_string();
-            let mut block = cfclient_csv::read(&bytes, &file, name, budget)?;
-            for warning in &mut block.warnings {
-                *warning = format!("{file}: {warning}");
-            }
-            match &mut all {
-                Some(all) => all.extend(block),
-                None => all = Some(block),
-            }
+            let one = cfclient_csv::read(&bytes, &file, name, budget)?;
+            all.warnings.extend(one.warnings.iter().map(|warning| format!("{file}: {warning}")));
+            all.blocks.extend(one.blocks);
+            all.firmware = all.firmware.or(one.firmware);
+            all.wrap_s = one.wrap_s;
             // Each file by itself may be small: what counts is their number.
-            all.as_ref().map_or(Ok(()), |all| all.check_variables())?;
+            all.check_variables()?;
         }
         budget.free(bytes.len() as u64);
     }
-    all.ok_or_else(|| {
-        unknown(name, "a folder without a CSV file of cfclient (Timestamp,group.name …)")
-    })
+    if all.blocks.is_empty() {
+        let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
+        return Err(unknown(name, found));
+    }
+    Ok(all)
+}
+
+impl TimeUnit {
+    /// Its seconds; `None` where it is to be found.
+    fn seconds(self) -> Option<f64> {
+        match self {
+            Self::Auto => None,
+            Self::Seconds => Some(1.0),
+            Self::Milliseconds => Some(1e-3),
+            Self::Microseconds => Some(1e-6),
+            Self::Nanoseconds => Some(1e-9),
+        }
+    }
 }

@@ -11,6 +11,7 @@ use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning};
+use noctograph_core::input_error;
 
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
@@ -34,24 +35,25 @@ pub(super) fn flight(
     if unlogged.contains(&Quantity::Position) && options.position != PositionSource::Best {
         return Err(Error::input(
             &recording.file,
-            format!("no position from {}", options.position.name()),
+            format_args!("no position from {}", options.position.name()),
             "its three columns, not all zero",
             "choose another source of position, or the best",
         ));
     }
     let mut warnings = quantities.left_out.clone();
-    let axis = axis(&recording, &quantities, options, budget, &mut warnings)?;
+    let axis = axis(&recording, &quantities, options, budget)?;
+    warnings.extend(warn_of_gaps(&axis.gaps));
     let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
     let n_extra = recording.names().filter(|name| !quantities.used.contains(*name)).count();
     let n_samples = axis.stamps_s.len();
-    budget
-        .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
+    let sample_bytes = size_of::<FlightSample>() + size_of::<f64>() * n_extra;
+    budget.bytes(n_samples.saturating_mul(sample_bytes))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    let samples: Vec<FlightSample> =
-        axis.stamps_s.iter().map(|&stamp_s| sample(&quantities, options, stamp_s, &axis)).collect();
-    warnings.extend(warn_of_held_values(&quantities, options, &axis));
+    let sample = |&stamp_s| sample(&quantities, options, stamp_s, axis.time_s(stamp_s));
+    let samples: Vec<FlightSample> = axis.stamps_s.iter().map(sample).collect();
+    warnings.extend(warn_of_held_values(&quantities, options, &axis.stamps_s));
     warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &quantities.used, &axis);
+    let mut extra = extra(&recording, &quantities.used, &axis.stamps_s);
     check_numbers(&recording.file, &samples)?;
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
@@ -102,19 +104,18 @@ fn axis(
     quantities: &Quantities,
     options: &ImportOptions,
     budget: &Budget,
-    warnings: &mut Vec<String>,
 ) -> Result<Axis> {
-    let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
+    let of = |quantity| {
         let channels = quantities.channels.get(&quantity).into_iter().flatten();
         channels.map(move |channel| (quantity, channel))
-    });
-    let pose: Vec<(Quantity, &Channel)> = pose.collect();
+    };
+    let pose: Vec<(Quantity, &Channel)> =
+        of(Quantity::Position).chain(of(Quantity::Attitude)).collect();
     if pose.is_empty() {
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
         let zero_s = stamps_s.first().copied().unwrap_or(0.0);
-        let span_s = stamps_s.last().copied().unwrap_or(0.0) - zero_s;
-        check_span(recording, span_s)?;
+        check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
         return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
     }
     // The motion capture may begin before the drone's log and outlast it.
@@ -124,34 +125,30 @@ fn axis(
     let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
     let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
     let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
-    check_span(recording, end_s - start_s)?;
-    let steps = ((end_s - start_s) * options.sample_rate_hz + 1e-6).floor();
-    if steps.is_nan() || !(0.0..MAX_SAMPLES).contains(&steps) {
-        let span = if steps < 0.0 {
-            "position and attitude that were never logged at the same time".into()
-        } else {
-            format!("{:.0} s of log", end_s - start_s)
+    let span_s = end_s - start_s;
+    check_span(recording, span_s)?;
+    let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
+    if !(0.0..MAX_SAMPLES).contains(&steps) {
+        let found = match steps < 0.0 {
+            true => "position and attitude that were never logged at the same time".to_owned(),
+            false => format!("{span_s:.0} s of log"),
         };
-        return Err(Error::input(
-            &recording.file,
-            span,
-            format!("a flight of up to {MAX_SAMPLES:.0} samples"),
-            "cut the log to one flight, or lower the sample rate",
-        ));
+        let wanted = format!("a flight of up to {MAX_SAMPLES:.0} samples");
+        let hint = "cut the log to one flight, or lower the sample rate";
+        return Err(Error::input(&recording.file, found, wanted, hint));
     }
     #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
     let steps = steps as u32;
     budget.steps(STEPS * steps as usize * pose.len())?;
-    let known =
-        |stamp_s: f64| pose.iter().all(|pose| interpolated(*pose, stamp_s, options).is_some());
     // The last step may lie beyond the end by rounding.
     let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
-    let steps: Vec<u32> = (0..=steps).filter(|step| known(stamp_s(*step))).collect();
+    let is_known =
+        |step: &u32| pose.iter().all(|pose| interpolated(*pose, stamp_s(*step), options).is_some());
+    let steps: Vec<u32> = (0..=steps).filter(is_known).collect();
     let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
     let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
     let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
     axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
-    warnings.extend(warn_of_gaps(&axis));
     Ok(axis)
 }
 
@@ -160,7 +157,7 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
     }
-    let found = format!("{span_s:.0} s of log");
+    let found = format_args!("{span_s:.0} s of log");
     let wanted = format!("a flight of up to {MAX_DURATION_S} s");
     Err(Error::input(&recording.file, found, wanted, MILLISECONDS_HINT))
 }
@@ -173,12 +170,13 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
                 // Not a number is beyond as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
-                    let place = format!("{name} at {:.3} s of the flight", sample.time_s);
-                    let wanted = format!("a number within ±{MAX_QUANTITY:e}");
-                    let hint = "cut the broken part out of the log, or correct the column's unit";
-                    return Err(
-                        Error::input(place, format!("{value:e}"), wanted, hint).at(file, None)
+                    let error = input_error!(
+                        format_args!("{name} at {:.3} s of the flight", sample.time_s),
+                        "{value:e}",
+                        "a number within ±{MAX_QUANTITY:e}",
+                        "cut the broken part out of the log, or correct the column's unit",
                     );
+                    return Err(error.at(file, None));
                 }
             }
         }
@@ -188,17 +186,11 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
 
 /// Names further columns that are a part of a quantity whose other parts are missing.
 fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
-    let halves: Vec<&str> = extra
-        .keys()
-        .filter_map(|name| name.strip_prefix("log."))
-        .filter(|name| Quantity::TABLE.iter().any(|(.., columns)| columns.contains(name)))
-        .collect();
-    let text = format!(
-        "{} without the other columns of the quantity: kept as log.{}",
-        shortened(&halves),
-        halves.first()?
-    );
-    Some(text)
+    let is_half = |name: &&str| Quantity::TABLE.iter().any(|(.., names)| names.contains(name));
+    let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
+    let halves: Vec<&str> = kept.filter(is_half).collect();
+    let (first, names) = (halves.first()?, shortened(&halves));
+    Some(format!("{names} without the other columns of the quantity: kept as log.{first}"))
 }
 
 /// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body
@@ -206,23 +198,26 @@ fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
 /// known.
 const ATTITUDE_GAPS: f64 = 4.0;
 
-/// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.
-fn gap_limit_s(quantity: Quantity, channel: &Channel, options: &ImportOptions) -> f64 {
+/// A measured value between samples; `None` where they are too far apart: by more than the setting,
+/// or two and a half periods of a slower log.
+fn interpolated(
+    (quantity, channel): (Quantity, &Channel),
+    stamp_s: f64,
+    options: &ImportOptions,
+) -> Option<f64> {
     let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
-    share * options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
+    let gap_s = options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
+    channel.linear(stamp_s, share * gap_s)
 }
 
-fn warn_of_gaps(axis: &Axis) -> Option<String> {
-    let length_s = |gap: &[f64; 2]| gap[1] - gap[0];
-    let longest = axis.gaps.iter().max_by(|a, b| length_s(a).total_cmp(&length_s(b)))?;
-    let total_s: f64 = axis.gaps.iter().map(length_s).sum();
-    let shown: Vec<String> =
-        axis.gaps.iter().map(|gap| format!("{:.2}–{:.2} s", gap[0], gap[1])).collect();
+fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<String> {
+    let lengths_s = || gaps.iter().map(|[from_s, to_s]| to_s - from_s);
+    let longest_s = lengths_s().max_by(f64::total_cmp)?;
+    let (n, total_s): (_, f64) = (gaps.len(), lengths_s().sum());
+    let shown = gaps.iter().map(|[from_s, to_s]| format!("{from_s:.2}–{to_s:.2} s"));
+    let shown = shortened(&shown.collect::<Vec<_>>());
     Some(format!(
-        "{} gap(s) in the pose, {total_s:.2} s together, longest {:.2} s, left out: {}",
-        axis.gaps.len(),
-        length_s(longest),
-        shortened(&shown),
+        "{n} gap(s) in the pose, {total_s:.2} s together, longest {longest_s:.2} s, left out: {shown}"
     ))
 }
 
@@ -238,61 +233,49 @@ fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
     (farthest_m > FARTHEST_M).then_some(text)
 }
 
-/// The sample at a stamp.
+/// The sample at a stamp, which is a time of the flight.
 fn sample(
     quantities: &Quantities,
     options: &ImportOptions,
     stamp_s: f64,
-    axis: &Axis,
+    time_s: f64,
 ) -> FlightSample {
-    let mut sample = FlightSample::default().numbers();
+    let mut numbers = FlightSample::default().numbers();
     for (&quantity, channels) in &quantities.channels {
-        for (cell, channel) in sample[quantity.places()].iter_mut().zip(channels) {
-            *cell = match quantity {
-                Quantity::Design | Quantity::Motors => channel.held(stamp_s),
-                _ => interpolated((quantity, channel), stamp_s, options)
-                    .unwrap_or_else(|| channel.held(stamp_s)),
-            };
+        let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
+        for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
+            let between = (!is_held).then(|| interpolated((quantity, channel), stamp_s, options));
+            *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
         }
     }
-    let mut sample = FlightSample::from_numbers(sample);
+    let mut sample = FlightSample::from_numbers(numbers);
     sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
     sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
     if quantities.velocity_frame == VelocityFrame::World {
         let body_from_world = sample.attitude.world_from_body().transpose();
         sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
     }
-    let rounded = FlightSample::from_numbers(sample.numbers().map(on_grid));
-    FlightSample { time_s: axis.time_s(stamp_s), ..rounded }
-}
-
-/// A measured value between samples; `None` where they are too far apart.
-fn interpolated(
-    (quantity, channel): (Quantity, &Channel),
-    stamp_s: f64,
-    options: &ImportOptions,
-) -> Option<f64> {
-    channel.linear(stamp_s, gap_limit_s(quantity, channel, options))
+    FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
 }
 
 /// Names measured quantities other than the pose that are held over gaps of their own.
-fn warn_of_held_values<'a>(
-    found: &'a Quantities,
-    options: &'a ImportOptions,
-    axis: &'a Axis,
-) -> impl Iterator<Item = String> + 'a {
+fn warn_of_held_values(
+    quantities: &Quantities,
+    options: &ImportOptions,
+    stamps_s: &[f64],
+) -> Vec<String> {
     let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-    measured.into_iter().filter_map(move |quantity| {
-        let channels = found.channels.get(&quantity)?;
-        let held = |stamp_s: &&f64| {
-            let held = |channel| interpolated((quantity, channel), **stamp_s, options).is_none();
-            channels.iter().any(held)
+    let of_quantity = |quantity: Quantity| {
+        let channels = quantities.channels.get(&quantity)?;
+        let is_held = |stamp_s: &&f64| {
+            channels.iter().any(|it| interpolated((quantity, it), **stamp_s, options).is_none())
         };
-        let (n, n_all) = (axis.stamps_s.iter().filter(held).count(), axis.stamps_s.len());
+        let (n, n_all) = (stamps_s.iter().filter(is_held).count(), stamps_s.len());
         let name = quantity.name();
         let text = format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
         (n > 0).then_some(text)
-    })
+    };
+    measured.into_iter().filter_map(of_quantity).collect()
 }
 
 /// The same angle within (−π, π].
@@ -305,17 +288,16 @@ fn half_turn(angle_rad: f64) -> f64 {
 fn extra(
     recording: &Recording,
     used: &BTreeSet<String>,
-    axis: &Axis,
+    stamps_s: &[f64],
 ) -> BTreeMap<String, Vec<f64>> {
-    let names = recording.names().filter(|name| !used.contains(*name));
     let mut extra = BTreeMap::new();
-    for name in names {
+    for name in recording.names().filter(|name| !used.contains(*name)) {
         let Some(channel) = recording.channel(name) else { continue };
         let mut title = extra_name(name);
         while extra.contains_key(&title) {
             title.push('_');
         }
-        let values = axis.stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
+        let values = stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
         extra.insert(title, values.collect());
     }
     extra
@@ -323,13 +305,11 @@ fn extra(
 
 /// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
-    let is_level = |level: &f64| (0.0..=1.0).contains(level);
-    let channel = |name: &str| name.strip_prefix("log.light.").map(str::to_owned);
-    let lights = extra.iter().filter(|(_, levels)| levels.iter().all(is_level));
-    let lights: BTreeMap<_, _> =
-        lights.filter_map(|(name, levels)| Some((channel(name)?, levels.clone()))).collect();
-    extra.retain(|name, _| channel(name).is_none_or(|channel| !lights.contains_key(&channel)));
-    lights
+    let is_light = |name: &String, levels: &mut Vec<f64>| {
+        name.starts_with("log.light.") && levels.iter().all(|level| (0.0..=1.0).contains(level))
+    };
+    let lights = extra.extract_if(.., is_light);
+    lights.map(|(name, levels)| (name["log.light.".len()..].to_owned(), levels)).collect()
 }
 
 /// The name of a further column in a flight file: as logged, without characters that a CSV header

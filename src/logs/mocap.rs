@@ -15,6 +15,7 @@ use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::quantities;
 use noctograph_core::crazyflie::SLOW_CLOCK;
 use noctograph_core::flight::Quantity;
+use noctograph_core::geometry::turned;
 
 /// Number of stamps at which the two paths are compared.
 const N_STAMPS: u32 = 200;
@@ -47,15 +48,13 @@ pub(super) fn align(recording: &mut Recording) {
     let mocap = moving("mocap.{x y z}");
     let shift = mocap.zip(path).and_then(|(mocap, path)| {
         let direct = Search { mocap, path, free: false };
-        let level = |shift: Shift| (shift, false);
-        direct.shift().map(level).or_else(|| {
-            let turned = Search { free: true, ..direct.clone() };
-            turned.shift().map(level).or_else(|| {
-                let [x, y, z] = <[Channel; 3]>::try_from(turned.mocap).ok()?;
-                let back = Channel { values: z.values.iter().map(|z| -z).collect(), ..z };
-                let upright = Search { mocap: vec![x, back, y], path: turned.path, free: true };
-                upright.shift().map(|shift| (shift, true))
-            })
+        let turned = || Search { free: true, ..direct.clone() };
+        let level = direct.shift().or_else(|| turned().shift()).map(|shift| (shift, false));
+        level.or_else(|| {
+            let mut upright = turned();
+            upright.mocap.swap(1, 2);
+            upright.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
+            Some((upright.shift()?, true))
         })
     });
     let Some((shift, y_up)) = shift else {
@@ -66,14 +65,12 @@ pub(super) fn align(recording: &mut Recording) {
         return;
     };
     recording.warnings.extend(shift.warnings(y_up));
-    if shift.is_elsewhere() && shift.left_m > MOST_LEFT_M {
+    if shift.is_elsewhere() && shift.placed.left_m > MOST_LEFT_M {
         recording.blocks.retain(|block| block.clock == Clock::Drone);
         return;
     }
     for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
-        for time_s in &mut block.time_s {
-            *time_s = shift.drone_s(*time_s);
-        }
+        block.time_s.iter_mut().for_each(|time_s| *time_s = shift.drone_s(*time_s));
         if shift.is_elsewhere() || y_up {
             shift.place(block, y_up);
         }
@@ -88,12 +85,9 @@ struct Shift {
     pivot_mocap_s: f64,
     ratio: f64,
     /// Mean of drone's path − motion capture's path, per axis.
-    frame_offset_m: [f64; 3],
-    /// What lays the motion capture's world onto the drone's: a turn about z, then a shift.
-    turn_rad: f64,
-    move_m: [f64; 3],
-    /// Root mean square distance that it leaves.
-    left_m: f64,
+    frame_offset_m: Vector3<f64>,
+    /// What lays the motion capture's world onto the drone's.
+    placed: Fit,
 }
 
 /// Frames that differ by less are one: an estimator's error, a marker beside the middle of the
@@ -107,28 +101,25 @@ const MOST_LEFT_M: f64 = 0.1;
 impl Shift {
     /// Whether the motion capture's world is another than the drone's.
     fn is_elsewhere(&self) -> bool {
-        let apart = self.frame_offset_m.iter().any(|offset| offset.abs() > SAME_M);
-        apart || self.turn_rad.abs() > SAME_RAD
+        self.frame_offset_m.amax() > SAME_M || self.placed.turn_rad.abs() > SAME_RAD
     }
 
     /// Lays a block's positions and yaw onto the drone's world.
     fn place(&self, block: &mut Block, y_up: bool) {
-        let column = |name: &str| block.columns.iter().position(|column| column.name == name);
-        let places = ["mocap.x", "mocap.y", "mocap.z"].map(column);
-        let yaw = column("mocap.yaw");
+        let Fit { turn_rad, move_m, .. } = self.placed;
+        let place = |name| block.columns.iter().position(|column| column.name == name);
+        let places = ["mocap.x", "mocap.y", "mocap.z"].map(place);
         let [Some(x), Some(y), Some(z)] = places else { return };
-        let (sin, cos) = (libm::sin(self.turn_rad), libm::cos(self.turn_rad));
         for i in 0..block.time_s.len() {
-            let of = |place: usize| block.columns[place].values[i];
-            let at = if y_up { [of(x), -of(z), of(y)] } else { [of(x), of(y), of(z)] };
-            let placed = [cos * at[0] - sin * at[1], sin * at[0] + cos * at[1], at[2]];
-            for (place, (value, shift)) in [x, y, z].into_iter().zip(placed.iter().zip(self.move_m))
-            {
-                block.columns[place].values[i] = value + shift;
+            let [at_x, at_y, at_z] = [x, y, z].map(|place| block.columns[place].values[i]);
+            let at_m = if y_up { [at_x, -at_z, at_y] } else { [at_x, at_y, at_z] };
+            let placed_m = turned(&at_m.into(), turn_rad) + move_m;
+            for (place, value) in [x, y, z].into_iter().zip(&placed_m) {
+                block.columns[place].values[i] = *value;
             }
         }
-        if let Some(yaw) = yaw {
-            block.columns[yaw].values.iter_mut().for_each(|value| *value += self.turn_rad);
+        if let Some(yaw) = block.column_mut("mocap.yaw") {
+            yaw.values.iter_mut().for_each(|value| *value += turn_rad);
         }
     }
 
@@ -139,21 +130,23 @@ impl Shift {
     fn warnings(&self, y_up: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         if (self.ratio - 1.0).abs() > 0.003 {
-            let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
-            let ratio = match is_slow {
-                true => format!("84/85 = {SLOW_CLOCK:.4}"),
-                false => format!("{:.4}", self.ratio),
+            let (ratio, of) = match (self.ratio - SLOW_CLOCK).abs() < 0.002 {
+                true => (
+                    format!("84/85 = {SLOW_CLOCK:.4}"),
+                    ", as in firmware up to and with release 2026.08",
+                ),
+                false => (format!("{:.4}", self.ratio), ""),
             };
-            let of = if is_slow { ", as in firmware up to and with release 2026.08" } else { "" };
             warnings.push(format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{of}"
             ));
         }
-        let [x, y, z] = self.frame_offset_m;
-        let (degrees, left_cm) = (self.turn_rad.to_degrees(), 100.0 * self.left_m);
+        let [x, y, z] = self.frame_offset_m.into();
+        let Fit { turn_rad, move_m, left_m, .. } = self.placed;
+        let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
         let axes = if y_up { "y up, " } else { "" };
-        let [to_x, to_y, to_z] = self.move_m;
-        if (self.is_elsewhere() || y_up) && self.left_m <= MOST_LEFT_M {
+        let [to_x, to_y, to_z] = move_m.into();
+        if (self.is_elsewhere() || y_up) && left_m <= MOST_LEFT_M {
             warnings.push(format!(
                 "the motion capture's world is another than the drone's: {axes}turned by {degrees:.1}° and \
                  shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
@@ -164,7 +157,7 @@ impl Shift {
                 "the motion capture's world is another than the drone's, and no turn and shift lays one \
                  onto the other ({left_cm:.0} cm are left): its columns are left out"
             ));
-        } else if [x, y, z].iter().any(|offset| offset.abs() > 0.05) {
+        } else if self.frame_offset_m.amax() > 0.05 {
             warnings.push(format!(
                 "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
                  average: their frames may differ, and so may setpoints and positions"
@@ -183,11 +176,15 @@ struct Search {
 }
 
 /// Residual of one shift.
+#[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     misfit: f64,
-    offset_m: [f64; 3],
+    /// Mean of drone's path − motion capture's path.
+    offset_m: Vector3<f64>,
+    /// What lays one path onto the other: a turn about z, then a shift.
     turn_rad: f64,
-    move_m: [f64; 3],
+    move_m: Vector3<f64>,
+    /// Root mean square distance that it leaves.
     left_m: f64,
 }
 
@@ -195,7 +192,7 @@ impl Search {
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
-        let stamps = stamps(start_s, end_s);
+        let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
         let coarse_s =
@@ -203,45 +200,39 @@ impl Search {
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
         let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
+        let reach_s = 0.02 * lasts_s + COARSE_S;
         // The difference of the halves' shifts is the difference of the clocks' rates.
         let half = |from_s: f64, to_s: f64| {
             let stamps = self::stamps(from_s, to_s);
-            let apart_s = 0.02 * (end_s - start_s) + COARSE_S;
-            let shift_s = self.best(&stamps, fine_s, apart_s, apart_s / 100.0)?;
+            let shift_s = self.best(&stamps, fine_s, reach_s, reach_s / 100.0)?;
             let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
             good.then_some(shift_s)
         };
         let halves = half(start_s, middle_s).zip(half(middle_s, end_s));
-        let slope = halves.map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * (end_s - start_s)));
-        let pivot_mocap_s = middle_s - fine_s;
+        let slope = halves.map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
         let mut shift = Shift {
             pivot_drone_s: middle_s,
-            pivot_mocap_s,
+            pivot_mocap_s: middle_s - fine_s,
             ratio: 1.0,
             frame_offset_m: fit.offset_m,
-            turn_rad: 0.0,
-            move_m: [0.0; 3],
-            left_m: 0.0,
+            placed: Fit::default(),
         };
         // Below 0.3 % it is the noise of the fit.
-        let mut placed_by = (self.clone(), fine_s);
-        if slope.abs() > 0.003 {
+        let placed = if slope.abs() > 0.003 {
             shift.ratio = 1.0 / (1.0 - slope);
-            let mut mocap = self.mocap.clone();
-            for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
+            let mut paced = self.clone();
+            for time_s in paced.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
                 *time_s = shift.drone_s(*time_s) - fine_s;
             }
-            let paced = Self { mocap, path: self.path.clone(), free: self.free };
-            let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
             shift.pivot_drone_s += paced_s - fine_s;
             shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
-            placed_by = (paced, paced_s);
-        }
-        if let Some(fit) = placed_by.0.turned_fit(&stamps, placed_by.1) {
-            (shift.turn_rad, shift.move_m, shift.left_m) = (fit.turn_rad, fit.move_m, fit.left_m);
-        }
+            paced.turned_fit(&stamps, paced_s)
+        } else {
+            self.turned_fit(&stamps, fine_s)
+        };
+        shift.placed = placed.unwrap_or_default();
         Some(shift)
     }
 
@@ -269,14 +260,13 @@ impl Search {
         if self.free {
             return self.turned_fit(stamps, shift_s);
         }
-        let (mut left, mut spread, mut offset_m) = (0.0, 0.0, [0.0; 3]);
-        for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(&mut offset_m) {
+        let (mut left, mut spread, mut offset_m) = (0.0, 0.0, Vector3::zeros());
+        for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(offset_m.iter_mut()) {
             let pairs: Vec<(f64, f64)> = stamps
                 .iter()
                 .filter_map(|t| {
                     let captured = mocap.linear(t - shift_s, MAX_GAP_S)?;
-                    let logged = path.linear(*t, 1.0_f64.max(3.0 * path.period_s))?;
-                    Some((logged, captured))
+                    Some((path.linear(*t, path_gap_s(path))?, captured))
                 })
                 .collect();
             if pairs.len() * 2 < stamps.len() {
@@ -287,33 +277,23 @@ impl Search {
                 mean_and_spread(pairs.iter().map(|(logged, captured)| logged - captured));
             (spread, left, *offset) = (spread + logged_sq, left + left_sq, mean);
         }
-        // A path needs two centimeters of movement.
-        let [turn_rad, left_m] = [0.0, left.sqrt()];
-        (spread > 4e-4).then(|| Fit {
-            misfit: left / spread,
-            offset_m,
-            turn_rad,
-            move_m: offset_m,
-            left_m,
-        })
+        Fit::new(left, spread, offset_m, (0.0, offset_m))
     }
 
     /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
     fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
-        let at = |channels: &[Channel], time_s: f64, slow: bool| {
-            let gap_s = |channel: &Channel| {
-                if slow { 1.0_f64.max(3.0 * channel.period_s) } else { MAX_GAP_S }
-            };
+        let at = |channels: &[Channel], time_s: f64, gap_s: fn(&Channel) -> f64| {
             let value = |channel: &Channel| channel.linear(time_s, gap_s(channel));
             Some(Vector3::new(value(&channels[0])?, value(&channels[1])?, value(&channels[2])?))
         };
-        let pair =
-            |t: &f64| Some((at(&self.path, *t, true)?, at(&self.mocap, t - shift_s, false)?));
+        let pair = |t: &f64| {
+            Some((at(&self.path, *t, path_gap_s)?, at(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
+        };
         let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = stamps.iter().filter_map(pair).collect();
-        if self.path.len() != 3 || self.mocap.len() != 3 || pairs.len() * 2 < stamps.len() {
+        if pairs.len() * 2 < stamps.len() {
             return None;
         }
-        let n = pairs.iter().fold(0.0, |n, _| n + 1.0);
+        let n = pairs.len() as f64;
         let [to_m, from_m] = pairs
             .iter()
             .fold([Vector3::zeros(); 2], |[to, from], pair| [to + pair.0 / n, from + pair.1 / n]);
@@ -324,21 +304,37 @@ impl Search {
             cos += from.x * to.x + from.y * to.y;
             spread += to.norm_squared() / n;
         }
+        let turn = |turn_rad| Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
         let left = |turn_rad: f64| {
-            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-            let apart =
-                |to: &Vector3<f64>, from: &Vector3<f64>| (to - to_m) - turn * (from - from_m);
-            pairs.iter().map(|(to, from)| apart(to, from).norm_squared() / n).sum::<f64>()
+            let turn = turn(turn_rad);
+            let apart = pairs.iter().map(|(to, from)| (to - to_m) - turn * (from - from_m));
+            apart.map(|apart| apart.norm_squared() / n).sum::<f64>()
         };
         let turned_rad = libm::atan2(sin, cos);
         // A path that is nearly upright, or an error of its own, tells no turn.
         let turn_rad = if left(turned_rad) < 0.25 * left(0.0) { turned_rad } else { 0.0 };
-        let (left, turn) =
-            (left(turn_rad), Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad));
-        let (offset_m, move_m) = ((to_m - from_m).into(), (to_m - turn * from_m).into());
-        let left_m = left.sqrt();
-        (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m, turn_rad, move_m, left_m })
+        let move_m = to_m - turn(turn_rad) * from_m;
+        Fit::new(left(turn_rad), spread, to_m - from_m, (turn_rad, move_m))
     }
+}
+
+impl Fit {
+    /// A fit that leaves some of a path's variance; `None` of a path without two centimeters of
+    /// movement.
+    fn new(
+        left_m2: f64,
+        spread_m2: f64,
+        offset_m: Vector3<f64>,
+        (turn_rad, move_m): (f64, Vector3<f64>),
+    ) -> Option<Self> {
+        let (misfit, left_m) = (left_m2 / spread_m2, left_m2.sqrt());
+        (spread_m2 > 4e-4).then_some(Self { misfit, offset_m, turn_rad, move_m, left_m })
+    }
+}
+
+/// Longest gap in the drone's path that is interpolated.
+fn path_gap_s(path: &Channel) -> f64 {
+    1.0_f64.max(3.0 * path.period_s)
 }
 
 fn span(channels: &[Channel]) -> (f64, f64) {
@@ -352,8 +348,8 @@ fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
 }
 
 /// Mean and mean square distance from it.
-fn mean_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let n = values.clone().fold(0.0, |n, _| n + 1.0);
+fn mean_and_spread(values: impl ExactSizeIterator<Item = f64> + Clone) -> (f64, f64) {
+    let n = values.len() as f64;
     let mean = values.clone().sum::<f64>() / n;
     (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / n)
 }
@@ -408,8 +404,8 @@ mod tests {
         let search = Search { mocap, path: drone, free: false };
         assert!(search.shift().is_none(), "as it is, it is another path");
         let shift = Search { free: true, ..search }.shift().unwrap();
-        assert!(shift.is_elsewhere() && shift.left_m < 0.01, "{shift:?}");
-        assert!((shift.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
+        assert!(shift.is_elsewhere() && shift.placed.left_m < 0.01, "{shift:?}");
+        assert!((shift.placed.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
         let said = shift.warnings(false).join(" ");
         assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");

@@ -34,10 +34,9 @@ pub(super) fn table(text: &[u8], file: &str) -> Result<Option<Table>> {
             line.split([',', ';', '\t']).map(|cell| cell.trim().trim_matches('"')).collect()
         })
         .collect();
-    let Some(first) = lines.first().and_then(|line| line.first()) else { return Ok(None) };
     let is_head = |line: &Vec<&str>| line.len() > 2 && line[0] == "Frame";
     let Some(head) = lines.iter().position(is_head) else { return Ok(None) };
-    match *first {
+    match lines[0][0] {
         "Format Version" => motive(text, file, &lines, head).map(Some),
         "Objects" | "Segments" | "Trajectories" | "Model Outputs" => {
             vicon(text, file, &lines, head).map(Some)
@@ -48,8 +47,8 @@ pub(super) fn table(text: &[u8], file: &str) -> Result<Option<Table>> {
 
 fn motive(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Table> {
     let value = |key: &str| {
-        let at = lines[0].iter().position(|cell| *cell == key)?;
-        lines[0].get(at + 1).copied()
+        let place = lines[0].iter().position(|cell| *cell == key)?;
+        lines[0].get(place + 1).copied()
     };
     let unit = match value("Length Units") {
         None | Some("Meters") => "m",
@@ -63,25 +62,23 @@ fn motive(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<T
     // Of the lines above: types, names, numbers, properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
     let find = |wanted: &[&str]| {
-        let has = |line: &&&Vec<&str>| line.iter().skip(2).any(|cell| wanted.contains(cell));
-        above.iter().find(has).map(|line| line.as_slice()).unwrap_or_default()
+        above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
+    };
+    let cell = |line: Option<usize>, index: usize| {
+        line.and_then(|line| above.get(line)?.get(index).copied()).unwrap_or_default()
     };
     let (types, properties) = (find(&["Rigid Body", "Marker"]), find(&["Position"]));
-    let at = above.iter().position(|line| line.as_slice() == types).unwrap_or_default();
-    let names = above.get(at + 1).map(|line| line.as_slice()).unwrap_or_default();
-    let cell =
-        |line: &[&str], index: usize| line.get(index).copied().unwrap_or_default().to_owned();
-    let is_body = types.contains(&"Rigid Body");
-    let kind = if is_body { "Rigid Body" } else { "Marker" };
+    let names = types.map(|types| types + 1);
+    let has_body = types.is_some_and(|types| above[types].contains(&"Rigid Body"));
+    let kind = if has_body { "Rigid Body" } else { "Marker" };
     let of_kind = |index: &usize| cell(types, *index) == kind;
-    let bodies: BTreeSet<String> =
-        (2..lines[head].len()).filter(of_kind).map(|index| cell(names, index)).collect();
-    one_of(file, kind, &bodies)?;
+    let bodies = (2..lines[head].len()).filter(of_kind).map(|index| cell(names, index));
+    one_of(file, kind, bodies)?;
     let quaternion = value("Rotation Type").is_none_or(|kind| kind == "Quaternion");
     let (mut titles, mut others) = (vec!["index".to_owned(), "t_s".to_owned()], 0);
     for (index, axis) in lines[head].iter().enumerate().skip(2) {
-        let (property, axis) = (cell(properties, index), axis.to_lowercase());
-        titles.push(match &*property {
+        let axis = axis.to_lowercase();
+        titles.push(match cell(properties, index) {
             "Position" if of_kind(&index) => format!("{axis}_{unit}"),
             "Rotation" if of_kind(&index) && quaternion => format!("q{axis}"),
             _ => {
@@ -98,8 +95,8 @@ fn motive(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<T
         notes
             .push(format!("{others} columns of Motive beside the pose are kept as motive.column…"));
     }
-    let (axes, format) = (Axes::YUp, "Motive");
-    Ok(Table { text: plain(text, head, head, &titles), axes, format, period_s: None, notes })
+    let text = plain(text, head, head, &titles);
+    Ok(Table { text, axes: Axes::YUp, format: "Motive", period_s: None, notes })
 }
 
 fn vicon(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Table> {
@@ -107,14 +104,12 @@ fn vicon(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Ta
     let Some(rate_hz) = rate_hz.filter(|hz| (0.1..=1e5).contains(hz)) else {
         return Err(refused(file, "no frames per second in line 2", "a number of them"));
     };
-    let names = &lines[head - 1];
-    let units = lines.get(head + 1).map(Vec::as_slice).unwrap_or_default();
-    let bodies: BTreeSet<String> =
-        names.iter().filter(|name| !name.is_empty()).map(|name| (*name).to_owned()).collect();
-    one_of(file, lines[0][0], &bodies)?;
+    let names = lines[head - 1].iter().copied().filter(|name| !name.is_empty());
+    one_of(file, lines[0][0], names)?;
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
-        let unit = units.get(index).copied().filter(|unit| !unit.is_empty()).unwrap_or("mm");
+        let unit = lines.get(head + 1).and_then(|units| units.get(index));
+        let unit = unit.filter(|unit| !unit.is_empty()).unwrap_or(&"mm");
         titles.push(match *title {
             "Frame" => "index".to_owned(),
             "X" | "TX" => format!("x [{unit}]"),
@@ -127,24 +122,21 @@ fn vicon(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Ta
             }
         });
     }
-    let mut notes = Vec::new();
-    if others > 0 {
-        notes.push(format!(
-            "{others} columns of rotations of Vicon are not read, and kept as vicon.…"
-        ));
-    }
+    let note = format!("{others} columns of rotations of Vicon are not read, and kept as vicon.…");
+    let notes = if others > 0 { vec![note] } else { Vec::new() };
     let text = plain(text, head, head + 1, &titles);
     Ok(Table { text, axes: Axes::ZUp, format: "Vicon", period_s: Some(1.0 / rate_hz), notes })
 }
 
 /// Refuses a table of more than one body.
-fn one_of(file: &str, kind: &str, bodies: &BTreeSet<String>) -> Result<()> {
+fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
+    let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {
         return Ok(());
     }
-    let names = bodies.iter().cloned().collect::<Vec<_>>().join(", ");
-    let hint = "export the drone's rigid body alone";
-    Err(Error::input(kind, format!("{} ({names})", bodies.len()), "one", hint).at(file, None))
+    let names = bodies.iter().copied().collect::<Vec<_>>().join(", ");
+    let found = format_args!("{} ({names})", bodies.len());
+    Err(Error::input(kind, found, "one", "export the drone's rigid body alone").at(file, None))
 }
 
 fn refused(file: &str, found: &str, wanted: &str) -> Error {

@@ -15,12 +15,11 @@
 //! one new range, and its stamp is a date or a number: the flight keeps the rows with their own
 //! times, and has no position.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::recording::{Block, Column, Recording, shortened};
-use super::sheet::{self, Sheet};
-use super::{AngleUnit, ImportOptions, TimeUnit, mocap_csv};
+use super::sheet::{self, Sheet, SheetColumn};
+use super::{AngleUnit, Axes, ImportOptions, TimeUnit, firmware, mocap_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, plain_text};
 use noctograph_core::flight::csv::is_standard_column;
@@ -34,80 +33,36 @@ const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 /// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
 /// the letters before them.
-const NAMES: [(&str, &str, &[&str]); 14] = [
+const NAMES: [(&str, &str, &str); 14] = [
     (
         " ",
         "t",
-        &[
-            "t",
-            "time",
-            "timestamp",
-            "stamp",
-            "date",
-            "datetime",
-            "seconds",
-            "sec",
-            "zeit",
-            "elapsed",
-            "elapsed_time",
-            "header_stamp",
-            "time_boot",
-        ],
+        "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time header_stamp \
+         time_boot",
     ),
     (
         "xyz",
         "*_m",
-        &[
-            "*",
-            "p*",
-            "p_*",
-            "pos_*",
-            "pos*",
-            "position_*",
-            "*_pos",
-            "*_position",
-            "t*",
-            "p_rs_r_*",
-            "translation_*",
-            "loc_*",
-            "location_*",
-        ],
+        "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_* loc_* location_*",
     ),
-    ("z", "*_m", &["height", "altitude", "alt"]),
-    (
-        "xyz",
-        "*_estimate_m",
-        &["*_estimate", "*_est", "*_estimated", "est_*", "estimate_*", "*_hat"],
-    ),
-    (" ", "yaw_rad", &["yaw", "psi"]),
-    (" ", "pitch_rad", &["pitch", "theta"]),
-    (" ", "roll_rad", &["roll", "phi"]),
-    ("wxyz", "q*", &["q*", "q_*", "quat_*", "orientation_*", "rotation_*", "q_rs_*"]),
-    ("xyz", "v*_world_m_s", &["v*", "v_*", "vel_*", "vel*", "velocity_*", "*_vel", "v_rs_r_*"]),
-    ("xyz", "v*_body_m_s", &["v*_body"]),
-    ("xyz", "w*_body_rad_s", &["w*", "w_*", "w*_body", "omega_*", "omega*", "gyro_*", "w_rs_s_*"]),
+    ("z", "*_m", "height altitude alt"),
+    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
+    (" ", "yaw_rad", "yaw psi"),
+    (" ", "pitch_rad", "pitch theta"),
+    (" ", "roll_rad", "roll phi"),
+    ("wxyz", "q*", "q* q_* quat_* orientation_* rotation_* q_rs_*"),
+    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
+    ("xyz", "v*_body_m_s", "v*_body"),
+    ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
     (
         "xyz",
         "*_design_m",
-        &[
-            "*_design",
-            "*_des",
-            "*_d",
-            "*d",
-            "*_ref",
-            "*_sp",
-            "*_setpoint",
-            "*_cmd",
-            "*_target",
-            "ref_*",
-            "setpoint_*",
-            "target_*",
-            "des_*",
-            "cmd_*",
-        ],
+        "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_* setpoint_* target_* des_* \
+         cmd_*",
     ),
-    ("1234", "m*", &["m*", "m_*", "motor*", "motor_*", "pwm*", "pwm_*", "m*_pwm"]),
-    (" ", "index", &["index", "row", ""]),
+    ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
+    // The last of them is no title at all.
+    (" ", "index", "index row "),
 ];
 
 /// Ends of paths, and the names that they stand for.
@@ -119,44 +74,23 @@ const PATHS: [(&str, &str); 5] = [
     ("header", "header"),
 ];
 
-/// Units as endings of names, the longest first, and their size in SI units.
-const UNITS: [(&str, f64); 33] = [
-    ("_milliseconds", 1e-3),
-    ("_microseconds", 1e-6),
-    ("_nanoseconds", 1e-9),
-    ("_millimeters", 1e-3),
-    ("_centimeters", 1e-2),
-    ("_seconds", 1.0),
-    ("_degrees", DEGREE),
-    ("_radians", 1.0),
-    ("_meters", 1.0),
-    ("_metres", 1.0),
-    ("_rad_s", 1.0),
-    ("_deg_s", DEGREE),
-    ("_mrad_s", 1e-3),
-    ("_mm_s", 1e-3),
-    ("_cm_s", 1e-2),
-    ("_m_s_2", 1.0),
-    ("_m_s2", 1.0),
-    ("_m_s", 1.0),
-    ("_mrad", 1e-3),
-    ("_rad", 1.0),
-    ("_deg", DEGREE),
-    ("_inch", 0.0254),
-    ("_ft", 0.3048),
-    ("_mm", 1e-3),
-    ("_cm", 1e-2),
-    ("_km", 1e3),
-    ("_ms", 1e-3),
-    ("_us", 1e-6),
-    ("_ns", 1e-9),
-    ("_sec", 1.0),
-    ("_in", 0.0254),
-    ("_m", 1.0),
-    ("_s", 1.0),
+/// Units as endings of names, and their size in SI units.
+const UNITS: [(&str, f64); 9] = [
+    ("m meters metres m_s m_s2 m_s_2 s sec seconds rad radians rad_s", 1.0),
+    ("mm millimeters mm_s ms milliseconds mrad mrad_s", 1e-3),
+    ("cm centimeters cm_s", 1e-2),
+    ("us microseconds", 1e-6),
+    ("ns nanoseconds", 1e-9),
+    ("deg degrees deg_s", DEGREE),
+    ("in inch", 0.0254),
+    ("ft", 0.3048),
+    ("km", 1e3),
 ];
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// Yaw, pitch and roll, under our names.
+const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
 /// Beginning of the names of range columns.
 const RANGE: &str = "ranging.distance";
@@ -165,7 +99,7 @@ const RANGE: &str = "ranging.distance";
 const ROW_S: f64 = 1.0;
 
 /// What a title says.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 struct Title {
     /// Our name; an unknown title's is as it stands.
     name: String,
@@ -178,7 +112,7 @@ struct Title {
     other_unit: Option<String>,
 }
 
-/// Reads a plain table.
+/// Reads a plain table; its stamps may be those of a clock that others share.
 pub(super) fn read(
     text: &[u8],
     file: &str,
@@ -186,83 +120,65 @@ pub(super) fn read(
     budget: &Budget,
 ) -> Result<Recording> {
     let captured = mocap_csv::table(text, file)?;
-    let text =
-        captured.as_ref().map_or(Cow::Borrowed(text), |table| Cow::Borrowed(&table.text[..]));
-    let plain = plain_text(&text);
+    let table = captured.as_ref().map_or(text, |captured| &captured.text);
+    let plain = plain_text(table);
     budget.bytes(plain.text.len())?;
-    let names = unnamed(&text, &plain.text);
+    let names = unnamed(table, &plain.text);
     let needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
-    let sheet = Sheet::read(&plain.text, file, names, &needed, budget)?;
-    let mut log = Recording { file: file.to_owned(), ..Recording::default() };
+    let sheet = Sheet::read(&plain.text, file, names, needed, budget)?;
+    let mut log = Recording { firmware: firmware::in_comments(text), ..Recording::new(file) };
     log.warnings.extend(plain.notes.into_iter().chain(sheet.warnings));
     if sheet::header(&plain.text).is_none() {
         log.warnings.push(format!("no head: the columns are taken as {}", names.join(", ")));
     }
-    if let Some(table) = &captured {
-        (log.axes, log.in_format) = (table.axes, Some(table.format));
-        log.warnings.extend(table.notes.iter().cloned());
-    } else if is_px4(&sheet.header) {
-        (log.axes, log.in_format) = (super::Axes::ZDown, Some("the local position of PX4"));
+    let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
+    let mut period_s = options.period_s;
+    if let Some(captured) = &captured {
+        (log.axes, log.in_format) = (captured.axes, Some(captured.format));
+        log.warnings.extend_from_slice(&captured.notes);
+        period_s = captured.period_s.or(period_s);
+    } else if is_px4(&titles) {
+        (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
-    let has_ranges = sheet.header.iter().any(|title| title.starts_with(RANGE));
-    let header = sheet.header.join(",");
-    let mut columns = Columns {
-        file,
-        options,
-        log,
-        time: None,
-        named: Vec::new(),
-        from: BTreeMap::new(),
-        unknown: Vec::new(),
-    };
-    for (index, (title, values)) in sheet.header.iter().zip(sheet.columns).enumerate() {
-        columns.add(index, title, values, sheet.dated[index])?;
+    let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
+    for (index, column) in sheet.columns.into_iter().enumerate() {
+        columns.add(index, column)?;
     }
-    let Columns { mut log, time, mut named, unknown, .. } = columns;
-    let period_s = captured.as_ref().and_then(|table| table.period_s).or(options.period_s);
+    let Columns { mut log, time, named, unknown, .. } = columns;
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
         (Some(_), Some(_)) if captured.is_none() => {
-            let hint = "leave the period out";
-            return Err(Error::input(
-                file,
-                "a column of times",
-                "none, since a period is given",
-                hint,
-            ));
+            let (found, wanted) = ("a column of times", "none, since a period is given");
+            return Err(Error::input(file, found, wanted, "leave the period out"));
         }
         (Some((_, time_s)), _) => time_s,
         (None, Some(period_s)) => rows(&named, captured.is_some(), period_s),
         (None, None) => {
-            let place = format!("{file}:1: times");
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
             let hint = "name the column of times t, or give the period of the rows";
-            return Err(Error::input(place, header, wanted, hint));
+            let place = format_args!("{file}:1: times");
+            return Err(Error::input(place, titles.join(","), wanted, hint));
         }
     };
-    if has_ranges && spread_rows(&mut time_s) {
+    if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
         log.warnings
             .push("several rows share a stamp: they are spread evenly up to the next".into());
     }
     if !unknown.is_empty() {
-        let kept = "unknown columns are kept unchanged";
-        log.warnings.push(format!("{kept}: {}", shortened(&unknown)));
+        let names = shortened(&unknown);
+        log.warnings.push(format!("unknown columns are kept unchanged: {names}"));
     }
-    angles(&mut named, &time_s, options.angle_unit, &mut log.warnings);
-    let columns = named.into_iter().map(|(column, _)| column).collect();
-    log.blocks = vec![Block { name: "csv".into(), time_s, columns, ..Block::default() }];
+    let mut block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
+    settle_angles(&mut block, options.angle_unit, &mut log.warnings);
+    log.blocks = vec![block];
     Ok(log)
 }
 
 /// Names of the columns where the file has no header.
 fn unnamed(text: &[u8], plain: &[u8]) -> &'static [&'static str] {
-    fn first(text: &[u8]) -> &[u8] {
-        let mut lines = text.split(|byte| *byte == b'\n');
-        lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default()
-    }
-    let blanks = !first(text).iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
-    let cells = first(plain).split(|byte| *byte == b',').count();
+    let blanks = !sheet::is_separated(sheet::first_line(text));
+    let cells = sheet::first_line(plain).split(|byte| *byte == b',').count();
     if blanks && cells == TUM.len() { &TUM } else { &UNNAMED }
 }
 
@@ -273,139 +189,139 @@ fn is_px4(header: &[String]) -> bool {
 }
 
 /// Stamps of rows without times: by their numbers, or by those of the frames of a capture.
-fn rows(named: &[(Column, bool)], by_frame: bool, period_s: f64) -> Vec<f64> {
-    let n = named.first().map_or(0, |(column, _)| column.values.len());
-    let frames = named.iter().find(|(column, _)| by_frame && column.name == "index");
-    match frames {
-        Some((frames, _)) => frames.values.iter().map(|frame| frame * period_s).collect(),
+fn rows(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
+    let n = named.first().map_or(0, |column| column.values.len());
+    match named.iter().find(|column| by_frame && column.name == "index") {
+        Some(frames) => frames.values.iter().map(|frame| frame * period_s).collect(),
         None => (0..n).map(|row| row as f64 * period_s).collect(),
     }
 }
 
 /// The columns of a table as they become known.
-struct Columns<'a> {
-    file: &'a str,
-    options: &'a ImportOptions,
+#[derive(Default)]
+struct Columns {
     log: Recording,
+    time_unit: TimeUnit,
     /// The title of the times, and the times.
     time: Option<(String, Vec<f64>)>,
-    /// Columns, and whether they are angles without a unit.
-    named: Vec<(Column, bool)>,
+    named: Vec<Column>,
     /// The title and the body that each name is from.
     from: BTreeMap<String, (String, String)>,
     unknown: Vec<String>,
 }
 
-impl Columns<'_> {
-    fn add(&mut self, index: usize, title: &str, values: Vec<f64>, dated: bool) -> Result<()> {
-        let Title { mut name, is_known, unit, body, other_unit } = Title::of(title);
-        let (file, options) = (self.file, self.options);
+impl Columns {
+    fn add(&mut self, index: usize, column: SheetColumn) -> Result<()> {
+        let SheetColumn { title, values, is_dated, .. } = column;
+        let Title { mut name, is_known, unit, body, other_unit } = Title::of(&title);
         if let Some(other) = other_unit {
-            let place = format!("column {title}");
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
-            return Err(
-                Error::input(place, format!("the unit {other}"), wanted, hint).at(file, None)
-            );
+            return Err(self.refused(
+                format!("column {title}"),
+                format!("the unit {other}"),
+                wanted,
+                hint,
+            ));
         }
-        if name == "t" && !dated && values.iter().all(|value| value.is_nan()) {
-            // A second column of times may be filled.
-            name = title.to_owned();
-        }
-        if name == "t" {
-            let (time_s, note) = times(title, values, dated, unit, options.time_unit);
+        let is_empty = || values.iter().all(|value| value.is_nan());
+        // A second column of times may be filled.
+        if name == "t" && (is_dated || !is_empty()) {
+            let (time_s, note) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
                 self.log
                     .warnings
                     .push(format!("the times are those of {first}; {title} has others"));
-                self.named.push((Column { name: title.to_owned(), values: time_s }, false));
+                self.named.push(Column::new(title, time_s));
             } else {
                 self.log.warnings.extend(note);
-                self.time = Some((title.to_owned(), time_s));
+                self.time = Some((title, time_s));
             }
             return Ok(());
         }
         // PX4's heading is the yaw of its world.
         if name == "heading" && self.log.in_format.is_some() {
             name = "yaw_rad".to_owned();
-        } else if !is_known && !is_expected(title) {
+        } else if name == "t" {
+            name.clone_from(&title);
+        } else if !is_known && !is_expected(&title) {
             self.unknown.push(format!("{title} (column {})", index + 1));
         }
         if is_known && let Some((first, of_body)) = self.from.get(&name) {
             if *of_body != body {
                 let place = format!("columns {first} and {title}");
                 let hint = "keep the columns of one body";
-                return Err(
-                    Error::input(place, "two bodies", "one, for a flight", hint).at(file, None)
-                );
+                return Err(self.refused(place, "two bodies".into(), "one, for a flight", hint));
             }
-            let column = index + 1;
             self.log.warnings.push(format!(
-                "{title} (column {column}) is one quantity with {first}, which is taken"
+                "{title} (column {}) is one quantity with {first}, which is taken",
+                index + 1
             ));
-            name = title.to_owned();
+            name.clone_from(&title);
         }
-        self.from.entry(name.clone()).or_insert_with(|| (title.to_owned(), body));
-        let is_angle = ["yaw_rad", "pitch_rad", "roll_rad"].contains(&&*name)
-            || name.starts_with('w') && name.ends_with("_body_rad_s");
-        let factor = unit.unwrap_or(1.0);
-        let values = values.into_iter().map(|value| value * factor).collect();
-        self.named.push((Column { name, values }, is_angle && unit.is_none()));
+        self.from.entry(name.clone()).or_insert_with(|| (title, body));
+        self.named.push(in_si_units(name, unit, values));
         Ok(())
     }
+
+    fn refused(&self, place: String, found: String, wanted: &str, hint: &str) -> Error {
+        Error::input(place, found, wanted, hint).at(&self.log.file, None)
+    }
+}
+
+/// The column of a title under our name, in SI units where the title names one.
+pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
+    let Title { name, unit, .. } = Title::of(title);
+    in_si_units(name, unit, values)
+}
+
+fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
+    let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
+    let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
+    values.iter_mut().for_each(|value| *value *= unit.unwrap_or(1.0));
+    Column { name, values, is_open_angle }
 }
 
 /// Whether a title without a meaning of a pose is one of ours, or a variable of the firmware.
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
-    let own = [
-        "saturated_s",
-        "battery_v",
-        "energy_j",
-        "estimate_sigma_m",
-        "estimate_nees",
-        "frame",
-        "seq",
-    ];
+    const OWN: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
     let of_group = |(group, name): (&str, &str)| {
         let plain =
             |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
         plain(group) && plain(name) && group != "field"
     };
-    own.contains(&title) || is_standard_column(title) || title.split_once('.').is_some_and(of_group)
+    OWN.split(' ').any(|own| own == title)
+        || is_standard_column(title)
+        || title.split_once('.').is_some_and(of_group)
 }
 
 /// Times in s of a column of stamps, and what was guessed.
 fn times(
     title: &str,
     mut values: Vec<f64>,
-    dated: bool,
+    is_dated: bool,
     unit: Option<f64>,
     wanted: TimeUnit,
 ) -> (Vec<f64>, Option<String>) {
-    if dated {
+    if is_dated {
         let wraps = midnights(&mut values);
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
         return (values, (wraps > 0).then_some(text));
     }
-    let shown = unit_of(&values);
-    let unit_s = wanted.seconds().or(unit).unwrap_or(shown.unit_s);
-    let is_guess = wanted.seconds().is_none() && unit.is_none();
-    let note = if is_guess && unit_s != 1.0 {
-        let (step, unit) = (shown.step, unit_s);
-        Some(format!(
-            "column {title}: taken as {unit} s a unit, since its rows are {step} apart, which is no \
-             step of a log in seconds"
-        ))
-    } else if is_guess && shown.in_doubt {
-        let step = shown.step;
-        Some(format!(
-            "column {title}: its rows are {step} apart, taken as seconds, not milliseconds"
-        ))
+    let (named_s, found) = (wanted.seconds().or(unit), unit_of(&values));
+    let (unit_s, step) = (named_s.unwrap_or(found.unit_s), found.step);
+    let guess = if unit_s != 1.0 {
+        format!(
+            "taken as {unit_s} s a unit, since its rows are {step} apart, which is no step of a log \
+             in seconds"
+        )
     } else {
-        None
+        format!("its rows are {step} apart, taken as seconds, not milliseconds")
     };
-    (values.into_iter().map(|t| t * unit_s).collect(), note)
+    let is_guess = named_s.is_none() && (unit_s != 1.0 || found.in_doubt);
+    values.iter_mut().for_each(|value| *value *= unit_s);
+    (values, is_guess.then(|| format!("column {title}: {guess}")))
 }
 
 /// Adds a day, or half a day, wherever a time of day falls by about as much; returns how often.
@@ -436,46 +352,41 @@ pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
 fn known(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, ours, names)| {
         let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
-        let is_usual = |letter: &char| names.iter().any(|usual| with(usual, *letter) == name);
+        let is_usual = |letter: &char| names.split(' ').any(|usual| with(usual, *letter) == name);
         letters.chars().find(is_usual).map(|letter| with(ours, letter))
     })
+}
+
+/// The size of a unit.
+fn unit(name: &str) -> Option<f64> {
+    let is_named = |(names, _): &&(&str, f64)| names.split(' ').any(|known| known == name);
+    UNITS.iter().find(is_named).map(|(_, size)| *size)
 }
 
 impl Title {
     fn of(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
         let (body, bare) = path_end(&bare);
-        let simple = simplified(&bare);
-        let of =
-            |name: String, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
-        if let Some(bracket) = bracket {
-            let end = format!("_{}", simplified(&bracket));
-            let unit = UNITS.iter().find(|(unit, _)| **unit == end).map(|(_, factor)| *factor);
-            match (known(&simple), unit, end == "_") {
-                (Some(name), unit, none) if unit.is_some() || none => return of(name, unit, body),
-                // Such as `Time (s)` of a name with a unit of its own.
-                (Some(name), _, _) => {
-                    return Self { other_unit: Some(bracket), ..of(name, None, body) };
-                }
-                (None, ..) => {}
-            }
+        let of = |name, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
+        if let Some(bracket) = bracket
+            && let Some(name) = known(&simplified(&bare))
+        {
+            let plain = simplified(&bracket);
+            let unit = unit(&plain);
+            let other_unit = Some(bracket).filter(|_| unit.is_none() && !plain.is_empty());
+            return Self { other_unit, ..of(name, unit, body) };
         }
         let simple = simplified(&path_end(title).1);
         if let Some(name) = known(&simple) {
             return of(name, None, body);
         }
-        let units =
-            UNITS.iter().filter_map(|(end, factor)| Some((simple.strip_suffix(end)?, *factor)));
-        let meant =
-            units.filter_map(|(name, factor)| Some(of(known(name)?, Some(factor), body.clone())));
-        let other = Self {
-            name: title.to_owned(),
-            is_known: false,
-            unit: None,
-            body: String::new(),
-            other_unit: None,
-        };
-        meant.into_iter().next().unwrap_or(other)
+        // A name that ends in its unit.
+        let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
+        let named = |(name, end)| unit(end).and_then(|unit| Some((known(name)?, Some(unit))));
+        match { parts }.find_map(named) {
+            Some((name, unit)) => of(name, unit, body),
+            None => Self { name: title.to_owned(), ..Self::default() },
+        }
     }
 }
 
@@ -493,12 +404,10 @@ fn bracketed(title: &str) -> (String, Option<String>) {
 
 /// A title in lower case, with underscores.
 fn simplified(title: &str) -> String {
-    let lower = title.to_lowercase();
-    let lower =
-        lower.replace("m/s²", "m_s2").replace("^-1", "").replace('°', "deg").replace('µ', "u");
-    let lower =
-        lower.replace(['[', '(', ' ', '/', '-', '^'], "_").replace([']', ')', '%', '#'], "");
-    let mut lower = lower.replace('²', "2");
+    let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
+    let lower = lower.replace('°', "deg").replace('µ', "u").replace('²', "2");
+    let lower = lower.replace(['[', '(', ' ', '/', '-', '^'], "_");
+    let mut lower = lower.replace([']', ')', '%', '#'], "");
     while lower.contains("__") {
         lower = lower.replace("__", "_");
     }
@@ -520,114 +429,74 @@ fn path_end(title: &str) -> (String, String) {
     (String::new(), title.to_owned())
 }
 
-/// Sets the unit of angles and angular velocities without one.
-fn angles(
-    columns: &mut [(Column, bool)],
-    time_s: &[f64],
-    wanted: AngleUnit,
-    warnings: &mut Vec<String>,
-) {
-    let is_rate = |column: &Column| column.name.starts_with('w');
-    let of = |columns: &[(Column, bool)], names: &[&str]| -> Vec<f64> {
-        let open = columns.iter().filter(|(column, open)| *open && names.contains(&&*column.name));
-        open.flat_map(|(column, _)| column.values.iter().copied().filter(|v| v.is_finite()))
-            .collect()
-    };
+/// Sets the unit of angles and angular velocities whose titles name none.
+pub(super) fn settle_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
     let most = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let rms = |values: &[f64]| {
         let n = values.len().max(1) as f64;
         (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
     };
-    let (lean, all) = (
-        of(columns, &["pitch_rad", "roll_rad"]),
-        of(columns, &["yaw_rad", "pitch_rad", "roll_rad"]),
-    );
-    let why = if most(&all) > std::f64::consts::TAU {
-        Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned())
-    } else if most(&lean) > std::f64::consts::FRAC_PI_2 {
-        Some(format!(
-            "pitch and roll reach {:.2}, which would be upside down in radians",
-            most(&lean)
-        ))
-    } else if rms(&lean) > 0.35 {
-        Some(format!(
-            "pitch and roll are {:.2} on average, which no flight holds in radians",
-            rms(&lean)
-        ))
+    let is_auto = wanted == AngleUnit::Auto;
+    let (lean, all) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
+    let (leans, reaches, mean) = (most(&lean), most(&all), rms(&lean));
+    let (are_degrees, why) = if reaches > std::f64::consts::TAU {
+        (true, "yaw, pitch and roll go beyond a full turn of 2π: taken as degrees".to_owned())
+    } else if leans > std::f64::consts::FRAC_PI_2 {
+        let odd = "which would be upside down in radians";
+        (true, format!("pitch and roll reach {leans:.2}, {odd}: taken as degrees"))
+    } else if mean > 0.35 {
+        let odd = "which no flight holds in radians";
+        (true, format!("pitch and roll are {mean:.2} on average, {odd}: taken as degrees"))
+    } else if leans > 0.7 {
+        (false, format!("pitch and roll reach {leans:.2}: taken as radians, not degrees"))
+    } else if lean.is_empty() && reaches > std::f64::consts::PI {
+        (false, format!("the yaw reaches {reaches:.2}: taken as radians, not degrees"))
     } else {
-        None
+        (false, String::new())
     };
-    let degrees = match wanted {
-        AngleUnit::Auto => why.is_some(),
-        unit => unit == AngleUnit::Degrees,
-    };
-    if let Some(why) = why.filter(|_| wanted == AngleUnit::Auto) {
-        warnings.push(format!("{why}: taken as degrees"));
-    } else if wanted == AngleUnit::Auto && most(&lean) > 0.7 {
-        warnings.push(format!(
-            "pitch and roll reach {:.2}: taken as radians, not degrees",
-            most(&lean)
-        ));
-    } else if wanted == AngleUnit::Auto && lean.is_empty() && most(&all) > std::f64::consts::PI {
-        warnings.push(format!("the yaw reaches {:.2}: taken as radians, not degrees", most(&all)));
+    if is_auto && !why.is_empty() {
+        warnings.push(why);
     }
-    let scale = |columns: &mut [(Column, bool)], rates: bool| {
-        for (column, _) in
-            columns.iter_mut().filter(|(column, open)| *open && is_rate(column) == rates)
-        {
-            column.values.iter_mut().for_each(|value| *value *= DEGREE);
-        }
-    };
-    if degrees {
-        scale(columns, false);
+    if wanted == AngleUnit::Degrees || is_auto && are_degrees {
+        from_degrees(block, false);
     }
-    let rates = of(columns, &["wx_body_rad_s", "wy_body_rad_s"]);
+    let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
     // Roll and pitch turn as fast as the rates say.
-    let turn = |name: &str| -> Vec<f64> {
-        let angle = columns.iter().find(|(column, _)| column.name == name);
-        let pairs =
-            angle.iter().flat_map(|(angle, _)| angle.values.windows(2).zip(time_s.windows(2)));
-        let slopes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
-        slopes.filter(|slope| slope.is_finite()).collect()
-    };
-    let turns = [turn("pitch_rad"), turn("roll_rad")].concat();
-    let ratio = rms(&rates) / rms(&turns);
-    let too_fast = match rms(&turns) > 0.01 && !rates.is_empty() {
-        true => ratio > 7.6,
+    let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
+    let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
+    let slopes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
+    let turns = rms(&slopes.filter(|slope| slope.is_finite()).collect::<Vec<_>>());
+    let too_fast = match turns > 0.01 && !rates.is_empty() {
+        true => rms(&rates) / turns > 7.6,
         false => most(&rates) > 35.0,
     };
-    if wanted == AngleUnit::Degrees || wanted == AngleUnit::Auto && too_fast {
-        scale(columns, true);
-        if wanted == AngleUnit::Auto {
-            warnings.push(
-                "angular velocities without a unit are too fast for rad/s: taken as degrees".into(),
-            );
-        }
+    if wanted == AngleUnit::Degrees || is_auto && too_fast {
+        from_degrees(block, true);
+        let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
+        warnings.extend(is_auto.then(|| text.to_owned()));
     }
 }
 
-/// Converts rows of JSON, which have the names of plain tables, as [`read`] does.
-pub(super) fn settle_angles(
-    block: &mut Block,
-    open: &[String],
-    wanted: AngleUnit,
-    warnings: &mut Vec<String>,
-) {
-    let mut columns: Vec<(Column, bool)> = std::mem::take(&mut block.columns)
-        .into_iter()
-        .map(|column| {
-            let is_open = open.contains(&column.name);
-            (column, is_open)
-        })
-        .collect();
-    angles(&mut columns, &block.time_s, wanted, warnings);
-    block.columns = columns.into_iter().map(|(column, _)| column).collect();
+/// The numbers of the columns of these names whose unit is open.
+fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
+    let named = |column: &&Column| column.is_open_angle && names.contains(&&*column.name);
+    let values = block.columns.iter().filter(named).flat_map(|column| &column.values);
+    values.copied().filter(|value| value.is_finite()).collect()
+}
+
+/// Turns degrees into radians, of the rates or of the angles whose unit is open.
+fn from_degrees(block: &mut Block, are_rates: bool) {
+    let is_meant =
+        |column: &&mut Column| column.is_open_angle && column.name.starts_with('w') == are_rates;
+    let columns = block.columns.iter_mut().filter(is_meant);
+    columns.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
 /// Spreads rows of one stamp evenly up to the next stamp, or over a second; returns whether there
 /// are any.
 fn spread_rows(time_s: &mut [f64]) -> bool {
-    let (mut first, mut any) = (0, false);
+    let mut any = false;
+    let mut first = 0;
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);

@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::{Axes, HINT, MAX_VARIABLES};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
+use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 
 /// Most variables that become quantities of a flight, each as a channel of its own.
@@ -22,7 +23,10 @@ pub(super) struct Recording {
     pub(super) blocks: Vec<Block>,
     /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
-    pub(super) pace: Pace,
+    /// Whether `usecTimestamp` stamped it (µSD logs), which counts 84 µs in 85 in firmware up to and
+    /// with release 2026.08; else the ticks of the operating system did, which are true. Version 1
+    /// has milliseconds, and wraps.
+    pub(super) is_on_card: bool,
     /// The drone's firmware, as the log names it.
     pub(super) firmware: Option<String>,
     /// Whether its stamps are those of a clock that other logs may share.
@@ -32,17 +36,6 @@ pub(super) struct Recording {
     /// The format that says so.
     pub(super) in_format: Option<&'static str>,
     pub(super) warnings: Vec<String>,
-}
-
-/// Counter of the firmware that stamped the samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Pace {
-    /// The ticks of the operating system (radio logs), or unknown: true time.
-    #[default]
-    Ticks,
-    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and with release
-    /// 2026.08. Version 1 has milliseconds, and wraps.
-    Microseconds,
 }
 
 /// Columns that were logged together.
@@ -69,6 +62,8 @@ pub(super) enum Clock {
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
+    /// Whether it is an angle, or an angular velocity, whose title names no unit.
+    pub(super) is_open_angle: bool,
 }
 
 /// A variable over time: finite values at strictly rising times.
@@ -80,14 +75,35 @@ pub(super) struct Channel {
     pub(super) period_s: f64,
 }
 
+impl Column {
+    pub(super) fn new(name: String, values: Vec<f64>) -> Self {
+        Self { name, values, is_open_angle: false }
+    }
+}
+
+impl Block {
+    /// The first variable of this name.
+    pub(super) fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|column| column.name == name)
+    }
+
+    /// The same, to be changed.
+    pub(super) fn column_mut(&mut self, name: &str) -> Option<&mut Column> {
+        self.columns.iter_mut().find(|column| column.name == name)
+    }
+}
+
 impl Recording {
+    /// An empty recording of a file by its name in messages.
+    pub(super) fn new(file: &str) -> Self {
+        Self { file: file.to_owned(), ..Self::default() }
+    }
+
     /// The first variable of this name over time; `None` where it was not logged or never had a
     /// value.
     pub(super) fn channel(&self, name: &str) -> Option<Channel> {
-        let (block, column) = self.blocks.iter().find_map(|block| {
-            let column = block.columns.iter().find(|column| column.name == name)?;
-            Some((block, column))
-        })?;
+        let mut blocks = self.blocks.iter();
+        let (block, column) = blocks.find_map(|block| Some((block, block.column(name)?)))?;
         let pairs = block.time_s.iter().zip(&column.values);
         let (time_s, values): (Vec<f64>, Vec<f64>) =
             pairs.filter(|(_, value)| is_number(**value)).map(|(t, v)| (*t, *v)).unzip();
@@ -100,19 +116,12 @@ impl Recording {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
 
-    /// Adds the blocks of another file of the same recording.
-    pub(super) fn extend(&mut self, other: Self) {
-        self.blocks.extend(other.blocks);
-        self.warnings.extend(other.warnings);
-        self.firmware = self.firmware.take().or(other.firmware);
-    }
-
     /// Checks that there are no more variables than a log may have.
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
         if n > MAX_VARIABLES {
-            let wanted = format!("at most {MAX_VARIABLES}");
-            return Err(Error::input(&self.file, format!("{n} variables"), wanted, HINT));
+            let most = MAX_VARIABLES;
+            return Err(input_error!(&self.file, "{n} variables", "at most {most}", "{HINT}"));
         }
         Ok(())
     }
@@ -152,13 +161,11 @@ impl Recording {
     /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
-            let mut empty: Vec<String> = Vec::new();
-            for column in &block.columns {
-                let n = column.values.iter().filter(|value| !is_number(**value)).count();
-                if n > 0 {
-                    empty.push(format!("{} ({n} of {})", column.name, column.values.len()));
-                }
-            }
+            let empty = |Column { name, values, .. }: &Column| {
+                let n = values.iter().filter(|value| !is_number(**value)).count();
+                (n > 0).then(|| format!("{name} ({n} of {})", values.len()))
+            };
+            let empty: Vec<String> = block.columns.iter().filter_map(empty).collect();
             if !empty.is_empty() {
                 let list = shortened(&empty);
                 self.warnings.push(format!("cells without a number are left out: {list}"));
@@ -240,7 +247,7 @@ mod tests {
 
     #[test]
     fn columns_of_one_name_are_renamed() {
-        let column = || Column { name: "x".into(), values: vec![] };
+        let column = || Column::new("x".into(), vec![]);
         let block = || Block { name: "b".into(), columns: vec![column()], ..Block::default() };
         let blocks = vec![block(), block(), block()];
         let mut recording = Recording { blocks, ..Recording::default() };

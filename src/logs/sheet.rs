@@ -4,8 +4,10 @@
 //! line, optionally after `#`; missing values; dates and times of day; columns of texts, where
 //! nothing needs them; a last line that is cut off.
 
+use super::recording::shortened;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, Lines};
+use noctograph_core::input_error;
 
 /// Steps of reading a byte, and a cell besides.
 const STEPS: [usize; 2] = [4, 50];
@@ -13,172 +15,166 @@ const STEPS: [usize; 2] = [4, 50];
 /// Most columns of a sheet.
 const MAX_COLUMNS: usize = 1024;
 
-/// Columns of equal length with their names. Cells without a number are not finite.
+/// What may part cells.
+const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
+
+/// Columns of equal length.
 #[derive(Debug)]
 pub(super) struct Sheet {
-    pub(super) header: Vec<String>,
-    pub(super) columns: Vec<Vec<f64>>,
-    /// Whether a column has dates or times of day, which are in seconds.
-    pub(super) dated: Vec<bool>,
+    pub(super) columns: Vec<SheetColumn>,
     pub(super) warnings: Vec<String>,
+}
+
+/// A column. Cells without a number are not finite.
+#[derive(Debug)]
+pub(super) struct SheetColumn {
+    pub(super) title: String,
+    pub(super) values: Vec<f64>,
+    /// Whether it has dates or times of day, which are in seconds.
+    pub(super) is_dated: bool,
+    /// Whether a text is refused.
+    is_needed: bool,
+    /// The beginning of its first text, and how many it has.
+    texts: Option<(String, usize)>,
+}
+
+/// The first line that is not blank.
+pub(super) fn first_line(text: &[u8]) -> &[u8] {
+    let mut lines = text.split(|byte| *byte == b'\n');
+    lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default()
+}
+
+/// Whether a line has cells, other than between blanks.
+pub(super) fn is_separated(line: &[u8]) -> bool {
+    line.iter().any(|byte| SEPARATORS.contains(byte))
 }
 
 /// A CSV reader with the separator, of comma, semicolon and tab, that is most frequent in the first
 /// line.
-fn reader(text: &[u8]) -> csv::Reader<Lines<&[u8]>> {
-    let mut lines = text.split(|byte| *byte == b'\n');
-    let line = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+fn reader(text: &[u8], has_headers: bool) -> csv::Reader<Lines<&[u8]>> {
+    let line = first_line(text);
     let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
-    let separator = [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b',');
+    let separator = SEPARATORS.into_iter().max_by_key(count).unwrap_or(b',');
     let mut builder = csv::ReaderBuilder::new();
-    builder.has_headers(false).flexible(true).delimiter(separator).trim(csv::Trim::All);
+    builder.has_headers(has_headers).flexible(true).delimiter(separator).trim(csv::Trim::All);
     builder.from_reader(Lines::new(text))
 }
 
 /// The cells of the first line, without `#`.
-fn titles(text: &[u8]) -> Vec<String> {
+fn first_cells(text: &[u8]) -> Vec<String> {
     let mut record = csv::StringRecord::new();
-    let _ = reader(text).read_record(&mut record);
+    let _ = reader(text, false).read_record(&mut record);
     record.iter().map(|name| name.trim_start_matches('#').trim().to_owned()).collect()
 }
 
 /// The names in the first line; `None` where all of them are numbers, or there is no line.
 pub(super) fn header(text: &[u8]) -> Option<Vec<String>> {
-    let titles = titles(text);
-    (!titles.iter().all(|name| number(name).is_some())).then_some(titles)
+    Some(first_cells(text)).filter(|names| !names.iter().all(|name| number(name).is_some()))
 }
 
 impl Sheet {
-    /// Reads a sheet; `names` names the columns where the file has no header. A column that is not
-    /// `needed` may hold texts: it is left out, and named.
+    /// Reads a text of [`noctograph_core::files::plain_text`]; `names` names the columns where the
+    /// file has no header. A column that is not `needed` may hold texts: it is left out, and named.
     pub(super) fn read(
         text: &[u8],
         file: &str,
         names: &[&str],
-        needed: &dyn Fn(&str) -> bool,
+        needed: impl Fn(&str) -> bool,
         budget: &Budget,
     ) -> Result<Self> {
-        let titled = header(text);
-        let mut header_due = titled.is_some();
-        let header = titled.unwrap_or_else(|| {
-            let numbered = titles(text).into_iter().enumerate();
+        let header = header(text);
+        let mut reader = reader(text, header.is_some());
+        let titles = header.unwrap_or_else(|| {
             let name = |i: usize| {
                 names.get(i).map_or(format!("column{}", i + 1), |name| (*name).to_owned())
             };
-            numbered.map(|(i, _)| name(i)).collect()
+            (0..first_cells(text).len()).map(name).collect()
         });
-        if header.len() > MAX_COLUMNS {
-            let found = format!("{} columns", header.len());
-            return Err(Error::input(file, found, format!("at most {MAX_COLUMNS}"), HINT));
+        let n = titles.len();
+        if n > MAX_COLUMNS {
+            return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{HINT}"));
         }
-        let next = text.iter().skip(1).chain(&[0]);
-        let ends =
-            |(byte, next): &(&u8, &u8)| **byte == b'\n' || **byte == b'\r' && **next != b'\n';
-        let n_lines = text.iter().zip(next).filter(ends).count() + 1;
-        budget.bytes(size_of::<f64>() * n_lines.saturating_mul(header.len()))?;
-        budget.steps(STEPS[0] * text.len() + STEPS[1] * n_lines * header.len())?;
-        let columns = header.iter().map(|_| Vec::with_capacity(n_lines)).collect();
-        let dated = vec![false; header.len()];
-        let mut sheet = Self { columns, header, dated, warnings: Vec::new() };
-        let needed: Vec<bool> = sheet.header.iter().map(|title| needed(title)).collect();
-        let mut texts: Vec<Option<(String, usize)>> = vec![None; sheet.header.len()];
-        let (mut reader, mut record) = (reader(text), csv::StringRecord::new());
+        let n_lines = text.split(|byte| *byte == b'\n').count();
+        budget.bytes(size_of::<f64>() * n_lines.saturating_mul(n))?;
+        budget.steps(STEPS[0] * text.len() + STEPS[1] * n_lines * n)?;
+        let mut columns: Vec<SheetColumn> = titles
+            .into_iter()
+            .map(|title| SheetColumn {
+                is_needed: needed(&title),
+                title,
+                values: Vec::with_capacity(n_lines),
+                is_dated: false,
+                texts: None,
+            })
+            .collect();
+        let mut warnings = Vec::new();
+        let mut record = csv::StringRecord::new();
         let last_line = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at as u64 + 1);
-        loop {
-            let more = reader.read_record(&mut record).map_err(|source| {
-                let line = source.position().map_or(1, csv::Position::line);
-                Error::input("", &source, "a line of numbers", HINT).at(file, line)
-            })?;
-            if !more {
-                sheet.leave_out(&texts);
-                return Ok(sheet);
-            }
-            if std::mem::take(&mut header_due) {
-                continue;
-            }
-            let comment = record.get(0).is_some_and(|cell| cell.starts_with('#'));
-            if comment || record.iter().all(str::is_empty) {
+        let broken = |source: csv::Error| {
+            let line = source.position().map_or(1, csv::Position::line);
+            Error::input("", &source, "a line of numbers", HINT).at(file, line)
+        };
+        while reader.read_record(&mut record).map_err(broken)? {
+            let is_comment = record.get(0).is_some_and(|cell| cell.starts_with('#'));
+            if is_comment || record.iter().all(str::is_empty) {
                 continue;
             }
             let line = record.position().map_or(1, csv::Position::line);
-            let unended = record.position().is_some_and(|at| at.byte() >= last_line);
-            match sheet.row(&record, &needed, &mut texts) {
-                // Half a number may look like a number.
-                _ if unended => {
-                    let text = format!("line {line} has no end: it may be cut off and is left out");
-                    sheet.warnings.push(text);
-                }
-                Ok(row) => {
-                    sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));
-                }
-                Err((column, found)) => {
-                    let wanted = "a number in every column";
-                    return Err(Error::input(column, found, wanted, HINT).at(file, line));
-                }
-            }
-        }
-    }
-
-    /// The numbers of a row, or the place and the text of a broken cell.
-    fn row(
-        &mut self,
-        record: &csv::StringRecord,
-        needed: &[bool],
-        texts: &mut [Option<(String, usize)>],
-    ) -> std::result::Result<Vec<f64>, (String, String)> {
-        // A separator at the end of each line makes one more cell, which is empty.
-        let extra = record.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
-        if record.len() < self.header.len() || extra {
-            let found = format!("{} of {} cells", record.len(), self.header.len());
-            return Err(("row".into(), found));
-        }
-        let mut row = Vec::with_capacity(self.header.len());
-        for (place, cell) in record.iter().take(self.header.len()).enumerate() {
-            let value = match (number(cell), seconds_from_date(cell)) {
-                (Some(value), _) => value,
-                (None, Some(seconds)) => {
-                    self.dated[place] = true;
-                    seconds
-                }
-                (None, None) if needed[place] => {
-                    return Err((format!("column {}", self.header[place]), format!("{cell:?}")));
-                }
-                (None, None) => {
-                    let text = || (cell.chars().take(40).collect(), 0);
-                    texts[place].get_or_insert_with(text).1 += 1;
-                    f64::NAN
-                }
-            };
-            row.push(value);
-        }
-        Ok(row)
-    }
-
-    /// Takes out the columns of texts, and names them.
-    fn leave_out(&mut self, texts: &[Option<(String, usize)>]) {
-        let (mut named, mut place) = (Vec::new(), 0);
-        for (index, text) in texts.iter().enumerate() {
-            let Some((text, n)) = text else {
-                place += 1;
+            // Half a number may look like a number.
+            if record.position().is_some_and(|at| at.byte() >= last_line) {
+                warnings.push(format!("line {line} has no end: it may be cut off and is left out"));
                 continue;
+            }
+            let wrong = |place: String, found: String| {
+                Error::input(place, found, "a number in every column", HINT).at(file, line)
             };
-            let title = &self.header[place];
-            if *n == self.columns[place].iter().filter(|value| value.is_nan()).count()
-                && self.columns[place].iter().all(|value| value.is_nan())
-            {
-                named.push(format!("{title} (column {}, {text:?})", index + 1));
-                self.header.remove(place);
-                self.columns.remove(place);
-                self.dated.remove(place);
-            } else {
-                named.push(format!("{title} (column {}, {n} cells such as {text:?})", index + 1));
-                place += 1;
+            // A separator at the end of each line makes one more cell, which is empty.
+            let extra = record.iter().skip(n).any(|cell| !cell.is_empty());
+            if record.len() < n || extra {
+                return Err(wrong("row".to_owned(), format!("{} of {n} cells", record.len())));
+            }
+            for (column, cell) in columns.iter_mut().zip(&record) {
+                if !column.push(cell) {
+                    return Err(wrong(format!("column {}", column.title), format!("{cell:?}")));
+                }
             }
         }
-        if !named.is_empty() {
-            self.warnings
-                .push(format!("texts are not read: {}", super::recording::shortened(&named)));
+        let texts: Vec<String> =
+            columns.iter().enumerate().filter_map(|(index, column)| column.named(index)).collect();
+        if !texts.is_empty() {
+            warnings.push(format!("texts are not read: {}", shortened(&texts)));
         }
+        columns.retain(|column| !column.is_text());
+        Ok(Self { columns, warnings })
+    }
+}
+
+impl SheetColumn {
+    /// Adds a cell; `false` for a text where a number is needed.
+    fn push(&mut self, cell: &str) -> bool {
+        let value = number(cell).or_else(|| {
+            let seconds = seconds_from_date(cell)?;
+            self.is_dated = true;
+            Some(seconds)
+        });
+        if value.is_none() {
+            let first = || (cell.chars().take(40).collect(), 0);
+            self.texts.get_or_insert_with(first).1 += 1;
+        }
+        self.values.push(value.unwrap_or(f64::NAN));
+        value.is_some() || !self.is_needed
+    }
+
+    /// Whether it has nothing but texts.
+    fn is_text(&self) -> bool {
+        self.texts.as_ref().is_some_and(|(_, n)| *n == self.values.len())
+    }
+
+    /// The texts of the column at an index, for a message.
+    fn named(&self, index: usize) -> Option<String> {
+        let (first, n) = self.texts.as_ref()?;
+        let some = if self.is_text() { String::new() } else { format!("{n} cells such as ") };
+        Some(format!("{} (column {}, {some}{first:?})", self.title, index + 1))
     }
 }
 
@@ -261,17 +257,17 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     (minutes <= 14 * 60).then(|| (before.trim_end(), sign * f64::from(minutes)))
 }
 
-/// The months' names, by their first three letters in English and German.
-const MONTHS: [&str; 16] = [
-    "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec", "mai",
-    "okt", "dez", "mär",
+/// The first three letters of each month's names in English and German.
+const MONTHS: [&str; 12] = [
+    "jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
+    "dec dez",
 ];
 
 /// The month of a name.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
-    let place = MONTHS.iter().position(|known| *known == first)?;
-    Some([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 5, 10, 12, 3][place])
+    let mut months = (1..).zip(MONTHS);
+    Some(months.find(|(_, names)| names.split(' ').any(|known| known == first))?.0)
 }
 
 /// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
@@ -304,7 +300,7 @@ mod tests {
     use super::*;
 
     fn read(bytes: &[u8], file: &str, names: &[&str]) -> Result<Sheet> {
-        Sheet::read(bytes, file, names, &|_| true, &Budget::of(file, HINT))
+        Sheet::read(bytes, file, names, |_| true, &Budget::of(file, HINT))
     }
 
     #[test]
@@ -346,12 +342,16 @@ mod tests {
 
     #[test]
     fn header_separator_and_comments_are_found() {
+        let titles = |sheet: &Sheet| -> Vec<String> {
+            sheet.columns.iter().map(|column| column.title.clone()).collect()
+        };
         let sheet = read(b"# t;X;Y\n0;1;nan\n# more\n1;;3\n", "f.csv", &[]).unwrap();
-        assert_eq!(sheet.header, ["t", "X", "Y"]);
-        assert_eq!(sheet.columns[0], [0.0, 1.0]);
-        assert!(sheet.columns[2][0].is_nan() && sheet.columns[1][1].is_nan(), "{sheet:?}");
+        assert_eq!(titles(&sheet), ["t", "X", "Y"]);
+        let [t, x, y] = [0, 1, 2].map(|index| &sheet.columns[index].values);
+        assert_eq!(*t, [0.0, 1.0]);
+        assert!(y[0].is_nan() && x[1].is_nan(), "{sheet:?}");
         let sheet = read(b"0,1,2\n1,2,3,\n", "f.csv", &["t", "x"]).unwrap();
-        assert_eq!(sheet.header, ["t", "x", "column3"]);
+        assert_eq!(titles(&sheet), ["t", "x", "column3"]);
     }
 
     #[test]
@@ -361,7 +361,7 @@ mod tests {
         let error = read(b"t,x\n0,1\n1\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
         assert!(error.contains("f.csv:3"), "{error}");
         let sheet = read(b"t,x\n0,1\n1,2\n2", "f.csv", &[]).unwrap();
-        assert_eq!((sheet.columns[0].len(), sheet.warnings.len()), (2, 1));
+        assert_eq!((sheet.columns[0].values.len(), sheet.warnings.len()), (2, 1));
     }
 
     #[test]

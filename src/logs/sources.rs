@@ -14,6 +14,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
+
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
 use noctograph_core::flight::Quantity;
@@ -148,111 +150,64 @@ pub(super) enum VelocityFrame {
     World,
 }
 
-/// A quantity by its source.
-struct Chosen<'a> {
-    source: &'a Source,
-    channels: Vec<Channel>,
-}
-
 /// What the search takes, and what it passes over.
-#[derive(Default)]
-struct Search {
+struct Search<'a> {
+    recording: &'a Recording,
     used: BTreeSet<String>,
     left_out: Vec<String>,
 }
 
 /// Finds the quantities of a recording by the tables.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
-    let mut search = Search::default();
+    let mut search = Search { recording, used: BTreeSet::new(), left_out: Vec::new() };
+    let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
     let truth: &[PositionSource] = match wanted {
-        Best => &[Best, Mocap, Custom, Firmware, Lighthouse],
+        Best => any,
+        Firmware => &[Best, Firmware],
+        Estimate => &[Custom, Firmware],
         Mocap => &[Mocap],
         Custom => &[Custom],
-        Firmware => &[Best, Firmware],
         Lighthouse => &[Lighthouse],
-        Estimate => &[Custom, Firmware],
     };
-    let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
-    let mut take = |table: &'static [Source], kinds: &[PositionSource]| {
-        let sources = table.iter().filter(|source| kinds.contains(&source.0));
-        Some(search.first(recording, sources)?.channels)
-    };
-    let position = take(POSITION, truth).map(|channels| without_zeros(channels, &mut search));
-    let mut take = |table: &'static [Source], kinds: &[PositionSource]| {
-        let sources = table.iter().filter(|source| kinds.contains(&source.0));
-        Some(search.first(recording, sources)?.channels)
-    };
-    let taken = [
-        (Quantity::Position, position),
-        (Quantity::Rate, take(RATE, any)),
-        (Quantity::Estimate, take(POSITION, &[Custom, Firmware])),
-        (Quantity::Design, take(DESIGN, any)),
-        (Quantity::Motors, take(MOTORS, any)),
-    ];
+    let position = search.of_kinds(POSITION, truth);
+    let mut channels = BTreeMap::new();
+    for (quantity, taken) in [
+        (Quantity::Position, position.map(|channels| search.without_zeros(channels))),
+        (Quantity::Rate, search.of_kinds(RATE, any)),
+        (Quantity::Estimate, search.of_kinds(POSITION, &[Custom, Firmware])),
+        (Quantity::Design, search.of_kinds(DESIGN, any)),
+        (Quantity::Motors, search.of_kinds(MOTORS, any)),
+    ] {
+        channels.extend(taken.map(|taken| (quantity, taken)));
+    }
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
-    let velocities = own.into_iter().chain(VELOCITY_WORLD).chain(firmware);
-    let velocity = search.first(recording, velocities);
-    let is_world = |source: &Source| VELOCITY_WORLD.iter().any(|world| world.1 == source.1);
-    let velocity_frame = match &velocity {
-        Some(chosen) if is_world(chosen.source) => VelocityFrame::World,
-        _ => VelocityFrame::Body,
-    };
-    let velocity = velocity.map(|chosen| chosen.channels);
-    let attitude = attitude(recording, truth, &mut search);
-    let taken =
-        taken.into_iter().chain([(Quantity::Velocity, velocity), (Quantity::Attitude, attitude)]);
-    let mut channels: BTreeMap<Quantity, Vec<Channel>> =
-        taken.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
+    let mut velocity_frame = VelocityFrame::Body;
+    if let Some((source, taken)) =
+        search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware))
+    {
+        if VELOCITY_WORLD.iter().any(|world| world.1 == source.1) {
+            velocity_frame = VelocityFrame::World;
+        }
+        channels.insert(Quantity::Velocity, taken);
+    }
+    channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
     let moving_s = moving_s(channels.get(&Quantity::Position));
     channels.retain(|quantity, channels| {
         let dead = why_dead(*quantity, channels, moving_s, &mut search.left_out);
         search.left_out.extend(dead.iter().cloned());
         dead.is_none()
     });
-    let Search { used, left_out } = search;
+    let Search { used, left_out, .. } = search;
     Quantities { channels, velocity_frame, used, left_out }
-}
-
-/// The attitude: of the source of the position, of others, of quaternions, or the yaw alone.
-fn attitude(
-    recording: &Recording,
-    truth: &[PositionSource],
-    search: &mut Search,
-) -> Option<Vec<Channel>> {
-    let (preferred, others): (Vec<_>, Vec<_>) =
-        ATTITUDE.iter().partition(|source| truth.contains(&source.0));
-    let angles = search.first(recording, preferred.into_iter().chain(others));
-    let angles = angles.map(|chosen| chosen.channels);
-    // Frozen angles beside quaternions that live are those of an observer that did not run.
-    let is_frozen = |angles: &Vec<Channel>| angles.iter().all(|angle| active_s(angle) == 0.0);
-    let quaternions = match &angles {
-        Some(angles) if !is_frozen(angles) => None,
-        _ => angles_from_quaternions(recording, search),
-    };
-    let angles = match (angles, quaternions) {
-        (Some(angles), Some(live)) if is_frozen(&live) => Some(angles),
-        (angles, quaternions) => quaternions.or(angles),
-    };
-    let mut angles = angles.or_else(|| {
-        let yaw = recording.channel("yaw_rad")?;
-        search.used.insert("yaw_rad".to_owned());
-        search.left_out.push(format!("{YAW_ALONE}: the drone counts as level"));
-        let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
-        Some(vec![yaw, level.clone(), level])
-    })?;
-    without_jumps(&mut angles[0]);
-    without_jumps(&mut angles[2]);
-    Some(angles)
 }
 
 /// For how long a drone moves; zero for one that rests.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
-    let channels = position.map(Vec::as_slice).unwrap_or_default();
-    let way_m = |channel: &Channel| {
-        let most = channel.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        most - channel.values.iter().copied().fold(f64::INFINITY, f64::min)
+    let way_m = |channel: &&Channel| {
+        let values = || channel.values.iter().copied();
+        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
     };
-    let moves = channels.iter().filter(|channel| way_m(channel) >= MOVES_M);
+    let moves = position.into_iter().flatten().filter(|channel| way_m(channel) >= MOVES_M);
     moves.map(active_s).fold(0.0, f64::max)
 }
 
@@ -269,101 +224,60 @@ fn why_dead(
         Quantity::Motors => active.fold(f64::INFINITY, f64::min),
         _ => active.fold(0.0, f64::max),
     };
-    let is_zero = channels.iter().all(|channel| channel.values.iter().all(|value| *value == 0.0));
-    let frozen = active_s < ALIVE_SHARE * moving_s;
-    let is_dead = match quantity {
-        Quantity::Position => false,
-        Quantity::Design => frozen && is_zero,
-        _ => frozen,
-    };
-    let last = |channel: &Channel| channel.values[channel.values.len() - 1];
-    if !is_dead {
+    let is_zero = || channels.iter().flat_map(|channel| &channel.values).all(|value| *value == 0.0);
+    let may_stay = quantity == Quantity::Position || quantity == Quantity::Design && !is_zero();
+    if may_stay || active_s >= ALIVE_SHARE * moving_s {
         return None;
     }
+    let last = |channel: &Channel| channel.values[channel.values.len() - 1];
     if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, channels)
         && last(yaw).abs() > 1e-6
         && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
     {
-        if left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
-            return None;
+        if !left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
+            left_out.push(format!(
+                "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were not \
+                 logged; the yaw, {:.3} rad throughout, is kept",
+                last(yaw)
+            ));
         }
-        left_out.push(format!(
-            "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were not logged; \
-             the yaw, {:.3} rad throughout, is kept",
-            last(yaw)
-        ));
         return None;
     }
-    let values: Vec<String> =
-        channels.iter().map(|channel| format!("{:.6}", on_grid(last(channel)))).collect();
-    let values: Vec<&str> =
-        values.iter().map(|text| text.trim_end_matches('0').trim_end_matches('.')).collect();
+    let shown = |channel| {
+        let text = format!("{:.6}", on_grid(last(channel)));
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    let values: Vec<String> = channels.iter().map(shown).collect();
+    let (name, values) = (quantity.name(), values.join(", "));
     Some(format!(
-        "{}: frozen at {} while the drone moves for {moving_s:.1} s: taken as not logged",
-        quantity.name(),
-        values.join(", ")
+        "{name}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged"
     ))
 }
 
-/// A position without the zeros of all axes that a motion capture writes of a body it lost: the
-/// drone would have jumped there.
-fn without_zeros(mut channels: Vec<Channel>, search: &mut Search) -> Vec<Channel> {
-    let [x, y, z] = &channels[..] else { return channels };
-    if x.time_s != y.time_s || x.time_s != z.time_s {
-        return channels;
+impl Search<'_> {
+    /// The channels of the first source of a table, of some kinds.
+    fn of_kinds(&mut self, table: &[Source], kinds: &[PositionSource]) -> Option<Vec<Channel>> {
+        let sources = table.iter().filter(|source| kinds.contains(&source.0));
+        Some(self.first(sources)?.1)
     }
-    let is_zero = |i: usize| x.values[i] == 0.0 && y.values[i] == 0.0 && z.values[i] == 0.0;
-    let jumps = |from: usize, to: usize| {
-        let of = |channel: &Channel| channel.values[to] - channel.values[from];
-        let apart_m = (of(x) * of(x) + of(y) * of(y) + of(z) * of(z)).sqrt();
-        apart_m > LOST_M && apart_m > LOST_M_S * (x.time_s[to] - x.time_s[from])
-    };
-    let (n, mut lost, mut start) = (x.values.len(), vec![false; x.values.len()], 0);
-    while start < n {
-        let end = (start..n).find(|i| is_zero(*i) != is_zero(start)).unwrap_or(n);
-        let beside = start > 0 && jumps(start - 1, start) || end < n && jumps(end - 1, end);
-        if is_zero(start) && beside {
-            lost[start..end].fill(true);
-        }
-        start = end;
-    }
-    let count = lost.iter().filter(|lost| **lost).count();
-    if count == 0 || count == n {
-        return channels;
-    }
-    let first_s = x.time_s[lost.iter().position(|lost| *lost).unwrap_or(0)] - x.time_s[0];
-    search.left_out.push(format!(
-        "{count} of {n} positions are 0, 0, 0, where the drone would have jumped (first: {first_s:.2} s \
-         after the first): they are left out"
-    ));
-    for channel in &mut channels {
-        let kept =
-            channel.time_s.iter().zip(&channel.values).zip(&lost).filter(|(_, lost)| !**lost);
-        let (time_s, values) = kept.map(|((time_s, value), _)| (*time_s, *value)).unzip();
-        *channel = Channel::new(time_s, values);
-    }
-    channels
-}
 
-impl Search {
     /// The first of these sources that is sound and alive: one that changes while others do. An
     /// observer that was compiled in and did not run logs a constant. Where no source changes, the
     /// first that is not zero; else the first that is logged.
-    fn first<'a>(
+    fn first<'s>(
         &mut self,
-        recording: &Recording,
-        sources: impl Iterator<Item = &'a Source>,
-    ) -> Option<Chosen<'a>> {
-        let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
+        sources: impl Iterator<Item = &'s Source>,
+    ) -> Option<(&'s Source, Vec<Channel>)> {
+        let logged =
+            sources.filter_map(|source| Some((source, self.recording.channels(source.1)?)));
         let (mut logged, diverged): (Vec<_>, Vec<_>) =
             logged.partition(|(source, channels)| is_sound(source, channels));
         if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
-            let names: Vec<String> = names(source.1).collect();
+            let names = shortened(&names(source.1).collect::<Vec<_>>());
             let instead =
                 if logged.is_empty() { "not logged" } else { "replaced by another source" };
             self.left_out.push(format!(
-                "{} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}",
-                shortened(&names)
+                "{names} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}"
             ));
         }
         // The position of a log whose only one diverged is refused with its place.
@@ -375,17 +289,105 @@ impl Search {
         let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
         let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
             true => active_s(channels) >= ALIVE_SHARE * most_s,
-            false => {
-                channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0))
-            }
+            false => channels.iter().flat_map(|channel| &channel.values).any(|value| *value != 0.0),
         };
         let chosen = logged.iter().position(is_alive).unwrap_or(0);
-        let (source, mut channels) = (chosen < logged.len()).then(|| logged.swap_remove(chosen))?;
+        let (source, mut channels) = logged.into_iter().nth(chosen)?;
         self.used.extend(names(source.1));
         for (channel, factor) in channels.iter_mut().zip(source.2) {
             channel.values.iter_mut().for_each(|value| *value *= factor);
         }
-        Some(Chosen { source, channels })
+        Some((source, channels))
+    }
+
+    /// The attitude: of the source of the position, of others, of quaternions, or the yaw alone.
+    fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
+        let (preferred, others): (Vec<_>, Vec<_>) =
+            ATTITUDE.iter().partition(|source| truth.contains(&source.0));
+        let angles = self.first(preferred.into_iter().chain(others));
+        let angles = angles.map(|(_, channels)| channels);
+        // Frozen angles beside quaternions that live are those of an observer that did not run.
+        let is_frozen = |angles: &Vec<Channel>| angles.iter().all(|angle| active_s(angle) == 0.0);
+        let quaternions = match &angles {
+            Some(angles) if !is_frozen(angles) => None,
+            _ => self.angles_from_quaternions(),
+        };
+        let angles = match (angles, quaternions) {
+            (Some(angles), Some(live)) if is_frozen(&live) => Some(angles),
+            (angles, quaternions) => quaternions.or(angles),
+        };
+        let mut angles = angles.or_else(|| {
+            let yaw = self.recording.channel("yaw_rad")?;
+            self.used.insert("yaw_rad".to_owned());
+            self.left_out.push(format!("{YAW_ALONE}: the drone counts as level"));
+            let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
+            Some(vec![yaw, level.clone(), level])
+        })?;
+        without_jumps(&mut angles[0]);
+        without_jumps(&mut angles[2]);
+        Some(angles)
+    }
+
+    /// Yaw, pitch and roll of the logged quaternions.
+    fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
+        let quaternions: Vec<(f64, [f64; 4])> =
+            if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
+                let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
+                parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
+            } else {
+                let packed = self.recording.channel(COMPRESSED_QUATERNION)?;
+                self.used.insert(COMPRESSED_QUATERNION.to_owned());
+                packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
+            };
+        let valid = |q: &[f64; 4]| q.iter().map(|part| part * part).sum::<f64>() > 1e-6;
+        let pairs = quaternions.into_iter().filter(|(_, q)| valid(q));
+        let (time_s, attitudes): (Vec<f64>, Vec<Attitude>) =
+            pairs.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
+        let parts: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
+        let channel = |part| Channel::new(time_s.clone(), attitudes.iter().map(part).collect());
+        (!time_s.is_empty()).then(|| parts.map(channel).into())
+    }
+
+    /// A position without the zeros of all axes that a motion capture writes of a body it lost: the
+    /// drone would have jumped there.
+    fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
+        let [x, y, z] = &channels[..] else { return channels };
+        if x.time_s != y.time_s || x.time_s != z.time_s {
+            return channels;
+        }
+        let places_m: Vec<Vector3<f64>> = (0..x.values.len())
+            .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
+            .collect();
+        let jumps = |from: usize, to: usize| {
+            let apart_m = (places_m[to] - places_m[from]).norm();
+            apart_m > LOST_M && apart_m > LOST_M_S * (x.time_s[to] - x.time_s[from])
+        };
+        let is_zero = |place_m: &Vector3<f64>| *place_m == Vector3::zeros();
+        let (n, mut lost) = (places_m.len(), vec![false; places_m.len()]);
+        let mut end = 0;
+        for run in places_m.chunk_by(|a, b| is_zero(a) == is_zero(b)) {
+            let start = end;
+            end += run.len();
+            let beside = start > 0 && jumps(start - 1, start) || end < n && jumps(end - 1, end);
+            lost[start..end].fill(is_zero(&run[0]) && beside);
+        }
+        let count = lost.iter().filter(|lost| **lost).count();
+        if count == 0 || count == n {
+            return channels;
+        }
+        let first_s = x.time_s[lost.iter().position(|lost| *lost).unwrap_or(0)] - x.time_s[0];
+        self.left_out.push(format!(
+            "{count} of {n} positions are 0, 0, 0, where the drone would have jumped (first: \
+             {first_s:.2} s after the first): they are left out"
+        ));
+        for channel in &mut channels {
+            let samples = channel.time_s.iter().zip(&channel.values).zip(&lost);
+            let kept =
+                samples.filter(|(_, lost)| !**lost).map(|((time_s, value), _)| (*time_s, *value));
+            let (time_s, values) = kept.unzip();
+            *channel = Channel::new(time_s, values);
+        }
+        channels
     }
 
     /// Whether a source was named already.
@@ -410,26 +412,6 @@ fn active_s(channel: &Channel) -> f64 {
     let first = channel.values.windows(2).position(changes);
     let last = channel.values.windows(2).rposition(changes);
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
-}
-
-/// Yaw, pitch and roll of the logged quaternions.
-fn angles_from_quaternions(recording: &Recording, search: &mut Search) -> Option<Vec<Channel>> {
-    let quaternions: Vec<(f64, [f64; 4])> =
-        if let Some(Chosen { channels: parts, .. }) = search.first(recording, QUATERNIONS.iter()) {
-            let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
-            parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
-        } else {
-            let packed = recording.channel(COMPRESSED_QUATERNION)?;
-            search.used.insert(COMPRESSED_QUATERNION.to_owned());
-            packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
-        };
-    let valid = |q: &[f64; 4]| q.iter().map(|part| part * part).sum::<f64>() > 1e-6;
-    let pairs = quaternions.into_iter().filter(|(_, q)| valid(q));
-    let (time_s, attitudes): (Vec<f64>, Vec<Attitude>) =
-        pairs.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
-    let parts: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
-    let channel = |part| Channel::new(time_s.clone(), attitudes.iter().map(part).collect());
-    (!time_s.is_empty()).then(|| parts.map(channel).into())
 }
 
 /// The quaternion w x y z behind `quatcompress.h`: two bits say which of x y z w is largest and
@@ -478,8 +460,7 @@ mod tests {
     use crate::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {
-        let column =
-            |(name, value): &(&str, f64)| Column { name: (*name).into(), values: vec![*value] };
+        let column = |(name, value): &(&str, f64)| Column::new((*name).into(), vec![*value]);
         let columns = columns.iter().map(column).collect();
         let block = Block { time_s: vec![0.0], columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }
@@ -505,10 +486,8 @@ mod tests {
     fn moving(columns: &[(&str, f64, f64)]) -> Recording {
         let time_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.1).collect();
         let values = |at: f64, speed: f64| time_s.iter().map(|t| at + speed * t).collect();
-        let column = |&(name, at, speed): &(&str, f64, f64)| Column {
-            name: name.into(),
-            values: values(at, speed),
-        };
+        let column =
+            |&(name, at, speed): &(&str, f64, f64)| Column::new(name.into(), values(at, speed));
         let columns = columns.iter().map(column).collect();
         let block = Block { time_s: time_s.clone(), columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }

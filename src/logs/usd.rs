@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 
-use super::recording::{Block, Column, Pace, Recording};
+use super::recording::{Block, Column, Recording};
 use super::{Damaged, MAX_VARIABLES};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
@@ -35,8 +35,7 @@ pub(super) fn read(
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
     if !(1..=2).contains(&version) {
-        let found = format!("version {version}");
-        return Err(Error::input("byte 1", found, "version 1 or 2", HINT).at(file, None));
+        return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
     let body = &bytes[cursor.at..];
@@ -52,17 +51,16 @@ pub(super) fn read(
         let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short | Reason::Zeros);
         if !cut_off && damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
-            return Err(Error::input(format!("byte {byte}"), damage, wanted, HINT).at(file, None));
+            return Err(cursor.error(byte, damage, wanted));
         }
         warnings.push(format!("byte {byte}: {damage}; {n} records before it are read"));
     }
     Ok(Recording {
-        file: file.to_owned(),
         blocks: events.into_values().map(|event| event.block).collect(),
         wrap_s: (version == 1).then_some(WRAP_V1_S),
-        pace: Pace::Microseconds,
+        is_on_card: true,
         warnings,
-        ..Recording::default()
+        ..Recording::new(file)
     })
 }
 
@@ -96,16 +94,15 @@ const STEPS: usize = 5;
 impl Stop {
     /// The damage of a log whose records end here; `None` of a whole one.
     fn damage(&self, whole: bool) -> Option<String> {
-        Some(match self.reason {
+        let text = match self.reason {
             Reason::End if whole => return None,
-            Reason::End => "the log ends without a CRC, cut off between two records".into(),
-            Reason::Short => "the log is cut off within a record".into(),
-            Reason::Zeros => "zeros up to the end: the log was cut off".into(),
-            Reason::Crc => {
-                "the CRC does not match: bytes were changed after they were written".into()
-            }
-            Reason::Unknown(id) => format!("event {id}, which is not in the header"),
-        })
+            Reason::End => "the log ends without a CRC, cut off between two records",
+            Reason::Short => "the log is cut off within a record",
+            Reason::Zeros => "zeros up to the end: the log was cut off",
+            Reason::Crc => "the CRC does not match: bytes were changed after they were written",
+            Reason::Unknown(id) => return Some(format!("event {id}, which is not in the header")),
+        };
+        Some(text.to_owned())
     }
 }
 
@@ -222,14 +219,13 @@ impl Cursor<'_> {
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
                 // Variables of the log table have a group; those of other events have none.
-                let full = if variable.contains('.') {
-                    variable.into()
-                } else {
-                    format!("{name}.{variable}")
+                let full = match variable.contains('.') {
+                    true => variable.to_owned(),
+                    false => format!("{name}.{variable}"),
                 };
                 event.n_bytes += decoder.0;
                 event.decoders.push(decoder);
-                event.block.columns.push(Column { name: full, values: Vec::new() });
+                event.block.columns.push(Column::new(full, Vec::new()));
             }
             if events.insert(id, event).is_some() {
                 return Err(self.error(start, format!("event {id} twice"), "one event per number"));

@@ -165,19 +165,14 @@ impl LensModel {
     /// The table of lenses.
     fn figures(&self) -> Lens {
         const NONE: [f64; 4] = [0.0; 4];
-        let lens = |focal_length_m, min_f_number, wide_open_stops, distortion| Lens {
-            focal_length_m,
-            min_f_number,
-            wide_open_stops,
-            distortion,
+        let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {
+            Self::Custom(custom) => (custom.focal_length_m, 0.5, 0.0, custom.distortion),
+            Self::Wide28 => (0.028, 2.8, 1.54, NONE),
+            Self::Normal35 => (0.035, 2.0, 1.27, NONE),
+            Self::Normal50 => (0.050, 1.8, 2.21, NONE),
+            Self::Kit16 => (0.016, 3.5, 0.0, [-0.026, 0.0, 0.0, 0.0]),
         };
-        match self {
-            Self::Custom(custom) => lens(custom.focal_length_m, 0.5, 0.0, custom.distortion),
-            Self::Wide28 => lens(0.028, 2.8, 1.54, NONE),
-            Self::Normal35 => lens(0.035, 2.0, 1.27, NONE),
-            Self::Normal50 => lens(0.050, 1.8, 2.21, NONE),
-            Self::Kit16 => lens(0.016, 3.5, 0.0, [-0.026, 0.0, 0.0, 0.0]),
-        }
+        Lens { focal_length_m, min_f_number, wide_open_stops, distortion }
     }
 
     /// Focal length.

@@ -17,7 +17,7 @@ use exif::{Exif, In, Tag, Value};
 
 use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel, Metering};
 use crate::error::{Error, Result};
-use crate::files::Limit;
+use crate::files::{JpegFrame, Limit};
 
 /// Largest file of a photograph: a raw one of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
@@ -31,24 +31,20 @@ const ENDLESS: u32 = u32::MAX;
 /// The value of `PhotographicSensitivity` for 65535 and more: other tags say how much.
 const ISO_BEYOND: f64 = 65_535.0;
 
-/// Programs that write this in `Software` have edited the picture; cameras write their firmware.
-const EDITORS: [&str; 16] = [
-    "photoshop",
-    "lightroom",
-    "gimp",
-    "darktable",
-    "rawtherapee",
-    "paint",
-    "capture one",
-    "affinity",
-    "snapseed",
-    "picasa",
-    "imagemagick",
-    "photos ",
-    "acdsee",
-    "luminar",
-    "digikam",
-    "photo editor",
+/// Programs that write one of these in `Software` have edited the picture; cameras write their
+/// firmware.
+const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
+                       snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
+
+/// The tags that a camera's keys are from, by a part of the key.
+const TAGS: [(&str, &str); 7] = [
+    ("f_number", "FNumber"),
+    ("iso", "PhotographicSensitivity"),
+    ("shutter", "ExposureTime"),
+    ("focal_length", "FocalLength"),
+    ("focus", "SubjectDistance"),
+    ("sensor_width", "FocalPlaneXResolution"),
+    ("_px", "PixelXDimension"),
 ];
 
 impl CameraOptions {
@@ -75,23 +71,23 @@ impl CameraOptions {
         } else {
             reader.read_from_container(&mut std::io::Cursor::new(bytes))
         };
-        match read.or_else(|error| error.distill_partial_result(|_| {})) {
-            Ok(exif) => {
-                let (camera, warnings) = self.with_exif(&exif, size_px, &place)?;
-                // An impossible number is the file's, not that of a key.
-                camera.check().map_err(|error| match (tag_of(&error), error) {
-                    (Some(tag), Error::Input { found, wanted, .. }) => {
-                        Error::input(format!("{place}: EXIF, {tag}"), found, wanted, HINT)
-                    }
-                    (_, other) => other,
-                })?;
-                Ok((camera, warnings))
+        let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
+            let found = format_args!("no EXIF ({error})");
+            Error::input(&place, found, "a photograph as the camera wrote it", HINT)
+        })?;
+        let (camera, warnings) = self.with_exif(&exif, size_px, &place)?;
+        // An impossible number is the file's, not that of a key.
+        camera.check().map_err(|error| {
+            let Error::Input { place: key, found, wanted, .. } = &error else { return error };
+            match TAGS.iter().find(|(part, _)| key.key.contains(part)) {
+                Some((_, tag)) => {
+                    let place = format_args!("{place}: EXIF, {tag}");
+                    Error::input(place, found, wanted.as_str(), HINT)
+                }
+                None => error,
             }
-            Err(error) => {
-                let found = format!("no EXIF ({error})");
-                Err(Error::input(place, found, "a photograph as the camera wrote it", HINT))
-            }
-        }
+        })?;
+        Ok((camera, warnings))
     }
 
     fn with_exif(
@@ -111,29 +107,28 @@ impl CameraOptions {
             .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
         let exposure_s = number(exif, Tag::ExposureTime)
             .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
-        let iso = iso(exif);
-
+        let width = "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)";
         let needed = [
-            ("FocalLength", focal_length_m.is_some()),
-            (
-                "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)",
-                sensor_width_m.is_some(),
-            ),
-            ("FNumber", f_number.is_some()),
-            ("ExposureTime", exposure_s.is_some()),
-            ("PhotographicSensitivity", iso.is_some()),
+            ("FocalLength", focal_length_m),
+            (width, sensor_width_m),
+            ("FNumber", f_number),
+            ("ExposureTime", exposure_s),
+            ("PhotographicSensitivity", iso(exif)),
         ];
-        let missing: Vec<&str> =
-            needed.iter().filter(|(_, there)| !there).map(|(tag, _)| *tag).collect();
-        let (Some(focal_length_m), Some(sensor_width_m), Some(f_number)) =
-            (focal_length_m, sensor_width_m, f_number)
+        let [
+            Some(focal_length_m),
+            Some(sensor_width_m),
+            Some(f_number),
+            Some(exposure_s),
+            Some(iso),
+        ] = needed.map(|(_, value)| value)
         else {
-            return Err(without(place, &missing, &warnings));
+            let missing = needed.iter().filter(|(_, value)| value.is_none());
+            let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
+            let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
+            let found = format_args!("EXIF without {missing}{why}");
+            return Err(Error::input(place, found, "the tags of lens and exposure", HINT));
         };
-        let (Some(exposure_s), Some(iso)) = (exposure_s, iso) else {
-            return Err(without(place, &missing, &warnings));
-        };
-
         self.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
         let distortion = match self.lens {
             LensModel::Custom(lens) => lens.distortion,
@@ -153,18 +148,15 @@ impl CameraOptions {
         let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth);
         let height = side(Tag::PixelYDimension, Tag::ImageLength);
-        let Some([width, height]) = width.zip(height).map(|(w, h)| [w, h]).or(size_px) else {
-            warnings.push(
-                "EXIF without PixelXDimension and PixelYDimension: the picture's aspect stays that of \
-                 the scene"
-                    .into(),
-            );
+        let Some([mut width, mut height]) = width.zip(height).map(<[f64; 2]>::from).or(size_px)
+        else {
+            let missing = "EXIF without PixelXDimension and PixelYDimension";
+            warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
             return;
         };
         // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
         // left the tag.
         let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
-        let (mut width, mut height) = (width, height);
         if let Some([real_width, real_height]) = size_px {
             let as_tagged = ratio_off(real_width / real_height, width / height);
             let exchanged = ratio_off(real_width / real_height, height / width);
@@ -204,27 +196,6 @@ fn ratio_off(a: f64, b: f64) -> f64 {
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-fn without(place: &str, missing: &[&str], why: &[String]) -> Error {
-    let why: String = why.iter().map(|why| format!("; {why}")).collect();
-    let found = format!("EXIF without {}{why}", missing.join(", "));
-    Error::input(place, found, "the tags of lens and exposure", HINT)
-}
-
-/// The tag behind an error of a camera's key.
-fn tag_of(error: &Error) -> Option<&'static str> {
-    let Error::Input { place, .. } = error else { return None };
-    let tags = [
-        ("f_number", "FNumber"),
-        ("iso", "PhotographicSensitivity"),
-        ("shutter", "ExposureTime"),
-        ("focal_length", "FocalLength"),
-        ("focus", "SubjectDistance"),
-        ("sensor_width", "FocalPlaneXResolution"),
-        ("_px", "PixelXDimension"),
-    ];
-    tags.iter().find(|(part, _)| place.key.contains(part)).map(|(_, tag)| *tag)
-}
-
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
@@ -249,17 +220,17 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
         return of_film;
     };
     let of_canon = canon_width(exif).map(|units| units * unit_m);
-    let of_pixels = Some(of_canon.unwrap_or(pixels / per_unit * unit_m))
-        .filter(|width_m| SENSORS_M.contains(width_m));
-    let Some(of_pixels) = of_pixels else { return of_film };
+    let width_m = of_canon.unwrap_or(pixels / per_unit * unit_m);
+    if !SENSORS_M.contains(&width_m) {
+        return of_film;
+    }
     match of_film {
         // Programs that shrink a picture leave its resolution tags unchanged.
-        Some(film_m) if ratio_off(of_pixels, film_m) >= 0.1 => return Some(film_m),
-        Some(_) => return Some(of_pixels),
-        None if of_canon.is_some() => return Some(of_pixels),
-        None => {}
+        Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => return Some(film_m),
+        None if of_canon.is_none() => {}
+        _ => return Some(width_m),
     }
-    let mm = 1e3 * of_pixels;
+    let mm = 1e3 * width_m;
     if let Some(why) = edited(exif) {
         warnings.push(format!(
             "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: the two \
@@ -272,7 +243,7 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
          no other tag confirms: a picture that was resized has too small a sensor; if so, set \
          camera.body in a scene file"
     ));
-    Some(of_pixels)
+    Some(width_m)
 }
 
 /// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
@@ -281,10 +252,7 @@ fn canon_width(exif: &Exif) -> Option<f64> {
     if !text(exif, Tag::Make)?.to_lowercase().contains("canon") {
         return None;
     }
-    let Value::Rational(ratio) = &exif.get_field(Tag::FocalPlaneXResolution, In::PRIMARY)?.value
-    else {
-        return None;
-    };
+    let Value::Rational(ratio) = value(exif, Tag::FocalPlaneXResolution)? else { return None };
     let exif::Rational { num, denom } = *ratio.first()?;
     // Thousandths of an inch: a sensor of 3 mm has 118.
     (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
@@ -295,7 +263,7 @@ fn canon_width(exif: &Exif) -> Option<f64> {
 fn edited(exif: &Exif) -> Option<String> {
     if let Some(software) = text(exif, Tag::Software) {
         let lower = format!("{} ", software.to_lowercase());
-        if EDITORS.iter().any(|editor| lower.contains(editor)) {
+        if EDITORS.split(',').any(|editor| lower.contains(editor)) {
             return Some(format!("the picture was edited with {}", software.trim()));
         }
     }
@@ -318,7 +286,7 @@ fn iso(exif: &Exif) -> Option<f64> {
 
 /// Distance in focus: none where it is unknown, which is 0.
 fn subject_m(exif: &Exif) -> Option<f64> {
-    match &exif.get_field(Tag::SubjectDistance, In::PRIMARY)?.value {
+    match value(exif, Tag::SubjectDistance)? {
         Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
         _ => number(exif, Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
     }
@@ -326,11 +294,7 @@ fn subject_m(exif: &Exif) -> Option<f64> {
 
 /// Names tags whose values would change the camera, and do not.
 fn odd_tags(exif: &Exif) -> Vec<String> {
-    let shown = |tag| {
-        exif.get_field(tag, In::PRIMARY)
-            .map_or(String::new(), |field| field.display_value().to_string())
-    };
-    let is_there = |tag| exif.get_field(tag, In::PRIMARY).is_some();
+    let shown = |tag| Some(exif.get_field(tag, In::PRIMARY)?.display_value().to_string());
     let mut odd = Vec::new();
     if let Some(zoom) = number(exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
         odd.push(format!(
@@ -338,17 +302,15 @@ fn odd_tags(exif: &Exif) -> Vec<String> {
         ));
     }
     // Distance 0 is unknown; numbers alone are distances.
-    if signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
-        && is_there(Tag::SubjectDistance)
+    if let Some(found) = shown(Tag::SubjectDistance)
+        && signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
         && subject_m(exif).is_none()
     {
-        let found = shown(Tag::SubjectDistance);
         odd.push(format!("SubjectDistance {found} is no distance: the focus stays"));
     }
-    if is_there(Tag::Orientation)
+    if let Some(found) = shown(Tag::Orientation)
         && !number(exif, Tag::Orientation).is_some_and(|o| (1.0..=8.0).contains(&o))
     {
-        let found = shown(Tag::Orientation);
         odd.push(format!("Orientation {found} is none of 1 to 8: taken as not turned"));
     }
     odd
@@ -361,7 +323,7 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
 
 /// Number of a tag.
 fn signed(exif: &Exif, tag: Tag) -> Option<f64> {
-    let value = match &exif.get_field(tag, In::PRIMARY)?.value {
+    let value = match value(exif, tag)? {
         Value::Rational(values) => values.first()?.to_f64(),
         Value::SRational(values) => values.first()?.to_f64(),
         Value::Float(values) => f64::from(*values.first()?),
@@ -372,36 +334,24 @@ fn signed(exif: &Exif, tag: Tag) -> Option<f64> {
 }
 
 fn text(exif: &Exif, tag: Tag) -> Option<String> {
-    match &exif.get_field(tag, In::PRIMARY)?.value {
+    match value(exif, tag)? {
         Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
         _ => None,
     }
 }
 
+fn value(exif: &Exif, tag: Tag) -> Option<&Value> {
+    Some(&exif.get_field(tag, In::PRIMARY)?.value)
+}
+
 /// Width and height of the picture itself, of a JPEG or PNG file.
 fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
-    let short =
-        |at: usize| Some(f64::from(u16::from_be_bytes(bytes.get(at..at + 2)?.try_into().ok()?)));
-    let long =
-        |at: usize| Some(f64::from(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?)));
-    let size = if bytes.starts_with(b"\x89PNG") {
-        [long(16)?, long(20)?]
-    } else if bytes.starts_with(b"\xff\xd8") {
-        let mut at = 2;
-        loop {
-            let [0xff, kind] = *bytes.get(at..at + 2)? else { return None };
-            // Frames; 0xC4, 0xC8 and 0xCC among their markers are others.
-            if matches!(kind, 0xc0..=0xcf if !matches!(kind, 0xc4 | 0xc8 | 0xcc)) {
-                break [short(at + 7)?, short(at + 5)?];
-            }
-            let length =
-                usize::from(u16::from_be_bytes(bytes.get(at + 2..at + 4)?.try_into().ok()?));
-            at += 2 + length.max(2);
-        }
-    } else {
-        return None;
+    let long = |at: usize| Some(u32::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
+    let size_px = match bytes.starts_with(b"\x89PNG") {
+        true => [long(16)?, long(20)?].map(u64::from),
+        false => JpegFrame::of(bytes)?.size_px,
     };
-    (size[0] > 0.0 && size[1] > 0.0).then_some(size)
+    size_px.iter().all(|side| *side > 0).then(|| size_px.map(|side| side as f64))
 }
 
 #[cfg(test)]

@@ -3,13 +3,13 @@
 //! Camera frame: x right, y down, z forward. Image: origin top left, pixel centers at +0.5.
 //! Not modeled: rolling shutter, field curvature, chromatic aberration.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use crate::geometry::bounds;
 
 pub use bodies::{BodyModel, CustomBody, CustomLens, FixedLens, LensModel};
-pub use options::check_size;
-pub use options::{
-    CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering, TrailMetering, WordFraming,
-};
+pub use options::{CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering};
+pub use options::{TrailMetering, WordFraming, check_size};
 pub use outside::Outside;
 pub use white_balance::WhiteBalance;
 
@@ -118,19 +118,14 @@ impl Camera {
     /// distortion has no inverse.
     #[must_use]
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
-        let f = self.focal_length_px();
-        let wanted = [
-            (x_px - f64::from(self.width_px) / 2.0) / f,
-            (y_px - f64::from(self.height_px) / 2.0) / f,
-        ];
-        let mut at = wanted;
+        let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
+        let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
+        let mut tangents = wanted;
         for _ in 0..200 {
-            let distorted = self.distorted(at)?;
-            let off = [wanted[0] - distorted[0], wanted[1] - distorted[1]];
-            at = [at[0] + off[0], at[1] + off[1]];
-            if off[0].abs().max(off[1].abs()) < 1e-12 {
-                let ray = Vector3::new(at[0], at[1], 1.0).normalize();
-                return Some(self.camera_from_world.transpose() * ray);
+            let off = wanted - Vector2::from(self.distorted(tangents.into())?);
+            tangents += off;
+            if off.amax() < 1e-12 {
+                return Some(self.camera_from_world.transpose() * tangents.push(1.0).normalize());
             }
         }
         None
@@ -159,15 +154,13 @@ impl Camera {
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
-        let unbounded = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        corners.into_iter().try_fold(unbounded, |[left, bottom, right, top], [x_px, y_px]| {
+        let on_plane = |[x_px, y_px]: [f64; 2]| {
             let ray = self.world_from_image(x_px, y_px)?;
             let distance_m = -self.position_m.y / ray.y;
             let point_m = self.position_m + ray * distance_m;
-            let [x, z] = [point_m.x, point_m.z];
-            (distance_m > 0.0 && distance_m < 1000.0)
-                .then(|| [left.min(x), bottom.min(z), right.max(x), top.max(z)])
-        })
+            (distance_m > 0.0 && distance_m < 1000.0).then_some([point_m.x, point_m.z])
+        };
+        Some(bounds(corners.map(on_plane).into_iter().collect::<Option<Vec<_>>>()?))
     }
 
     /// Share of the light that vignetting leaves at a point of the picture, 0 to 1.

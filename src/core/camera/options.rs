@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{BodyModel, Camera, LensModel, WhiteBalance};
 use crate::error::{Error, Result};
 use crate::geometry::{camera_from_orientation, camera_from_world};
+use crate::input_error;
 use crate::settings::{Described, settings};
 
 /// Largest width and height of a picture.
@@ -135,20 +136,16 @@ impl CameraOptions {
             let wanted = format!("at least {least} with this lens");
             return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
         }
-        if let Some(close_s) = self.shutter_close_s.filter(|close_s| *close_s < self.shutter_open_s)
-        {
-            let wanted =
-                format!("a time not before camera.shutter_open_s, {}", self.shutter_open_s);
+        let open_s = self.shutter_open_s;
+        if let Some(close_s) = self.shutter_close_s.filter(|close_s| *close_s < open_s) {
+            let wanted = format!("a time not before camera.shutter_open_s, {open_s}");
             let hint = "let the shutter close after it opens";
             return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
         }
-        match &self.framing {
-            Framing::Fixed(pose) => {
-                let ahead = Vector3::from(pose.position_m) + Vector3::y();
-                pose.camera_from_world(ahead).map(|_| ())
-            }
-            Framing::Word(_) => Ok(()),
+        if let Framing::Fixed(pose) = &self.framing {
+            pose.camera_from_world(Vector3::from(pose.position_m) + Vector3::y())?;
         }
+        Ok(())
     }
 
     /// Share of light lost by vignetting at the corner of the picture, at an aperture.
@@ -221,18 +218,24 @@ impl FixedPose {
             if forward.norm() > 1e-9 {
                 return Ok(camera_from_world(forward));
             }
-            let hint = "place the camera some meters in front of its target";
-            let found = format!("{:?}, the position of the camera", self.position_m);
-            let wanted = "a point away from it";
-            return Err(Error::input("camera.framing.target_m", found, wanted, hint));
+            let position_m = self.position_m;
+            return Err(input_error!(
+                "camera.framing.target_m",
+                "{position_m:?}, the position of the camera",
+                "a point away from it",
+                "place the camera some meters in front of its target",
+            ));
         };
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
         if (0.95..=1.05).contains(&length) {
             return Ok(camera_from_orientation(orientation));
         }
-        let key = "camera.framing.orientation_wxyz";
-        let found = format!("a quaternion of length {length}");
-        Err(Error::input(key, found, "a unit quaternion", "divide it by its length"))
+        Err(input_error!(
+            "camera.framing.orientation_wxyz",
+            "a quaternion of length {length}",
+            "a unit quaternion",
+            "divide it by its length",
+        ))
     }
 }
 
@@ -247,10 +250,10 @@ pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     if sides.iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) && pixels <= MAX_PIXELS {
         return Ok(());
     }
-    Err(Error::input(
+    Err(input_error!(
         "camera.width_px and camera.height_px",
-        format!("{width_px}x{height_px}"),
-        format!("sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels"),
+        "{width_px}x{height_px}",
+        "sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels",
         "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
     ))
 }

@@ -76,18 +76,17 @@ impl Budget {
     ///
     /// [`Error::Input`] with the limit.
     pub fn check(&self) -> Result<()> {
-        let (found, wanted) = match self.beyond.get() {
+        let (found, most, unit) = match self.beyond.get() {
             None => return Ok(()),
-            Some(Beyond::Steps) => (
-                "more work than an input may take",
-                format!("at most {} million steps", MAX_STEPS / 1_000_000),
-            ),
-            Some(Beyond::Bytes) => (
-                "more data than an input may hold",
-                format!("at most {} MiB of memory", MAX_BYTES >> 20),
-            ),
+            Some(Beyond::Steps) => {
+                ("work than an input may take", MAX_STEPS / 1_000_000, "million steps")
+            }
+            Some(Beyond::Bytes) => {
+                ("data than an input may hold", MAX_BYTES >> 20, "MiB of memory")
+            }
         };
-        Err(Error::input(&self.place, found, wanted, self.hint))
+        let wanted = format!("at most {most} {unit}");
+        Err(Error::input(&self.place, format_args!("more {found}"), wanted, self.hint))
     }
 
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {

@@ -33,12 +33,8 @@ impl OutputFolder {
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             let hint = "name a folder (./- where it is called so)";
-            return Err(Error::input(
-                "output",
-                STANDARD_OUTPUT,
-                "a folder for several files",
-                hint,
-            ));
+            let wanted = "a folder for several files";
+            return Err(Error::input("output", STANDARD_OUTPUT, wanted, hint));
         }
         let unwritable = |source| Error::write(path, source);
         let made = !path.exists();
@@ -91,27 +87,26 @@ impl OutputFolder {
         let _lock = locked(&self.path);
         let look = |name: &_| {
             let path = self.path.join(name);
-            let link = path.is_symlink();
-            let place = Place::at(&path).map_err(|source| Error::write(&path, source))?;
-            Ok((path, link, place))
+            match Place::at(&path) {
+                Ok(place) => Ok((self.staging.path().join(name), path, place)),
+                Err(source) => Err(Error::write(&path, source)),
+            }
         };
         let places: Vec<_> = names.iter().map(look).collect::<Result<_>>()?;
-        let name = |(name, (path, link, place)): (&_, (PathBuf, bool, Place))| {
-            let staged = self.staging.path().join(name);
+        let name = |(staged, path, place): (PathBuf, PathBuf, Place)| {
             let named = match place {
-                Place::Regular(permissions) if !link => permissions
+                Place::Regular(permissions) if !path.is_symlink() => permissions
                     .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
                     .and_then(|()| std::fs::rename(&staged, &path)),
-                Place::Regular(_) => {
-                    let file =
-                        OpenOptions::new().write(true).create(true).truncate(true).open(&path);
-                    file.and_then(|file| copy(&staged, file))
-                }
+                Place::Regular(_) => File::create(&path).and_then(|file| copy(&staged, file)),
                 Place::Through(file) => copy(&staged, file),
             };
-            named.map(|()| path.clone()).map_err(|source| Error::write(&path, source))
+            match named {
+                Ok(()) => Ok(path),
+                Err(source) => Err(Error::write(&path, source)),
+            }
         };
-        names.iter().zip(places).map(name).collect()
+        places.into_iter().map(name).collect()
     }
 }
 

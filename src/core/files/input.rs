@@ -40,7 +40,10 @@ impl Limit {
         let expected = file.metadata().map_or(0, |metadata| metadata.len().min(self.bytes));
         let mut bytes = Vec::with_capacity(usize::try_from(expected).unwrap_or(0) + 1);
         file.take(self.bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-        self.check(&bytes, path).map(|()| bytes)
+        if bytes.len() as u64 > self.bytes {
+            return Err(Error::input(path.display(), self.beyond(), self.wanted(), self.hint));
+        }
+        Ok(bytes)
     }
 
     /// Reads the beginning of a file.
@@ -61,8 +64,8 @@ impl Limit {
     /// As [`Self::read`]; [`Error::Input`] with the byte where it is not UTF-8.
     pub fn read_text(self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|broken| {
-            let at = broken.utf8_error().valid_up_to();
-            let place = format!("{}: byte {}", path.display(), at + 1);
+            let byte = broken.utf8_error().valid_up_to() + 1;
+            let place = format_args!("{}: byte {byte}", path.display());
             Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
         })
     }
@@ -74,22 +77,14 @@ impl Limit {
     ///
     /// [`Error::Input`] with their size.
     pub fn check_all<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
-        let sizes: Vec<u64> = paths.into_iter().map(|path| bytes_at(path)).collect();
-        let sum: u64 = sizes.iter().sum();
+        let sizes = paths.into_iter().map(|path| bytes_at(path));
+        let (n, sum) = sizes.fold((0, 0), |(n, sum), bytes| (n + 1, sum + bytes));
         if sum <= self.bytes {
             return Ok(());
         }
-        let found = format!("{} of {} in all", sizes.len(), size(sum));
+        let found = format_args!("{n} of {} in all", size(sum));
         let wanted = format!("at most {} in all", size(self.bytes));
         Err(Error::input(self.what, found, wanted, self.hint))
-    }
-
-    fn check(self, bytes: &[u8], path: &Path) -> Result<()> {
-        if bytes.len() as u64 <= self.bytes {
-            return Ok(());
-        }
-        let place = path.display().to_string();
-        Err(Error::input(place, self.beyond(), self.wanted(), self.hint))
     }
 
     fn beyond(self) -> String {
@@ -102,8 +97,7 @@ impl Limit {
 }
 
 /// Bytes of a file, or of the files in a folder; none where they cannot be told, as of a pipe.
-#[must_use]
-pub fn bytes_at(path: &Path) -> u64 {
+fn bytes_at(path: &Path) -> u64 {
     let of_file = |path: &Path| {
         let metadata = std::fs::metadata(path).ok();
         metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())

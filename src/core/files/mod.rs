@@ -20,7 +20,7 @@ mod yaml;
 
 pub use budget::{Budget, push};
 pub use folder::OutputFolder;
-pub use input::{Limit, bytes_at, entries_in, files_in};
+pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
 pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};

@@ -8,6 +8,7 @@ use tempfile::NamedTempFile;
 
 use super::staging::{Place, file_in};
 use crate::error::{Error, Result};
+use crate::input_error;
 
 /// Name of standard output as a file.
 pub const STANDARD_OUTPUT: &str = "-";
@@ -45,12 +46,10 @@ impl Output {
     /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
     /// place of a file, and for what may not be written.
     pub fn create(path: &Path) -> Result<Self> {
-        match Sink::open(path) {
-            Ok(sink) => Ok(Self { path: path.to_owned(), sink }),
-            Err(source) => {
-                Err(missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source)))
-            }
-        }
+        let sink = Sink::open(path).map_err(|source| {
+            missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source))
+        })?;
+        Ok(Self { path: path.to_owned(), sink })
     }
 
     /// Writes the content and gives the file its name.
@@ -78,24 +77,26 @@ impl Output {
         write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
         sync: bool,
     ) -> Result<PathBuf> {
-        let Self { path, sink } = self;
-        let named = match sink {
+        let Self { mut path, sink } = self;
+        let written = match sink {
             Sink::StandardOutput => {
-                let path = STANDARD_OUTPUT.into();
+                path = STANDARD_OUTPUT.into();
                 match buffered(&mut std::io::stdout().lock(), write) {
                     // A reader that went away, such as `head`, is no error.
-                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(path),
-                    written => written.map(|()| path),
+                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+                    written => written,
                 }
             }
-            Sink::Through(mut file) => buffered(&mut file, write).map(|()| path.clone()),
+            Sink::Through(mut file) => buffered(&mut file, write),
             Sink::Staged { mut file, place, permissions } => buffered(file.as_file_mut(), write)
                 .and_then(|()| permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p)))
                 .and_then(|()| if sync { file.as_file().sync_all() } else { Ok(()) })
-                .and_then(|()| file.persist(&place).map_err(|error| error.error))
-                .map(|_| path.clone()),
+                .and_then(|()| file.persist(&place).map(|_| ()).map_err(|error| error.error)),
         };
-        named.map_err(|source| Error::write(&path, source))
+        match written {
+            Ok(()) => Ok(path),
+            Err(source) => Err(Error::write(&path, source)),
+        }
     }
 }
 
@@ -122,11 +123,15 @@ impl Sink {
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
     let place = followed(path).ok()?;
     let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
-    (source.kind() == std::io::ErrorKind::NotFound && !folder.exists()).then(|| {
-        let folder = folder.display();
-        let wanted = "a folder that exists";
-        let hint = format!("make the folder {folder} first, or choose another one");
-        Error::input(path.display(), format!("no folder {folder}"), wanted, hint)
+    let is_missing = source.kind() == std::io::ErrorKind::NotFound && !folder.exists();
+    let folder = folder.display();
+    is_missing.then(|| {
+        input_error!(
+            path.display(),
+            "no folder {folder}",
+            "a folder that exists",
+            "make the folder {folder} first, or choose another one",
+        )
     })
 }
 

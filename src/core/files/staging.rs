@@ -4,7 +4,7 @@
 //! A temporary file is locked while its program lives, so that the next program can tell one that
 //! was left behind. Where a file system has no locks, files that are left behind stay.
 
-use std::fs::{File, OpenOptions, Permissions};
+use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::Result;
 use std::path::Path;
 
@@ -65,22 +65,17 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 /// Removes temporary files that nothing holds any more.
 fn remove_leftovers(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
+        let (name, path) = (entry.file_name(), entry.path());
         let name = name.to_string_lossy();
-        let kind = entry.file_type();
-        let ours = name.starts_with(PREFIX) && name.ends_with(SUFFIX);
+        let is_ours = name.starts_with(PREFIX) && name.ends_with(SUFFIX);
         // Others, such as a pipe, could block when they are opened.
-        let (Ok(kind), true) = (kind, ours) else { continue };
-        if !kind.is_file() && !kind.is_dir() {
-            continue;
-        }
-        let path = entry.path();
+        let opens = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
+        let Some(kind) = entry.file_type().ok().filter(opens) else { continue };
         if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
             // What cannot be removed does no harm.
-            let _ = if kind.is_dir() {
-                std::fs::remove_dir_all(&path)
-            } else {
-                std::fs::remove_file(&path)
+            let _ = match kind.is_dir() {
+                true => std::fs::remove_dir_all(&path),
+                false => std::fs::remove_file(&path),
             };
         }
     }
@@ -101,13 +96,11 @@ impl Place {
     ///
     /// A folder, and what may not be written.
     pub(super) fn at(path: &Path) -> Result<Self> {
-        let there = match std::fs::metadata(path) {
-            Ok(there) => there,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Self::Regular(None));
-            }
-            Err(error) => return Err(error),
-        };
+        let there = std::fs::metadata(path);
+        if there.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
+            return Ok(Self::Regular(None));
+        }
+        let there = there?;
         if there.is_dir() {
             return Err(std::io::ErrorKind::IsADirectory.into());
         }

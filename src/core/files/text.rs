@@ -23,48 +23,24 @@ pub struct PlainText<'a> {
 pub fn plain_text(bytes: &[u8]) -> PlainText<'_> {
     let text = with_line_feeds(decoded(bytes));
     let mut notes = Vec::new();
-    let Some(head) = Head::find(&text) else { return PlainText { text, notes } };
-    if head.is_plain() {
+    let Some(head) = Head::find(&text).filter(|head| !head.is_plain) else {
         return PlainText { text, notes };
-    }
-    let mut plain = Vec::with_capacity(text.len() + 16);
-    let mut decimals = Decimals::default();
-    for (index, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
-        if index < head.row {
-            if Some(index) == head.titles {
-                plain.extend(head.title_line(&text).into_bytes());
-            } else if Some(index) != head.units
-                && !line.trim_ascii().is_empty()
-                && !is_comment(line)
-            {
-                let shown: String = String::from_utf8_lossy(line).trim().chars().take(40).collect();
-                notes.push(format!(
-                    "line {} stands before the head and is not read: {shown}",
-                    index + 1
-                ));
-            }
-            plain.push(b'\n');
-        } else if is_comment(line) {
-            plain.extend(line);
-        } else {
-            let (line, end) = match line.strip_suffix(b"\n") {
-                Some(line) => (line.strip_suffix(b"\r").unwrap_or(line), &b"\n"[..]),
-                None => (line, &b""[..]),
-            };
-            for (place, cell) in head.separator.cells(line).enumerate() {
-                if place > 0 {
-                    plain.push(b',');
-                }
-                decimals.push(&mut plain, cell);
-            }
-            plain.extend(end);
+    };
+    for (index, line) in text.split(|byte| *byte == b'\n').enumerate().take(head.row) {
+        let is_read = [head.titles, head.units].contains(&Some(index));
+        if !is_read && !line.trim_ascii().is_empty() && !is_comment(line) {
+            let shown: String = String::from_utf8_lossy(line).trim().chars().take(40).collect();
+            let number = index + 1;
+            notes.push(format!("line {number} stands before the head and is not read: {shown}"));
         }
     }
-    if decimals.commas > 0 && decimals.points == 0 {
-        notes.push("its numbers have decimal commas".into());
-    } else if decimals.commas > 0 {
+    let mut decimals = Decimals::default();
+    let mut plain = head.rewrite(&text, |line, cell| decimals.push(line, cell));
+    if decimals.has_commas && decimals.has_points {
         // Two guesses fit: a comma may part thousands. The cells are refused as they are.
-        return PlainText { text: Cow::Owned(quoted(&text, &head)), notes };
+        plain = head.rewrite(&text, push_quoted);
+    } else if decimals.has_commas {
+        notes.push("its numbers have decimal commas".into());
     }
     PlainText { text: Cow::Owned(plain), notes }
 }
@@ -88,9 +64,7 @@ pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
 /// Text whose lines end in LF, where any ends in CR alone.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     let next = text.iter().skip(1).chain(&[0]);
-    if !text.contains(&b'\r')
-        || !text.iter().zip(next).any(|(byte, next)| *byte == b'\r' && *next != b'\n')
-    {
+    if !text.iter().zip(next).any(|(byte, next)| *byte == b'\r' && *next != b'\n') {
         return text;
     }
     let mut lines = Vec::with_capacity(text.len());
@@ -152,8 +126,8 @@ struct Head {
     titles: Option<usize>,
     /// Index of a line of units below it.
     units: Option<usize>,
-    /// Whether anything is to be done.
-    plain: bool,
+    /// Whether nothing is to be done.
+    is_plain: bool,
 }
 
 impl Head {
@@ -166,45 +140,55 @@ impl Head {
         let n = separator.count(lines[row]);
         let before = || (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
         let fits = |index: &usize| {
-            let line = uncommented(lines[*index]);
+            let n_titles = separator.count(uncommented(lines[*index]));
             // A title may have blanks in it, and a row an empty cell at its end.
-            let found = separator.count(line);
-            found == n
-                || (separator != Separator::Blanks
-                    && found > n
-                    && found == all_cells(separator, lines[row]))
+            let may_end_empty = separator != Separator::Blanks && n_titles > n;
+            n_titles == n || may_end_empty && n_titles == separator.cells(lines[row]).count()
         };
-        let bare: Vec<usize> =
-            before().filter(fits).filter(|index| !is_comment(lines[*index])).collect();
-        let commented = || before().filter(fits).rfind(|index| is_comment(lines[*index]));
-        let titles = bare.first().copied().or_else(commented);
+        let is_bare = |index: &usize| !is_comment(lines[*index]);
+        let bare: Vec<usize> = before().filter(fits).filter(is_bare).collect();
+        let titles = bare.first().copied();
+        let titles = titles.or_else(|| before().filter(fits).next_back());
         // Without a line that fits, the last one is the head, and its row is refused with its
         // place.
-        let titles = titles.or_else(|| before().rfind(|index| !is_comment(lines[*index])));
-        let units = bare.get(1).copied().filter(|index| {
-            bare.len() == 2 && separator.cells(lines[*index]).all(|cell| cell.len() <= 8)
-        });
-        let quotes = lines[row].contains(&b'"');
-        let is_alone = titles.is_none_or(|titles| titles == 0 && row == 1);
-        let is_bare = titles.is_none_or(|titles| !is_comment(lines[titles]));
-        let plain = separator == Separator::Byte(b',')
-            && !quotes
-            && is_alone
-            && is_bare
-            && (titles.is_some() || row == 0);
-        Some(Self { separator, row, titles, units, plain })
+        let titles = titles.or_else(|| before().rfind(is_bare));
+        let are_short = |index: &usize| separator.cells(lines[*index]).all(|cell| cell.len() <= 8);
+        let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
+        let is_alone = match titles {
+            Some(titles) => titles == 0 && row == 1 && is_bare(&titles),
+            None => row == 0,
+        };
+        let has_commas = separator == Separator::Byte(b',') && !lines[row].contains(&b'"');
+        Some(Self { separator, row, titles, units, is_plain: has_commas && is_alone })
     }
 
-    fn is_plain(&self) -> bool {
-        self.plain
+    /// The text with its titles in one line, nothing in the other lines above the rows, and commas
+    /// between cells as `push` appends them.
+    fn rewrite(&self, text: &[u8], mut push: impl FnMut(&mut Vec<u8>, &[u8])) -> Vec<u8> {
+        let mut plain = Vec::with_capacity(text.len() + 16);
+        for (index, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
+            if index >= self.row && is_comment(line) {
+                plain.extend(line);
+                continue;
+            }
+            if Some(index) == self.titles {
+                plain.extend(self.title_line(text).into_bytes());
+            } else if index >= self.row {
+                for (place, cell) in self.separator.cells(line).enumerate() {
+                    plain.extend((place > 0).then_some(b','));
+                    push(&mut plain, cell);
+                }
+            }
+            plain.extend(line.last().filter(|byte| **byte == b'\n'));
+        }
+        plain
     }
 
     /// The titles with commas between them, their units in brackets.
     fn title_line(&self, text: &[u8]) -> String {
         let line = |index: usize| text.split(|byte| *byte == b'\n').nth(index).unwrap_or_default();
         let titles = uncommented(line(self.titles.unwrap_or_default()));
-        let units = self.units.map_or(&b""[..], line);
-        let mut units = self.separator.cells(units);
+        let mut units = self.separator.cells(self.units.map_or(&b""[..], line));
         let cells = self.separator.cells(titles).map(|title| {
             let title = String::from_utf8_lossy(title).into_owned();
             let unit = units.next().map(String::from_utf8_lossy).unwrap_or_default();
@@ -219,10 +203,6 @@ impl Head {
         };
         cells.map(quote).collect::<Vec<_>>().join(",")
     }
-}
-
-fn all_cells(separator: Separator, line: &[u8]) -> usize {
-    separator.cells(line).count()
 }
 
 /// A line without the sign of a comment.
@@ -251,11 +231,19 @@ fn is_row(separator: Separator, line: &[u8]) -> bool {
 
 /// Whether a cell is a number, with a point or a comma.
 fn is_number(cell: &[u8]) -> bool {
-    let cell = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell);
+    let text = with_points(unquoted(cell));
     let commas = cell.iter().filter(|byte| **byte == b',').count();
-    let text: Vec<u8> = cell.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect();
-    let parses = std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok());
-    commas <= 1 && parses
+    commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
+}
+
+/// A cell with points in place of its commas.
+fn with_points(cell: &[u8]) -> Vec<u8> {
+    cell.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect()
+}
+
+/// A cell without its quotation marks.
+fn unquoted(cell: &[u8]) -> &[u8] {
+    cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
 /// Whether a cell begins as a date or a time of day does.
@@ -267,53 +255,37 @@ fn is_date(cell: &[u8]) -> bool {
 /// Signs of decimals in a table's cells.
 #[derive(Default)]
 struct Decimals {
-    commas: usize,
-    points: usize,
+    has_commas: bool,
+    has_points: bool,
 }
 
 impl Decimals {
     /// Appends a cell, its decimal comma as a point.
     fn push(&mut self, line: &mut Vec<u8>, cell: &[u8]) {
-        let bare =
-            cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell);
+        let bare = unquoted(cell);
         let has = |sign: u8| bare.contains(&sign);
         if has(b',') && is_number(bare) {
-            self.commas += 1;
-            line.extend(bare.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }));
+            self.has_commas = true;
+            line.extend(with_points(bare));
+        } else if has(b':') && has(b',') && !has(b'.') {
+            // A time of day with a decimal comma.
+            line.extend(with_points(bare));
         } else if has(b',') {
-            // A time of day with a decimal comma, or no number: its reader says so.
-            let is_clock = has(b':') && !has(b'.');
-            let byte = |byte: &u8| if is_clock && *byte == b',' { b'.' } else { *byte };
-            line.push(b'"');
-            line.extend(bare.iter().map(byte));
-            line.push(b'"');
+            // No number: its reader says so.
+            push_quoted(line, bare);
         } else {
-            self.points += usize::from(has(b'.') && is_number(bare));
+            self.has_points = self.has_points || has(b'.') && is_number(bare);
             line.extend(cell);
         }
     }
 }
 
-/// The table with its cells as they are, in quotation marks where they hold commas.
-fn quoted(text: &[u8], head: &Head) -> Vec<u8> {
-    let mut plain = Vec::with_capacity(text.len() + 16);
-    for (index, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
-        if Some(index) == head.titles {
-            plain.extend(head.title_line(text).into_bytes());
-        } else if index >= head.row && !is_comment(line) {
-            for (place, cell) in head.separator.cells(line.trim_ascii_end()).enumerate() {
-                if place > 0 {
-                    plain.push(b',');
-                }
-                let quotes = cell.contains(&b',') && !cell.starts_with(b"\"");
-                plain.extend(if quotes { &b"\""[..] } else { b"" });
-                plain.extend(cell);
-                plain.extend(if quotes { &b"\""[..] } else { b"" });
-            }
-        }
-        plain.push(b'\n');
-    }
-    plain
+/// Appends a cell as it is, in quotation marks where it needs them.
+fn push_quoted(line: &mut Vec<u8>, cell: &[u8]) {
+    let quote = Some(b'"').filter(|_| cell.contains(&b',') && !cell.starts_with(b"\""));
+    line.extend(quote);
+    line.extend(cell);
+    line.extend(quote);
 }
 
 #[cfg(test)]

@@ -81,42 +81,33 @@ impl Yaml {
             let (event, span) =
                 event.map_err(|error| broken(error.marker().line().max(1), error.info()))?;
             let line = span.start.line().max(1);
-            let ended = match event {
+            let refused = |what: &str| Err(broken(line, what.to_owned()));
+            let (line, value, is_open) = match event {
                 Event::Scalar(_, _, 1.., _)
                 | Event::SequenceStart(_, 1.., _)
                 | Event::MappingStart(_, 1.., _)
                 | Event::Alias(_)
-                | Event::UnresolvedAlias(_) => {
-                    return Err(broken(line, "an anchor or an alias".to_owned()));
-                }
+                | Event::UnresolvedAlias(_) => return refused("an anchor or an alias"),
                 Event::Scalar(_, _, _, Some(_))
                 | Event::SequenceStart(_, _, Some(_))
-                | Event::MappingStart(_, _, Some(_)) => {
-                    return Err(broken(line, "a tag".to_owned()));
-                }
-                Event::DocumentStart(..) if root.is_some() => {
-                    return Err(broken(line, "a second document".to_owned()));
-                }
-                Event::Scalar(text, ..) => {
-                    Some(Self { line, value: Value::Scalar(text.into_owned()) })
-                }
-                Event::SequenceStart(..) | Event::MappingStart(..) if open.len() == DEEPEST => {
-                    return Err(broken(line, format!("more than {DEEPEST} levels")));
-                }
-                Event::SequenceStart(..) => {
-                    open.push(Open { line, value: Value::List(Vec::new()), key: None });
-                    None
-                }
-                Event::MappingStart(..) => {
-                    open.push(Open { line, value: Value::Map(Vec::new()), key: None });
-                    None
-                }
-                Event::SequenceEnd | Event::MappingEnd => {
-                    open.pop().map(|Open { line, value, .. }| Self { line, value })
-                }
-                _ => None,
+                | Event::MappingStart(_, _, Some(_)) => return refused("a tag"),
+                Event::DocumentStart(..) if root.is_some() => return refused("a second document"),
+                Event::Scalar(text, ..) => (line, Value::Scalar(text.into_owned()), false),
+                Event::SequenceStart(..) => (line, Value::List(Vec::new()), true),
+                Event::MappingStart(..) => (line, Value::Map(Vec::new()), true),
+                Event::SequenceEnd | Event::MappingEnd => match open.pop() {
+                    Some(Open { line, value, .. }) => (line, value, false),
+                    None => continue,
+                },
+                _ => continue,
             };
-            let Some(node) = ended else { continue };
+            if is_open && open.len() == DEEPEST {
+                return Err(broken(line, format!("more than {DEEPEST} levels")));
+            } else if is_open {
+                open.push(Open { line, value, key: None });
+                continue;
+            }
+            let node = Self { line, value };
             match open.last_mut() {
                 Some(parent) => parent.add(node)?,
                 None => root = Some(node),

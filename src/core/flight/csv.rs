@@ -12,7 +12,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::table::{MAX_QUANTITY, Table, write_table};
+use super::table::{MAX_QUANTITY, REWRITE_HINT, Table, write_table};
 use super::{Flight, FlightSample, Quantity, Warning};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
@@ -55,15 +55,11 @@ impl Flight {
         let after_gap = self.after_gap();
         let gap = (!self.gaps.is_empty()).then_some(&after_gap);
         let names = logged().flat_map(|(.., columns)| columns.iter());
-        let header: Vec<String> = [TIME]
-            .iter()
-            .chain(names)
-            .chain(&[LETTER])
-            .map(|&name| name.to_owned())
-            .chain(self.lights.keys().map(|channel| format!("light.{channel}")))
-            .chain(gap.map(|_| GAP.to_owned()))
-            .chain(self.extra.keys().cloned())
-            .collect();
+        let standard = [&TIME].into_iter().chain(names).chain([&LETTER]);
+        let mut header: Vec<String> = standard.map(|&name| name.to_owned()).collect();
+        header.extend(self.lights.keys().map(|channel| format!("light.{channel}")));
+        header.extend(gap.map(|_| GAP.to_owned()));
+        header.extend(self.extra.keys().cloned());
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
             let numbers = sample.numbers();
             let standard = places.iter().map(move |&place| numbers[place]);
@@ -147,19 +143,15 @@ impl Flight {
         let samples: Vec<FlightSample> =
             (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();
         let lights = light_columns(table)?;
-        let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
+        let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
-            extra.map(|(name, values)| (name.to_owned(), values.to_vec())).collect();
+            further.map(|(name, values)| (name.to_owned(), values.to_vec())).collect();
         if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
             table.column(Quantity::TABLE[0].2[0])?;
         }
-        let gaps = if table.has(GAP) {
-            let flags = table.column(GAP)?.iter().skip(1);
-            let pairs = samples.windows(2).zip(flags).filter(|(_, flag)| **flag != 0.0);
-            pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
-        } else {
-            Vec::new()
-        };
+        let flags = if table.has(GAP) { table.column(GAP)? } else { &[] };
+        let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
+        let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
         let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
         let warnings = missing.into_iter().chain(odd.into_iter().map(Warning::File)).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
@@ -177,16 +169,12 @@ fn odd_titles(table: &Table) -> Result<Vec<String>> {
     let (mut seen, mut odd) = (BTreeSet::new(), Vec::new());
     for (title, _) in table.columns_after("") {
         if !seen.insert(title) && !title.is_empty() {
-            return Err(table.wrong_column(title, "two columns of one name", "one"));
+            return Err(table.wrong(title, 1, "two columns of one name", "one", REWRITE_HINT));
         }
         let plain = bare(title);
+        let is_light = title.to_lowercase().starts_with("light");
         let near = ours.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
-        let near = near.or_else(|| {
-            ["light", "lights"]
-                .into_iter()
-                .find(|light| title.to_lowercase().starts_with(light))?;
-            Some("light.<channel>")
-        });
+        let near = near.or(is_light.then_some("light.<channel>"));
         if let Some(near) = near.filter(|_| !is_standard_column(title)) {
             odd.push(format!("column {title} is kept and not used: a flight's is named {near}"));
         }
@@ -199,10 +187,10 @@ fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     if !table.has(name) {
         return Ok(());
     }
-    let fits = |value: &f64| value.fract() == 0.0 && (0.0..=most).contains(value);
-    match table.column(name)?.iter().position(|value| !fits(value)) {
+    let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
+    match table.column(name)?.iter().enumerate().find(is_odd) {
         None => Ok(()),
-        Some(row) => Err(table.wrong_cell(name, row, wanted)),
+        Some((row, found)) => Err(table.wrong(name, row + 2, found, wanted, REWRITE_HINT)),
     }
 }
 
@@ -251,15 +239,14 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    let mut lights = BTreeMap::new();
-    for (channel, levels) in table.columns_after("light.") {
-        if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
-            let place = format!("column light.{channel}");
-            return Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"));
-        }
-        lights.insert(channel.to_owned(), levels.to_vec());
-    }
-    Ok(lights)
+    let light = |(channel, levels): (&str, &[f64])| {
+        let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) else {
+            return Ok((channel.to_owned(), levels.to_vec()));
+        };
+        let place = format_args!("column light.{channel}");
+        Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"))
+    };
+    table.columns_after("light.").map(light).collect()
 }
 
 /// The file's letter number (0 outside letters) for an index.

@@ -4,11 +4,13 @@
 //! on a grid of 1e-6 (micrometers, microseconds, microradians), to which [`on_grid`] rounds,
 //! so that a product reads back from its file bit by bit as it was in memory.
 
+use std::fmt::Display;
 use std::io::{Read, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::files::{Budget, Limit, Lines, push};
+use crate::input_error;
 
 /// Most columns that a table may have.
 const MAX_COLUMNS: usize = 1024;
@@ -95,26 +97,32 @@ impl Table {
         };
         let header: Vec<String> =
             reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
-        if header.len() > MAX_COLUMNS {
-            let found = format!("{} columns", header.len());
-            let wanted = format!("at most {MAX_COLUMNS}");
-            return Err(Error::input(file, found, wanted, SMALLER_HINT));
+        let n = header.len();
+        if n > MAX_COLUMNS {
+            return Err(input_error!(
+                file,
+                "{n} columns",
+                "at most {MAX_COLUMNS}",
+                "{SMALLER_HINT}"
+            ));
         }
-        let mut columns = vec![Vec::new(); header.len()];
+        let mut columns = vec![Vec::new(); n];
         let mut record = csv::StringRecord::new();
         while reader.read_record(&mut record).map_err(|e| broken(&e))? {
-            budget.bytes(BYTES * header.len())?;
-            budget.steps(STEPS * header.len())?;
+            budget.bytes(BYTES * n)?;
+            budget.steps(STEPS * n)?;
             for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
                 let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
-                let value = value.ok_or_else(|| {
-                    let line = record.position().map_or(1, csv::Position::line);
-                    let found = format!("{:?}", shortened(cell));
-                    let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
-                    Error::input(format!("column {name}"), found, wanted, REWRITE_HINT)
-                        .at(file, line)
-                })?;
-                push(column, value);
+                push(
+                    column,
+                    value.ok_or_else(|| {
+                        let line = record.position().map_or(1, csv::Position::line);
+                        let (place, found) = (format_args!("column {name}"), shortened(cell));
+                        let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
+                        Error::input(place, format_args!("{found:?}"), wanted, REWRITE_HINT)
+                            .at(file, line)
+                    })?,
+                );
             }
         }
         Ok(Self { file: file.to_owned(), header, columns })
@@ -127,11 +135,9 @@ impl Table {
         let mut lines =
             text.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));
         let header = std::str::from_utf8(lines.next()?).ok()?;
-        if text.contains(&b'"') || header.is_empty() {
-            return None;
-        }
+        let is_plain = !text.contains(&b'"') && !header.is_empty();
         let header: Vec<String> = header.split(',').map(|title| title.trim().to_owned()).collect();
-        if header.len() > MAX_COLUMNS {
+        if !is_plain || header.len() > MAX_COLUMNS {
             return None;
         }
         let mut columns = vec![Vec::new(); header.len()];
@@ -187,21 +193,21 @@ impl Table {
             None => Ok(column),
             Some(row) => {
                 let wanted = format!("a number within ±{MAX_QUANTITY}");
-                Err(self.wrong_cell(name, row, &wanted))
+                Err(self.wrong(name, row + 2, column[row], wanted, REWRITE_HINT))
             }
         }
     }
 
-    /// An error at the cell of a column that there is.
-    pub(super) fn wrong_cell(&self, name: &str, row: usize, wanted: &str) -> Error {
-        let found = self.column(name).map_or(f64::NAN, |column| column[row]);
-        let place = format!("{}:{}: column {name}", self.file, row + 2);
-        Error::input(place, found, wanted, REWRITE_HINT)
-    }
-
-    /// An error at the title of a column.
-    pub(super) fn wrong_column(&self, name: &str, found: &str, wanted: &str) -> Error {
-        Error::input(format!("{}:1: column {name}", self.file), found, wanted, REWRITE_HINT)
+    /// An error in a line of a column.
+    pub(super) fn wrong(
+        &self,
+        name: &str,
+        line: usize,
+        found: impl Display,
+        wanted: impl Into<String>,
+        hint: &str,
+    ) -> Error {
+        Error::input(format_args!("{}:{line}: column {name}", self.file), found, wanted, hint)
     }
 
     /// Whether there is a column of this name.
@@ -235,18 +241,17 @@ impl Table {
             return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
         }
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
-            let place = format!("{}:{}: column {name}", self.file, row + 3);
             let wanted = format!("at least {}, the time before it", time_s[row]);
-            return Err(Error::input(place, time_s[row + 1], wanted, "sort the rows by time"));
+            let found = time_s[row + 1];
+            return Err(self.wrong(name, row + 3, found, wanted, "sort the rows by time"));
         }
         let beyond = |time_s: f64, first_s: f64| {
             let [time_s, first_s] = [time_s, first_s].map(|time| time * unit_s);
             time_s.abs() > MAX_TIME_S || time_s - first_s > MAX_DURATION_S
         };
         if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {
-            let place = format!("{}:{}: column {name}", self.file, row + 2);
             let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
-            return Err(Error::input(place, time_s[row], wanted, MILLISECONDS_HINT));
+            return Err(self.wrong(name, row + 2, time_s[row], wanted, MILLISECONDS_HINT));
         }
         Ok(time_s)
     }
@@ -278,9 +283,10 @@ fn short_number(cell: &[u8]) -> Option<f64> {
 
 /// The beginning of a cell, for a message.
 fn shortened(cell: &str) -> String {
-    let mut characters = cell.chars();
-    let some: String = characters.by_ref().take(60).collect();
-    if characters.next().is_some() { some + " ..." } else { some }
+    match cell.char_indices().nth(60) {
+        Some((end, _)) => format!("{} ...", &cell[..end]),
+        None => cell.to_owned(),
+    }
 }
 
 /// Advice on a flight of more than an hour.
@@ -289,7 +295,7 @@ pub const MILLISECONDS_HINT: &str =
 
 const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
 
-const REWRITE_HINT: &str = "correct the file, or let the program write it again";
+pub(super) const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
 /// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
 ///
@@ -346,11 +352,9 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
             break;
         }
     }
-    let mut end = digits.len();
-    while digits[end - 1] == b'0' && end > 18 {
-        end -= 1;
-    }
-    line.extend_from_slice(&digits[first..if end == 18 { 17 } else { end }]);
+    let last = digits.iter().rposition(|digit| *digit != b'0').unwrap_or(first);
+    // Without a part, neither zeros nor point.
+    line.extend_from_slice(&digits[first..if last == 17 { 17 } else { last + 1 }]);
 }
 
 #[cfg(test)]

@@ -141,28 +141,23 @@ impl Fixture {
     /// Refuses a parameter that no export would set.
     fn check_parameter(&self, key: &str) -> Result<()> {
         let Some(parameter) = &self.parameter else { return Ok(()) };
-        let wrong = |wanted, hint| {
-            let place = format!("{key} `{}`: parameter", self.name);
-            Err(Error::input(place, parameter.as_str(), wanted, hint))
-        };
         let is_name = |part: &str| {
             !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
         };
-        let hint = "the firmware's list of parameters has it";
-        match (parameter.split_once('.'), self.drive.channel()) {
-            (Some((group, name)), Some(channel)) if is_name(group) && is_name(name) => {
-                match Channel::of(channel) {
-                    None => Ok(()),
-                    Some(_) => wrong(
-                        "no parameter: the channel is that of a deck",
-                        "give the lamp a channel of its own: drive.command",
-                    ),
-                }
+        let is_full =
+            parameter.split_once('.').is_some_and(|(group, name)| is_name(group) && is_name(name));
+        let (wanted, hint) = match self.drive.channel() {
+            _ if !is_full => {
+                ("group.name of letters, digits and _", "the firmware's list of parameters has it")
             }
-            (Some((group, name)), None) if is_name(group) && is_name(name) => {
-                wrong("no parameter: nothing commands this lamp", "set drive.command")
-            }
-            _ => wrong("group.name of letters, digits and _", hint),
-        }
+            None => ("no parameter: nothing commands this lamp", "set drive.command"),
+            Some(channel) if Channel::of(channel).is_some() => (
+                "no parameter: the channel is that of a deck",
+                "give the lamp a channel of its own: drive.command",
+            ),
+            Some(_) => return Ok(()),
+        };
+        let place = format_args!("{key} `{}`: parameter", self.name);
+        Err(Error::input(place, parameter, wanted, hint))
     }
 }

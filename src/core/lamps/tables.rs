@@ -43,14 +43,12 @@ pub fn crazyflie() -> Vec<Fixture> {
         drive,
         position_body_m: [x, y, 0.0],
         axis_body: [0.0, 0.0, 1.0],
-        dies: vec![Die { intensity_cd: 0.02, chromaticity }],
-        beam_exponent: 1.0,
+        dies: vec![die(0.02, chromaticity)],
         spill: 1.0,
         visible_cos: -0.5,
         diameter_m: 0.002,
         bitmask_bit: Some(bit),
-        parameter: None,
-        parameter_max: 1,
+        ..Fixture::default()
     };
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
@@ -100,14 +98,11 @@ pub fn led_ring() -> Vec<Fixture> {
         drive: Drive::Command(HEADLIGHTS.into()),
         position_body_m: [0.016, left_m, -0.01],
         axis_body: [1.0, 0.0, 0.0],
-        dies: vec![Die { intensity_cd: 1.8, chromaticity: WHITE }],
-        beam_exponent: 1.0,
+        dies: vec![die(1.8, WHITE)],
         spill: 0.05,
         visible_cos: -0.5,
         diameter_m: 0.003,
-        bitmask_bit: None,
-        parameter: None,
-        parameter_max: 1,
+        ..Fixture::default()
     };
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
     rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
@@ -115,18 +110,10 @@ pub fn led_ring() -> Vec<Fixture> {
         drive: Drive::Ring(led),
         position_body_m: [forward_m, -right_m, -0.012],
         axis_body: [0.0, 0.0, -1.0],
-        dies: vec![
-            Die { intensity_cd: 0.4, chromaticity: RED },
-            Die { intensity_cd: 0.69, chromaticity: GREEN },
-            Die { intensity_cd: 0.19, chromaticity: BLUE },
-        ],
-        beam_exponent: 1.0,
-        spill: 0.0,
+        dies: vec![die(0.4, RED), die(0.69, GREEN), die(0.19, BLUE)],
         visible_cos: 0.0,
         diameter_m: 0.003,
-        bitmask_bit: None,
-        parameter: None,
-        parameter_max: 1,
+        ..Fixture::default()
     }));
     rows
 }
@@ -179,19 +166,19 @@ const PLACES: [[f64; 2]; 12] = [
 /// at 1 kHz. Its throttling when hot is not modeled.
 #[must_use]
 pub fn color_led() -> Vec<Fixture> {
-    let die = |intensity_cd, chromaticity| Die { intensity_cd, chromaticity };
     vec![Fixture {
         name: "color LED".into(),
         drive: Drive::ColorLed,
         position_body_m: [0.0, 0.0, -0.015],
         axis_body: [0.0, 0.0, -1.0],
         dies: vec![die(79.6, WHITE), die(44.2, RED), die(66.8, GREEN), die(15.9, BLUE)],
-        beam_exponent: 1.0,
         spill: 0.2,
         visible_cos: -0.3,
         diameter_m: 0.01,
-        bitmask_bit: None,
-        parameter: None,
-        parameter_max: 1,
+        ..Fixture::default()
     }]
+}
+
+fn die(intensity_cd: f64, chromaticity: [f64; 2]) -> Die {
+    Die { intensity_cd, chromaticity }
 }

@@ -6,8 +6,7 @@
 
 use nalgebra::Vector2;
 
-use super::ends_at_hole;
-use noctograph_core::crazyflie::MOTOR_SIGNS;
+use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_flying::vehicle::GustOptions;
 
@@ -38,9 +37,7 @@ pub(super) fn uneven_air(
     let middle: Vec<FlightSample> =
         samples.iter().filter(|s| (from_s..to_s).contains(&s.time_s)).copied().collect();
     let mut windows: Vec<[Vector2<f64>; 2]> = Vec::new();
-    let together =
-        |a: &FlightSample, b: &FlightSample| !ends_at_hole(flight, a.time_s) && a.time_s < b.time_s;
-    for run in middle.chunk_by(together) {
+    for run in runs(flight, &middle) {
         let start_s = run[0].time_s;
         let window = |s: &FlightSample| libm::floor((s.time_s - start_s) / WINDOW_S);
         for part in run.chunk_by(|a, b| window(a) == window(b)) {
@@ -50,15 +47,11 @@ pub(super) fn uneven_air(
             }
             #[expect(clippy::cast_precision_loss, reason = "samples of a second")]
             let n = part.len() as f64;
-            let torque = |s: &FlightSample| {
-                Vector2::from_fn(|axis, _| -> f64 {
-                    (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * s.motors[motor]).sum()
-                })
-            };
-            // Moving along x the air turns the drone about y, and the other way around.
-            let moving = |s: &FlightSample| s.velocity_body_m_s.yx();
+            let torque = |s: &FlightSample| Vector2::from_fn(|axis, _| signed_sum(axis, &s.motors));
             let torque_n_m = part.iter().map(torque).sum::<Vector2<f64>>() * torque_per_command_n_m;
-            windows.push([torque_n_m / n, part.iter().map(moving).sum::<Vector2<f64>>() / n]);
+            // Moving along x the air turns the drone about y, and the other way around.
+            let moving_m_s: Vector2<f64> = part.iter().map(|s| s.velocity_body_m_s.yx()).sum();
+            windows.push([torque_n_m / n, moving_m_s / n]);
         }
     }
     if windows.len() < FEWEST {

@@ -13,10 +13,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::ends_at_hole;
 use super::rotors::impulses;
-use super::yaw::{STRETCHES, T_95};
-use noctograph_core::crazyflie::MOTOR_SIGNS;
+use super::yaw::{STRETCHES, T_95, jackknife_sigma};
+use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 
 /// Length of a span: two or more samples of a log of 50 Hz, short against the lag.
@@ -57,9 +56,8 @@ impl RotorLag {
 
 /// Fits the lag; `None` for a flight too short for a fit, or whose design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
-    let runs = runs(flight, samples);
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
-        runs.into_iter().map(|run| (run, pairs(run).collect())).collect();
+        runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
     let n: usize = runs.iter().map(|(_, pairs)| pairs.len()).sum();
     if n < FEWEST {
         return None;
@@ -70,31 +68,29 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     let tries = (LONGEST_S / STEP_S).round() as u32;
     let lags_s = (0..=tries).map(|step| f64::from(step) * STEP_S);
     let pushes = |lag_s: f64| changes(&runs, |run| torques(run, lag_s));
-    let parts = Parts::new(&designs, &turns, &lags_s.map(pushes).collect::<Vec<_>>());
-    let all = parts.explained(None)?;
+    let pushes: Vec<Changes> = lags_s.map(pushes).collect();
+    let stretch = |index| Stretch::new(index, &designs, &turns, &pushes);
+    let stretches: Vec<Stretch> = (0..STRETCHES).map(stretch).collect();
+    let all = explained(&stretches, None)?;
     let lag_s = peak(&all.curve);
-    let others = (0..STRETCHES).map(|stretch| Some(peak(&parts.explained(Some(stretch))?.curve)));
-    let others: Vec<f64> = others.collect::<Option<_>>()?;
-    #[expect(clippy::cast_precision_loss, reason = "twenty")]
-    let n = STRETCHES as f64;
-    let middle = others.iter().sum::<f64>() / n;
-    let square: f64 = others.iter().map(|other| (other - middle) * (other - middle)).sum();
-    let half_width_s = T_95 * (square * (n - 1.0) / n).sqrt();
+    let without = |index| Some(peak(&explained(&stretches, Some(index))?.curve));
+    let others = (0..STRETCHES).map(without);
+    let half_width_s = T_95 * jackknife_sigma(&others.collect::<Option<Vec<_>>>()?);
     Some(RotorLag { lag_s, half_width_s, explained: all.share })
 }
 
 /// Changes from span to span, a row each, about body x and y.
 type Changes = DMatrix<f64>;
 
-/// Products of the design's columns with the rotation and with the torque of each lag, and of these
-/// with themselves, by stretches of the flight.
-struct Parts {
-    design: Vec<DMatrix<f64>>,
-    turn: Vec<[DVector<f64>; 2]>,
-    pushes: Vec<Vec<[DVector<f64>; 2]>>,
+/// Of one stretch of the flight, products of the design's columns with the rotation and with the
+/// torque of each lag, and of these with themselves.
+struct Stretch {
+    design: DMatrix<f64>,
+    turn: [DVector<f64>; 2],
+    pushes: Vec<[DVector<f64>; 2]>,
     /// Of the torque with itself and the rotation, and of the rotation with itself, for each lag.
-    plain: Vec<Vec<[[f64; 3]; 2]>>,
-    rows: Vec<usize>,
+    plain: Vec<[[f64; 3]; 2]>,
+    rows: usize,
 }
 
 /// How well the motors explain the rotation with each lag.
@@ -105,78 +101,66 @@ struct Explained {
     share: f64,
 }
 
-impl Parts {
-    fn new(designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
-        let n = turns.nrows();
-        let cut = |stretch: usize| stretch * n / STRETCHES;
-        let mut parts = Self {
-            design: Vec::new(),
-            turn: Vec::new(),
-            pushes: Vec::new(),
-            plain: Vec::new(),
-            rows: Vec::new(),
+impl Stretch {
+    fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
+        let cut = |index: usize| index * turns.nrows() / STRETCHES;
+        let (from, rows) = (cut(index), cut(index + 1) - cut(index));
+        let [z, y] = [designs, turns].map(|of| of.rows(from, rows));
+        let onto = |of: &Changes| [0, 1].map(|axis| z.tr_mul(&of.column(axis).rows(from, rows)));
+        let plain = |of: &Changes| {
+            [0, 1].map(|axis| {
+                let (x, y) = (of.column(axis), y.column(axis));
+                let x = x.rows(from, rows);
+                [x.norm_squared(), x.dot(&y), y.norm_squared()]
+            })
         };
-        for stretch in 0..STRETCHES {
-            let (from, rows) = (cut(stretch), cut(stretch + 1) - cut(stretch));
-            let [z, y] = [designs, turns].map(|of| of.rows(from, rows));
-            let onto =
-                |of: &Changes| [0, 1].map(|axis| z.tr_mul(&of.column(axis).rows(from, rows)));
-            parts.design.push(z.tr_mul(&z));
-            parts.turn.push(onto(turns));
-            parts.pushes.push(pushes.iter().map(onto).collect());
-            let plain = |of: &Changes| {
-                [0, 1].map(|axis| {
-                    let (x, y) = (of.column(axis), y.column(axis));
-                    let x = x.rows(from, rows);
-                    [x.norm_squared(), x.dot(&y), y.norm_squared()]
-                })
-            };
-            parts.plain.push(pushes.iter().map(plain).collect());
-            parts.rows.push(rows);
+        Self {
+            design: z.tr_mul(&z),
+            turn: onto(turns),
+            pushes: pushes.iter().map(onto).collect(),
+            plain: pushes.iter().map(plain).collect(),
+            rows,
         }
-        parts
     }
+}
 
-    /// The curve over the lags, without one stretch; `None` where the design's columns say nothing.
-    fn explained(&self, without: Option<usize>) -> Option<Explained> {
-        let kept = || (0..STRETCHES).filter(move |stretch| Some(*stretch) != without);
-        let mut square: DMatrix<f64> = kept().map(|stretch| &self.design[stretch]).sum();
-        let columns = square.nrows();
-        #[expect(clippy::cast_precision_loss, reason = "dozens and thousands")]
-        let (rows, mean) = (
-            kept().map(|stretch| self.rows[stretch]).sum::<usize>() as f64,
-            square.trace() / columns as f64,
-        );
-        // Columns of a word may be alike: a billionth keeps their matrix invertible.
-        for k in 0..columns {
-            square[(k, k)] += 1e-9 * mean;
-        }
-        let factor = square.cholesky()?;
-        let turn =
-            |axis: usize| kept().map(|stretch| &self.turn[stretch][axis]).sum::<DVector<f64>>();
-        let turns = [0, 1].map(turn);
-        let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
-        let at = |lag: usize| {
-            let mut of_lag = [0.0; 2];
-            for axis in 0..2 {
-                let of_stretch = |stretch: usize| &self.pushes[stretch][lag][axis];
-                let push: DVector<f64> = kept().map(of_stretch).sum();
-                let (xx, xy) = (push.dot(&factor.solve(&push)), push.dot(&solved[axis]));
-                let [pxx, pxy, yy] = kept().fold([0.0; 3], |sum: [f64; 3], stretch| {
-                    [0, 1, 2].map(|k| sum[k] + self.plain[stretch][lag][axis][k])
-                });
-                // Torque that turns the drone the other way explains nothing.
-                let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
-                let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
-                of_lag[0] += if noise > 0.0 { shared / noise } else { 0.0 };
-                of_lag[1] += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
-            }
-            of_lag
-        };
-        let both: Vec<[f64; 2]> = (0..self.plain[0].len()).map(at).collect();
-        let share = both.iter().map(|of_lag| 0.5 * of_lag[1]).fold(0.0, f64::max);
-        Some(Explained { curve: both.into_iter().map(|of_lag| of_lag[0]).collect(), share })
+/// The curve over the lags, without one stretch; `None` where the design's columns say nothing.
+fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
+    let kept = || {
+        let all = stretches.iter().enumerate();
+        all.filter(move |(index, _)| Some(*index) != without).map(|(_, stretch)| stretch)
+    };
+    let mut square: DMatrix<f64> = kept().map(|stretch| &stretch.design).sum();
+    let columns = square.nrows();
+    #[expect(clippy::cast_precision_loss, reason = "dozens and thousands")]
+    let (rows, mean) =
+        (kept().map(|stretch| stretch.rows).sum::<usize>() as f64, square.trace() / columns as f64);
+    // Columns of a word may be alike: a billionth keeps their matrix invertible.
+    for k in 0..columns {
+        square[(k, k)] += 1e-9 * mean;
     }
+    let factor = square.cholesky()?;
+    let turns = [0, 1].map(|axis| kept().map(|part| &part.turn[axis]).sum::<DVector<f64>>());
+    let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
+    let (mut curve, mut most) = (Vec::new(), 0.0_f64);
+    for lag in 0..stretches[0].plain.len() {
+        let mut of_lag = [0.0; 2];
+        for axis in 0..2 {
+            let push: DVector<f64> = kept().map(|stretch| &stretch.pushes[lag][axis]).sum();
+            let (xx, xy) = (push.dot(&factor.solve(&push)), push.dot(&solved[axis]));
+            let [pxx, pxy, yy] = kept().fold([0.0; 3], |sum: [f64; 3], stretch| {
+                [0, 1, 2].map(|k| sum[k] + stretch.plain[lag][axis][k])
+            });
+            // Torque that turns the drone the other way explains nothing.
+            let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
+            let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
+            of_lag[0] += if noise > 0.0 { shared / noise } else { 0.0 };
+            of_lag[1] += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
+        }
+        curve.push(of_lag[0]);
+        most = most.max(0.5 * of_lag[1]);
+    }
+    Some(Explained { curve, share: most })
 }
 
 /// The design's acceleration along world x and y, at each pair of spans and those around it, a
@@ -214,12 +198,10 @@ fn changes(
     for (run, pairs) in runs {
         let values = of(run);
         for [a, b, c] in pairs {
-            let [before_s, after_s] =
-                [[a, b], [b, c]].map(|[a, b]| run[*b].time_s - run[*a].time_s);
-            rows.extend([0, 1].map(|axis| {
-                (values[*c][axis] - values[*b][axis]) / after_s
-                    - (values[*b][axis] - values[*a][axis]) / before_s
-            }));
+            let rate = |from: usize, to: usize, axis: usize| {
+                (values[to][axis] - values[from][axis]) / (run[to].time_s - run[from].time_s)
+            };
+            rows.extend([0, 1].map(|axis| rate(*b, *c, axis) - rate(*a, *b, axis)));
         }
     }
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
@@ -227,14 +209,12 @@ fn changes(
 
 /// Integral, up to each sample, of the roll and pitch of motors that follow in a time.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
-    let mut sum = [0.0; 2];
-    let added = impulses(run, lag_s).into_iter().map(|impulse| {
-        for (axis, sum) in sum.iter_mut().enumerate() {
-            *sum += (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * impulse[motor]).sum::<f64>();
-        }
-        sum
-    });
-    std::iter::once([0.0; 2]).chain(added.collect::<Vec<_>>()).collect()
+    let mut sums = vec![[0.0; 2]];
+    for impulse in impulses(run, lag_s) {
+        let [roll, pitch] = sums[sums.len() - 1];
+        sums.push([roll + signed_sum(0, &impulse), pitch + signed_sum(1, &impulse)]);
+    }
+    sums
 }
 
 /// Where a curve over the lags is highest, by a parabola through the highest point and its
@@ -252,13 +232,6 @@ fn peak(curve: &[f64]) -> f64 {
         _ => 0.0,
     };
     (at + shift) * STEP_S
-}
-
-/// Stretches of samples without a hole.
-fn runs<'a>(flight: &Flight, samples: &'a [FlightSample]) -> Vec<&'a [FlightSample]> {
-    let together =
-        |a: &FlightSample, b: &FlightSample| b.time_s > a.time_s && !ends_at_hole(flight, a.time_s);
-    samples.chunk_by(together).collect()
 }
 
 /// Three samples each a span apart, by their indices.

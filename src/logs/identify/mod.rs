@@ -164,9 +164,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     let air = airborne(flight).unwrap_or_default();
     let n_samples = air.len();
     if n_samples < FEWEST_SAMPLES {
-        let wanted = format!("at least {FEWEST_SAMPLES}");
-        let found = format!("{n_samples} samples in the air");
-        return Err(Error::input("flight", found, wanted, hint));
+        let found = format_args!("{n_samples} samples in the air");
+        return Err(Error::input("flight", found, format!("at least {FEWEST_SAMPLES}"), hint));
     }
     let samples = &flight.samples[air.clone()];
     if is_frozen(samples) {
@@ -191,11 +190,11 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
     let mut lives = |quantity: Quantity, of: fn(&FlightSample) -> Vector3<f64>| {
-        let lives = logged(quantity) && samples.iter().any(|s| of(s) != of(&samples[0]));
-        if logged(quantity) && !lives {
+        let changes = samples.iter().any(|s| of(s) != of(&samples[0]));
+        if logged(quantity) && !changes {
             left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
         }
-        lives
+        logged(quantity) && changes
     };
     let leans = |s: &FlightSample| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0);
     let turns = lives(Quantity::Rate, |s| s.rate_body_rad_s);
@@ -269,7 +268,7 @@ fn measurement_sigma_m<'a>(
         }
         let places = samples.iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
-        let sigma: [f64; 3] = spread(errors.collect::<Vec<_>>().as_slice()).into();
+        let sigma: [f64; 3] = spread(&errors.collect::<Vec<_>>()).into();
         // A position that is this raw one has no spread about itself.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
@@ -283,16 +282,26 @@ fn model_sigma(
     samples: &[FlightSample],
     accelerations: Option<&[f64]>,
 ) -> [f64; 9] {
-    let mut errors = Vec::new();
-    for (index, pair) in samples.windows(2).enumerate() {
+    let pairs = samples.windows(2).enumerate().filter_map(|(index, pair)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
-        if dt_s <= 0.0 || ends_at_hole(flight, pair[0].time_s) {
-            continue;
-        }
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
-        errors.push((state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration));
-    }
-    spread(&errors).into()
+        let error = (state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration);
+        (dt_s > 0.0 && !ends_at_hole(flight, pair[0].time_s)).then_some(error)
+    });
+    spread(&pairs.collect::<Vec<_>>()).into()
+}
+
+/// Stretches of samples without a hole.
+fn runs<'a>(
+    flight: &Flight,
+    samples: &'a [FlightSample],
+) -> impl Iterator<Item = &'a [FlightSample]> {
+    samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_hole(flight, a.time_s))
+}
+
+/// What four motors give together about an axis of the body.
+fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
+    (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
 /// Whether nothing is known of the time after a sample.

@@ -1,6 +1,6 @@
 //! What motors give of their logged commands: rotors that follow in a time, in speed.
 
-use super::ends_at_hole;
+use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 
@@ -78,19 +78,10 @@ pub(super) fn thrust_per_command_n(
     };
     let (mut product, mut square) = (0.0, 0.0);
     let mut start = 0;
-    for end in 1..=samples.len() {
-        let breaks = end == samples.len()
-            || samples[end].time_s <= samples[end - 1].time_s
-            || ends_at_hole(flight, samples[end - 1].time_s);
-        if !breaks {
-            continue;
-        }
-        let run = &samples[start..end];
-        let inside: Vec<usize> = (0..run.len().saturating_sub(1))
-            .filter(|at| (from..to).contains(&(start + at)))
-            .collect();
+    for run in runs(flight, samples) {
+        let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
         let impulses = impulses(run, lag_s);
-        for &at in &inside {
+        for at in inside.clone() {
             let dt_s = run[at + 1].time_s - run[at].time_s;
             let commands = impulses[at].iter().sum::<f64>() / dt_s;
             match accelerations {
@@ -104,11 +95,11 @@ pub(super) fn thrust_per_command_n(
                 }
             }
         }
-        if let (None, Some(first), Some(last)) = (accelerations, inside.first(), inside.last()) {
-            let climb = climb_m_s(run, *last) - climb_m_s(run, *first);
-            product += if logged(Quantity::Position) { mass_kg * climb } else { 0.0 };
+        if accelerations.is_none() && logged(Quantity::Position) && !inside.is_empty() {
+            let climb_m_s = climb_m_s(run, inside.end - 1) - climb_m_s(run, inside.start);
+            product += mass_kg * climb_m_s;
         }
-        start = end;
+        start += run.len();
     }
     product / square
 }

@@ -5,8 +5,7 @@
 //! stretch of the flight after the other (jackknife over groups: Efron, Stein 1981), which gusts
 //! that last from span to span do not deceive.
 
-use super::{Assumed, ends_at_hole, mean};
-use noctograph_core::crazyflie::MOTOR_SIGNS;
+use super::{Assumed, mean, runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 
 /// Length of a span: short against a regulator's answer in yaw (0.1 to 0.3 s), long against the
@@ -56,16 +55,12 @@ pub(super) fn reaction(
         return None;
     }
     let all = Fit::new(spans.iter().copied());
-    let n = STRETCHES as f64;
     let without = |stretch: usize| {
         let left = spans.iter().enumerate();
         let left = left.filter(|(i, _)| i * STRETCHES / spans.len() != stretch);
         Fit::new(left.map(|(_, span)| *span)).slope
     };
-    let slopes: Vec<f64> = (0..STRETCHES).map(without).collect();
-    let middle = slopes.iter().sum::<f64>() / n;
-    let square: f64 = slopes.iter().map(|slope| (slope - middle) * (slope - middle)).sum();
-    let sigma = (square * (n - 1.0) / n).sqrt();
+    let sigma = jackknife_sigma(&(0..STRETCHES).map(without).collect::<Vec<_>>());
     let j_z = assumed.inertia_z_kg_m2;
     Some(ReactionTorque {
         k_m_n_m: j_z * all.slope,
@@ -74,32 +69,34 @@ pub(super) fn reaction(
     })
 }
 
+/// Standard deviation of an estimate, from those that leave out one stretch each.
+pub(super) fn jackknife_sigma(estimates: &[f64]) -> f64 {
+    let n = estimates.len() as f64;
+    let middle = estimates.iter().sum::<f64>() / n;
+    let square: f64 = estimates.iter().map(|x| (x - middle) * (x - middle)).sum();
+    (square * (n - 1.0) / n).sqrt()
+}
+
 /// Mean of `−m1 + m2 − m3 + m4`, and yaw acceleration, over each span without a hole.
 fn spans(flight: &Flight, samples: &[FlightSample], assumed: &Assumed) -> Vec<[f64; 2]> {
     let lag_s = assumed.motor_lag_s;
-    let asked = |sample: &FlightSample| -> f64 {
-        (0..4).map(|motor| MOTOR_SIGNS[(2, motor)] * sample.motors[motor]).sum()
-    };
     let mut spans = Vec::new();
-    let Some(mut from) = samples.first() else { return spans };
-    let (mut given, mut impulse) = (asked(from), 0.0);
-    for pair in samples.windows(2) {
-        let dt_s = pair[1].time_s - pair[0].time_s;
-        if ends_at_hole(flight, pair[0].time_s) || dt_s <= 0.0 {
-            (from, given, impulse) = (&pair[1], asked(&pair[1]), 0.0);
-            continue;
-        }
-        let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
-        // A command acts from its sample on; its mean over the step while it is taken up.
-        let wanted = asked(&pair[0]);
-        let taken = if lag_s > 0.0 { (1.0 - stays) * lag_s / dt_s } else { 0.0 };
-        impulse += (wanted + (given - wanted) * taken) * dt_s;
-        given = wanted + (given - wanted) * stays;
-        let span_s = pair[1].time_s - from.time_s;
-        if span_s >= SPAN_S - 1e-6 {
-            let turned = pair[1].rate_body_rad_s.z - from.rate_body_rad_s.z;
-            spans.push([impulse / span_s, turned / span_s]);
-            (from, impulse) = (&pair[1], 0.0);
+    for run in runs(flight, samples) {
+        let (mut from, mut given, mut impulse) = (&run[0], signed_sum(2, &run[0].motors), 0.0);
+        for pair in run.windows(2) {
+            let dt_s = pair[1].time_s - pair[0].time_s;
+            let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
+            // A command acts from its sample on; its mean over the step while it is taken up.
+            let wanted = signed_sum(2, &pair[0].motors);
+            let taken = if lag_s > 0.0 { (1.0 - stays) * lag_s / dt_s } else { 0.0 };
+            impulse += (wanted + (given - wanted) * taken) * dt_s;
+            given = wanted + (given - wanted) * stays;
+            let span_s = pair[1].time_s - from.time_s;
+            if span_s >= SPAN_S - 1e-6 {
+                let turned = pair[1].rate_body_rad_s.z - from.rate_body_rad_s.z;
+                spans.push([impulse / span_s, turned / span_s]);
+                (from, impulse) = (&pair[1], 0.0);
+            }
         }
     }
     spans
@@ -132,6 +129,7 @@ mod tests {
     use super::*;
     use crate::identify::identify;
     use crate::identify::tests::assumed_of;
+    use noctograph_core::crazyflie::MOTOR_SIGNS;
     use noctograph_core::random::split_mix;
     use noctograph_flying::sim::SimOptions;
     use noctograph_flying::vehicle::Plant;

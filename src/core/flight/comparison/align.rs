@@ -22,8 +22,7 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     if cost(0.0) < EQUAL_M2 {
         return Ok(0.0);
     }
-    let start_s = |path: &DesignPath| path.first_move_s().unwrap_or(path.span_s()[0]);
-    let about_s = start_s(&a) - start_s(&b);
+    let about_s = a.first_move_s() - b.first_move_s();
     Ok(minimize([about_s - REACH_S, about_s + REACH_S], cost, cost))
 }
 
@@ -39,8 +38,8 @@ fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));
     #[expect(clippy::cast_possible_truncation, reason = "a log is short")]
-    let n = ((to_s - from_s) / STEP_S) as u32 + 1;
+    let n = ((to_s - from_s) / STEP_S) as u32;
     let (mut walk_a, mut walk_b) = (a.walk(), b.walk());
-    let times_s = (0..n).map(|k| from_s + f64::from(k) * STEP_S);
+    let times_s = (0..=n).map(|k| from_s + f64::from(k) * STEP_S);
     spread_m2(times_s.map(|t| walk_a.at_m(t) - walk_b.at_m(t - offset_s)))
 }

@@ -3,9 +3,10 @@
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
 
-use super::{ComparisonOptions, pairs};
-use crate::error::{Error, Result};
+use super::{ComparisonOptions, mean, pairs};
+use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
+use crate::input_error;
 
 /// Flights that are this far apart, root mean square, may be in two frames.
 const TWO_FRAMES_M: f64 = 0.15;
@@ -64,10 +65,16 @@ pub(super) fn place(
         b.iter_mut().for_each(|sample| sample.time_s += offset_s);
         Ok(fit(&pairs(&a, &b, options.max_gap_s)))
     };
-    let Some((apart_m, mut best)) = alignment(b, offset_s)? else { return Ok((offset_s, None)) };
-    if apart_m < TWO_FRAMES_M {
+    let Some((apart_m, mut best)) =
+        alignment(b, offset_s)?.filter(|(apart_m, _)| *apart_m >= TWO_FRAMES_M)
+    else {
         return Ok((offset_s, None));
-    }
+    };
+    let placed = |placement: &FrameAlignment| {
+        let mut placed = b.clone();
+        placed.samples.iter_mut().for_each(|sample| placement.place(sample));
+        placed
+    };
     let mut best_s = offset_s;
     // A turned path sets the clock wrong: each turn has an offset of its own.
     for step in 1..TURNS {
@@ -75,9 +82,7 @@ pub(super) fn place(
             break;
         }
         let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
-        let turn = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
-        let mut turned = b.clone();
-        turned.samples.iter_mut().for_each(|sample| turn.place(sample));
+        let turned = placed(&FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 });
         let offset_s = clock(&turned)?;
         if let Some((_, further)) =
             alignment(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
@@ -87,26 +92,22 @@ pub(super) fn place(
         }
     }
     // Once more with the whole turn, which the last step of its search had in part.
-    let mut turned = b.clone();
-    turned.samples.iter_mut().for_each(|sample| best.place(sample));
-    let offset_s_again = clock(&turned)?;
-    if let Some((_, further)) =
-        alignment(b, offset_s_again)?.filter(|(_, f)| f.left_m < best.left_m)
-    {
-        (best, best_s) = (further, offset_s_again);
+    let again_s = clock(&placed(&best))?;
+    if let Some((_, further)) = alignment(b, again_s)?.filter(|(_, f)| f.left_m < best.left_m) {
+        (best, best_s) = (further, again_s);
     }
     best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);
     if best.left_m <= MOST_LEFT_M {
         return Ok((best_s, Some(best)));
     }
     if best.left_m < LEFT_SHARE * apart_m {
-        let found = format!(
-            "paths {apart_m:.2} m apart, and {:.2} m after the best turn and shift",
-            best.left_m
-        );
-        let hint =
-            "they are in two frames: convert one log, or compare flights that have setpoints";
-        return Err(Error::input("flights A and B", found, "paths in one frame", hint));
+        let left_m = best.left_m;
+        return Err(input_error!(
+            "flights A and B",
+            "paths {apart_m:.2} m apart, and {left_m:.2} m after the best turn and shift",
+            "paths in one frame",
+            "they are in two frames: convert one log, or compare flights that have setpoints",
+        ));
     }
     Ok((offset_s, None))
 }
@@ -117,9 +118,7 @@ fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
         return None;
     }
     let n = pairs.len() as f64;
-    let mean =
-        |side: usize| pairs.iter().map(|pair| pair[side].position_m).sum::<Vector3<f64>>() / n;
-    let [a_m, b_m] = [mean(0), mean(1)];
+    let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
     let (mut sin, mut cos, mut wide) = (0.0, 0.0, 0.0);
     for [a, b] in pairs {
         let (a, b) = (a.position_m - a_m, b.position_m - b_m);
@@ -130,10 +129,11 @@ fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     let turn_rad = if wide.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
     let mut placement = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
     placement.shift_m = a_m - placement.rotation() * b_m;
-    let distance_m = |of: &dyn Fn(&[FlightSample; 2]) -> Vector3<f64>| {
-        (pairs.iter().map(|pair| of(pair).norm_squared()).sum::<f64>() / n).sqrt()
+    let distance_m = |onto_a: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
+        let apart_m = pairs.iter().map(|[a, b]| a.position_m - onto_a(b.position_m));
+        (apart_m.map(|apart_m| apart_m.norm_squared()).sum::<f64>() / n).sqrt()
     };
     let (turn, shift_m) = (placement.rotation(), placement.shift_m);
-    placement.left_m = distance_m(&|[a, b]| a.position_m - (turn * b.position_m + shift_m));
-    Some((distance_m(&|[a, b]| a.position_m - b.position_m), placement))
+    placement.left_m = distance_m(&|b_m| turn * b_m + shift_m);
+    Some((distance_m(&|b_m| b_m), placement))
 }

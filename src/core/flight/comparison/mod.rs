@@ -21,6 +21,7 @@ use super::tracking::{Part, angles_rad, attitude, mean, rms};
 use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result, within};
 use crate::geometry::Attitude;
+use crate::input_error;
 use crate::statistics::weighted_quantile;
 
 mod align;
@@ -102,22 +103,17 @@ pub struct Comparison {
 /// designs are aligned and a flight has none; and where the flights have no time in common.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
-    let offset_s = match options.alignment {
-        Alignment::Design => {
-            let offset_s = align::offset_s(a, b)?;
-            check_words(a, b)?;
-            offset_s
-        }
-        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?)?,
-        Alignment::Offset(offset_s) => {
-            within("offset_s", offset_s, -1e6, 1e6)?;
-            offset_s
-        }
-    };
     let clock = |b: &Flight| match options.alignment {
+        Alignment::Design => align::offset_s(a, b),
         Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?),
-        Alignment::Design | Alignment::Offset(_) => Ok(offset_s),
+        Alignment::Offset(offset_s) => Ok(offset_s),
     };
+    let offset_s = clock(b)?;
+    match options.alignment {
+        Alignment::Design => check_words(a, b)?,
+        Alignment::Offset(offset_s) => within("offset_s", offset_s, -1e6, 1e6)?,
+        Alignment::Flown => {}
+    }
     let (offset_s, placement) = frame::place(a, b, options, offset_s, &clock)?;
     let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
     for sample in &mut samples_b {
@@ -128,7 +124,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         let span =
             |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
-        let found = format!("A at {}, B at {}", span(&samples_a), span(&samples_b));
+        let found = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
         let hint = "shift B's clock, or compare two flights of the same plan";
         return Err(Error::input("flights A and B", found, "a time that both cover", hint));
     };
@@ -165,13 +161,9 @@ const OTHER_LETTERS_M: f64 = 0.1;
 /// Refuses flights whose designs write different letters.
 fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     let points = |flight: &Flight| {
-        let mut points: Vec<Vector3<f64>> = Vec::new();
-        for sample in flight.samples.iter().filter(|sample| sample.letter.is_some()) {
-            let at_m = sample.design_m;
-            if points.last().is_none_or(|last| (last - at_m).norm() >= 0.02) {
-                points.push(at_m);
-            }
-        }
+        let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
+        let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
+        points.dedup_by(|at_m, last_m| (*last_m - *at_m).norm() < 0.02);
         points
     };
     let [a, b] = [points(a), points(b)];
@@ -184,13 +176,13 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
         let mut all: Vec<(f64, f64)> = from.iter().map(|p| (nearest(p), 1.0)).collect();
         weighted_quantile(&mut all, 0.9).unwrap_or(0.0)
     };
-    let found_m = apart_m(&a, &b).max(apart_m(&b, &a));
-    if found_m <= OTHER_LETTERS_M {
+    let apart_m = apart_m(&a, &b).max(apart_m(&b, &a));
+    if apart_m <= OTHER_LETTERS_M {
         return Ok(());
     }
-    Err(Error::input(
+    Err(input_error!(
         "flights A and B",
-        format!("letters that lie {found_m:.2} m apart"),
+        "letters that lie {apart_m:.2} m apart",
         "two flights of the same word at the same place",
         "compare flights of one word",
     ))

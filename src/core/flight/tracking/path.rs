@@ -98,11 +98,11 @@ impl DesignPath {
         [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
     }
 
-    /// When the design first moves; `None` where it never does.
-    pub(crate) fn first_move_s(&self) -> Option<f64> {
-        let away = |corner: &Corner| corner.at_m != self.corners[0].at_m;
-        let next = self.corners.iter().position(away)?;
-        Some(self.corners[next - 1].time_s)
+    /// When the design first moves, or begins where it never does.
+    pub(crate) fn first_move_s(&self) -> f64 {
+        let away = |pair: &[Corner]| pair[1].at_m != self.corners[0].at_m;
+        let last = self.corners.windows(2).position(away).unwrap_or(0);
+        self.corners[last].time_s
     }
 
     /// A reader that starts at the beginning.
@@ -121,7 +121,10 @@ pub(crate) struct Walk<'a> {
 impl Walk<'_> {
     /// Position of the design at `time_s`.
     pub(crate) fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
-        self.go_to(time_s);
+        let corners = &self.path.corners;
+        while corners.get(self.leg + 1).is_some_and(|next| next.time_s <= time_s) {
+            self.leg += 1;
+        }
         self.path.on_leg(self.leg, time_s)
     }
 
@@ -139,13 +142,6 @@ impl Walk<'_> {
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let whole = || path.legs.square_m2(point_m, first + 1..last);
         ends_m2.min(pulp::Arch::new().dispatch(whole)).sqrt()
-    }
-
-    fn go_to(&mut self, time_s: f64) {
-        let corners = &self.path.corners;
-        while corners.get(self.leg + 1).is_some_and(|next| next.time_s <= time_s) {
-            self.leg += 1;
-        }
     }
 }
 
