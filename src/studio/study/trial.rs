@@ -134,9 +134,9 @@ impl Prepared {
     ///
     /// Those of the stages, except that of a lost drone: that is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
-        match self.fly(seed) {
+        match or_lost(self.fly(seed))? {
             Ok(flights) => Ok(self.judge(flights, seed)?.0),
-            Err(error) => self.lost(error),
+            Err(how) => Ok(Outcome::lost(self.word(), how)),
         }
     }
 
@@ -163,14 +163,6 @@ impl Prepared {
         Ok((Outcome::new(&verdict, flown), shot.flights))
     }
 
-    /// The outcome of a drone that was lost.
-    pub(super) fn lost(&self, error: Error) -> Result<Outcome> {
-        match error {
-            Error::Infeasible { what, .. } => Ok(Outcome::lost(self.word(), what)),
-            error => Err(error),
-        }
-    }
-
     /// An outcome as a line of a store.
     #[must_use]
     pub(super) fn record(&self, contender: &str, seed: u64, outcome: Outcome) -> Record {
@@ -190,6 +182,15 @@ impl Prepared {
         shoot.scene.photo = self.scene.photo.clone();
         shrink(&mut shoot, cap_height_px)?;
         Ok(shoot.take(&|_, _| {})?.photo)
+    }
+}
+
+/// What was flown, or how a drone was lost.
+pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
+    match flown {
+        Ok(flown) => Ok(Ok(flown)),
+        Err(Error::Infeasible { what, .. }) => Ok(Err(what)),
+        Err(error) => Err(error),
     }
 }
 

@@ -15,7 +15,7 @@ use super::design::evaluate;
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
-use super::{Conditions, Prepared, Record, Store, Study, Trial};
+use super::{Conditions, Flown, Record, Store, Study, Trial};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::Stop;
 use noctograph_core::error::{Error, Result};
@@ -120,7 +120,7 @@ impl Default for Limits {
 }
 
 /// One setting of the knobs with its figures.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Candidate {
     /// Its number, in the order of asking.
     pub number: usize,
@@ -197,22 +197,19 @@ pub fn tune(
         let (found, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
         return Err(Error::input("knob", found, "a key that has one in this scene", hint));
     }
-    let (n_each, finals) = (options.n_each(), options.finals());
+    let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
     let mut tuning =
         Tuning { base, options, store, limits: options.limits.clone(), stop, n_flights: 0 };
-    let as_it_is = tuning.candidate(0, &[], f64::INFINITY)?;
-    if tuning.limits.duration_s.is_none() {
-        tuning.limits.duration_s = as_it_is.duration_s;
-    }
+    let as_it_is = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
+    tuning.limits.duration_s = tuning.limits.duration_s.or(as_it_is.duration_s);
     let mut search = Search::new(options.knobs.len(), options.seed);
-    let mut candidates = vec![as_it_is];
-    let mut best = 0;
+    let (mut candidates, mut best) = (vec![as_it_is], 0);
     while tuning.n_flights + n_each + finals <= options.budget {
         let point = search.ask();
         let mut costs: Vec<f64> =
             candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
         let bar = if costs.len() < 5 { f64::INFINITY } else { median(&mut costs) };
-        let candidate = tuning.candidate(candidates.len(), &point, bar)?;
+        let candidate = tuning.candidate(candidates.len(), &point, training, Some(bar))?;
         search.tell(&point, candidate.cost());
         if !candidate.given_up && candidate.cost() < candidates[best].cost() {
             best = candidates.len();
@@ -223,8 +220,7 @@ pub fn tune(
         }
     }
     let [before, best] = tuning.finals(&candidates)?;
-    let scene = tuning.scene(&best.point)?;
-    let front = front(&candidates);
+    let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
     Ok(Tuned { scene, best, before, front, n_flights: tuning.n_flights, candidates })
 }
 
@@ -239,30 +235,46 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// The scene of a point; the base itself of none.
-    fn scene(&self, point: &[f64]) -> Result<Scene> {
-        turned(self.base, &self.options.knobs, point)
-    }
-
-    /// Flies a candidate; gives it up after half of its flights if it costs more than `bar` by
-    /// then.
-    fn candidate(&mut self, number: usize, point: &[f64], bar: f64) -> Result<Candidate> {
-        let study = self.study(point, self.options.seed, 1)?;
+    /// Flies a candidate with a seed of all its seeds, so many `times` the training flights. With a
+    /// bar, half of its flights come first; it is given up where it then costs more.
+    fn candidate(
+        &mut self,
+        number: usize,
+        point: &[f64],
+        (seed, times): (u64, u32),
+        bar: Option<f64>,
+    ) -> Result<Candidate> {
+        let TuneOptions { knobs, words, conditions, .. } = self.options;
+        let scene = turned(self.base, knobs, point)?;
+        let unflown = Candidate {
+            number,
+            point: point.to_vec(),
+            settings: settings(&scene, knobs)?,
+            broken: self.margin_broken(&scene),
+            ..Candidate::default()
+        };
+        let words = words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
+        let contenders = vec![NamedScene::new("candidate", scene)];
+        let study = Study { contenders, words, conditions: conditions.clone(), seed };
+        study.check()?;
         let prepared = study.prepare()?;
-        let margin = self.margin_broken(point)?;
+        let fly =
+            |trials: &[Trial]| evaluate(&study, &prepared, trials, self.store, self.stop, &|_| {});
         let trials: Vec<Trial> = study.trials().collect();
         // Every other flight, so that each word has its share.
-        let [first, rest] = [0, 1].map(|odd| {
-            let every_other = trials.iter().skip(odd).step_by(2);
-            every_other.copied().collect::<Vec<_>>()
-        });
-        let mut records = self.fly(&study, &prepared, &first)?;
-        let halfway = self.judge(number, point, margin, &records)?;
-        if halfway.cost() > bar || rest.is_empty() {
-            return Ok(Candidate { given_up: halfway.cost() > bar, ..halfway });
+        let [first, rest] = match bar {
+            Some(_) => [0, 1].map(|odd| trials.iter().skip(odd).step_by(2).copied().collect()),
+            None => [trials, Vec::new()],
+        };
+        let mut records = fly(&first)?;
+        let mut candidate = self.judged(&unflown, &records);
+        candidate.given_up = bar.is_some_and(|bar| candidate.cost() > bar);
+        if !candidate.given_up && !rest.is_empty() {
+            records.extend(fly(&rest)?);
+            candidate = self.judged(&unflown, &records);
         }
-        records.extend(self.fly(&study, &prepared, &rest)?);
-        self.judge(number, point, margin, &records)
+        self.n_flights += records.len();
+        Ok(candidate)
     }
 
     /// The scene as it was and the best of all candidates: fresh seeds, more of them.
@@ -271,12 +283,11 @@ impl Tuning<'_> {
         let mut order: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
         order.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         let mut finalists = Vec::new();
-        for candidate in std::iter::once(as_it_was).chain(order).take(FINALISTS) {
-            let study = self.study(&candidate.point, !self.options.seed, FINAL_TIMES)?;
-            let trials: Vec<Trial> = study.trials().collect();
-            let records = self.fly(&study, &study.prepare()?, &trials)?;
-            let margin = self.margin_broken(&candidate.point)?;
-            finalists.push(self.judge(candidate.number, &candidate.point, margin, &records)?);
+        for Candidate { number, point, .. } in
+            std::iter::once(as_it_was).chain(order).take(FINALISTS)
+        {
+            let flights = (!self.options.seed, FINAL_TIMES);
+            finalists.push(self.candidate(*number, point, flights, None)?);
         }
         // Of equals the first: the scene as it was.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
@@ -284,75 +295,46 @@ impl Tuning<'_> {
         Ok([finalists.swap_remove(0), best])
     }
 
-    fn study(&self, point: &[f64], seed: u64, times: u32) -> Result<Study> {
-        let words = self.options.words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
-        let contenders = vec![NamedScene::new("candidate", self.scene(point)?)];
-        let study = Study { contenders, words, conditions: self.options.conditions.clone(), seed };
-        study.check()?;
-        Ok(study)
-    }
-
-    fn fly(
-        &mut self,
-        study: &Study,
-        prepared: &[Prepared],
-        trials: &[Trial],
-    ) -> Result<Vec<Record>> {
-        self.n_flights += trials.len();
-        evaluate(study, prepared, trials, self.store, self.stop, &|_| {})
-    }
-
-    /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.
-    fn judge(
-        &self,
-        number: usize,
-        point: &[f64],
-        margin: f64,
-        records: &[Record],
-    ) -> Result<Candidate> {
-        let of = |value: fn(&Record) -> f64| mean(&records.iter().map(value).collect::<Vec<_>>());
-        let flown: Vec<_> = records.iter().filter_map(|record| record.outcome.flown).collect();
-        let figures =
-            |value: fn(&super::Flown) -> f64| mean(&flown.iter().map(value).collect::<Vec<_>>());
+    /// A candidate with the figures of its flights.
+    fn judged(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
+        let of = |value: fn(&Record) -> f64| mean(records.iter().map(value));
+        let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
+        let figure = |value: fn(&Flown) -> f64| mean(flown.iter().map(value));
         let limits = &self.limits;
-        let lost = of(|record| f64::from(u8::from(record.outcome.lost.is_some())));
         let beyond = |found: f64, limit: f64| (found / limit - 1.0).max(0.0);
-        let broken = lost
-            + beyond(figures(|f| f.rmse_x_m), limits.rmse_m[0])
-            + beyond(figures(|f| f.rmse_y_m), limits.rmse_m[1])
-            + beyond(figures(|f| f.rmse_z_m), limits.rmse_m[2])
-            + beyond(figures(|f| f.drift_y_m), limits.drift_y_m)
-            + beyond(figures(|f| f.tilt_rad), limits.tilt_rad)
-            + beyond(figures(|f| f.saturated_frac), limits.saturated_frac)
-            + limits.duration_s.map_or(0.0, |s| beyond(figures(|f| f.duration_s), s))
-            + margin;
-        Ok(Candidate {
-            number,
-            point: point.to_vec(),
-            settings: settings(&self.scene(point)?, &self.options.knobs)?,
+        let broken = of(|record| record.outcome.lost.is_some().into())
+            + beyond(figure(|f| f.rmse_x_m), limits.rmse_m[0])
+            + beyond(figure(|f| f.rmse_y_m), limits.rmse_m[1])
+            + beyond(figure(|f| f.rmse_z_m), limits.rmse_m[2])
+            + beyond(figure(|f| f.drift_y_m), limits.drift_y_m)
+            + beyond(figure(|f| f.tilt_rad), limits.tilt_rad)
+            + beyond(figure(|f| f.saturated_frac), limits.saturated_frac)
+            + limits.duration_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
+            + candidate.broken;
+        Candidate {
             n_flights: records.len(),
             merit: of(|record| record.outcome.merit()),
             legibility: of(|record| record.outcome.probability),
             legible: share(records.iter().map(|record| record.outcome.legible)),
-            duration_s: (!flown.is_empty()).then(|| figures(|f| f.duration_s)),
+            duration_s: (!flown.is_empty()).then(|| figure(|f| f.duration_s)),
             broken,
-            given_up: false,
-        })
+            ..candidate.clone()
+        }
     }
 
     /// How much of the motor lag that a regulator must stand it does not.
-    fn margin_broken(&self, point: &[f64]) -> Result<f64> {
-        let options = self.scene(point)?.sim();
+    fn margin_broken(&self, scene: &Scene) -> f64 {
+        let (options, lag_s) = (scene.sim(), self.limits.motor_lag_s);
         let regulates =
             !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
-        if !regulates || self.limits.motor_lag_s <= 0.0 {
-            return Ok(0.0);
+        if !regulates || lag_s <= 0.0 {
+            return 0.0;
         }
-        let stood_s = match design(&options, self.limits.motor_lag_s) {
+        let stood_s = match design(&options, lag_s) {
             Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
             Err(_no_gain) => 0.0,
         };
-        Ok((1.0 - stood_s / self.limits.motor_lag_s).max(0.0))
+        (1.0 - stood_s / lag_s).max(0.0)
     }
 }
 
@@ -391,6 +373,10 @@ mod tests {
         }
     }
 
+    fn tuned(scene: &Scene, options: &TuneOptions) -> Result<Tuned> {
+        tune(scene, options, None, &Stop::default(), &mut |_, _| true)
+    }
+
     #[test]
     fn tuning_finds_the_speed_that_reads_and_says_what_it_flew() {
         let mut base = Scene::preset(Preset::Ae4832022);
@@ -414,30 +400,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let run = |n: usize| {
             let store = Store::open(folder.path()).unwrap();
-            let mut left = n;
-            let tuned = tune(
-                &Scene::preset(Preset::Ae4832022),
-                &options(70),
-                Some(&store),
-                &Stop::default(),
-                &mut |_, _| {
-                    left -= 1;
-                    left > 0
-                },
-            );
+            let (scene, mut left) = (Scene::preset(Preset::Ae4832022), n);
+            let mut watch = |_, _: &Candidate| {
+                left -= 1;
+                left > 0
+            };
+            let tuned = tune(&scene, &options(70), Some(&store), &Stop::default(), &mut watch);
             (tuned.unwrap(), store.n_known())
         };
         let _interrupted = run(3);
         let (resumed, known) = run(1000);
         assert!(known > 20, "{known} flights were known");
-        let alone = tune(
-            &Scene::preset(Preset::Ae4832022),
-            &options(70),
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap();
+        let alone = tuned(&Scene::preset(Preset::Ae4832022), &options(70)).unwrap();
         assert_eq!(resumed.candidates, alone.candidates);
         assert_eq!(resumed.scene, alone.scene);
     }
@@ -446,15 +420,10 @@ mod tests {
     fn the_front_holds_what_nothing_beats() {
         let candidate = |number: usize, duration_s: f64, legibility: f64, broken: f64| Candidate {
             number,
-            point: Vec::new(),
-            settings: BTreeMap::new(),
-            n_flights: 1,
-            merit: 0.0,
             legibility,
-            legible: share([]),
             duration_s: Some(duration_s),
             broken,
-            given_up: false,
+            ..Candidate::default()
         };
         let all = [
             candidate(0, 60.0, 0.8, 0.0),
@@ -470,28 +439,13 @@ mod tests {
     fn a_knob_without_effect_is_refused() {
         let knobs = vec!["observer.luenberger.q[0]*=0.1..10".parse().unwrap()];
         let options = TuneOptions { knobs, ..options(88) };
-        let error = tune(
-            &Scene::preset(Preset::default()),
-            &options,
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap_err()
-        .to_string();
+        let error = tuned(&Scene::preset(Preset::default()), &options).unwrap_err().to_string();
         assert!(error.contains("observer.luenberger.q[0], which has no effect"), "{error}");
     }
 
     #[test]
     fn a_budget_without_room_for_a_final_is_refused() {
-        let error = tune(
-            &Scene::preset(Preset::Ae4832022),
-            &options(20),
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap_err();
+        let error = tuned(&Scene::preset(Preset::Ae4832022), &options(20)).unwrap_err();
         assert!(error.to_string().contains("at least 68 flights"), "{error}");
     }
 }

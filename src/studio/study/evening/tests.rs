@@ -3,7 +3,6 @@ use std::fmt::Write;
 use super::*;
 use crate::scene::Preset;
 use crate::study::Conditions;
-use noctograph_core::flight::FlightSample;
 use noctograph_core::random::{Noise, Normals};
 use noctograph_flying::plan::plan;
 use noctograph_flying::sim::{Drone, fly};
@@ -125,12 +124,14 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
     }
     assert!(lag_errors_s.len() >= 6, "{lag_errors_s:?}");
     assert!(lag_errors_s.iter().all(|s| (-0.05..0.05).contains(s)), "{lag_errors_s:?}");
-    let error_s = mean(lag_errors_s.iter().copied()).unwrap();
+    let error_s = mean(&lag_errors_s);
     assert!(error_s.abs() < 0.03, "{error_s}");
 
     let found = evening.conditions();
     let value = |key| found.iter().find(|found| found.key == key).unwrap().value;
-    let of = |of: &dyn Fn(&VehicleOptions) -> f64| spread(drawn.iter().map(|v| (of(v), 0.0)));
+    let of = |of: &dyn Fn(&VehicleOptions) -> f64| {
+        spread(&drawn.iter().map(|vehicle| (of(vehicle), 0.0)).collect::<Vec<_>>())
+    };
     let mass = of(&|v| scene.vehicle.mass_kg / v.mass_kg);
     assert!((value("mass_frac") / mass - 1.0).abs() < 0.05, "{found:?} of {mass}");
     let trims_m = [0, 1].map(|axis: usize| of(&|v| v.center_of_mass_m[axis]));
