@@ -313,7 +313,7 @@ impl EveningLog {
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
             gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
-        if samples.array_windows().all(|[a, b]| a.design_m.xy() == b.design_m.xy()) {
+        if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
             let lagless = "its setpoints stay at one place, or are not logged: it does not show \
                            the rotors' lag";
             warnings.push(lagless.to_owned());

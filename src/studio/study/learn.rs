@@ -114,11 +114,11 @@ pub fn learn(
         }
         let gain = options.gain / f64::from(1 + failed * failed);
         let options = LearnOptions { gain, ..options.clone() };
-        let corrected = from.iter().enumerate().map(|(drone, plan)| {
-            let of_drone = flights.iter().map(|flights| flights[drone].clone());
-            correct(plan, ready.scene(), &of_drone.collect::<Vec<_>>(), &options)
-        });
-        sent = corrected.collect::<Result<_>>()?;
+        let corrected = |(drone, plan): (usize, &Plan)| {
+            let of_drone: Vec<_> = flights.iter().map(|flights| flights[drone].clone()).collect();
+            correct(plan, ready.scene(), &of_drone, &options)
+        };
+        sent = from.iter().enumerate().map(corrected).collect::<Result<_>>()?;
     }
     let (plans, _, outcomes) = best.expect("the first round is kept");
     if outcomes.iter().all(|outcome| outcome.lost.is_some()) {

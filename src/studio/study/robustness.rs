@@ -198,7 +198,8 @@ fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
     if legible(first) <= HALF {
         return Some(first.times);
     }
-    let [from, to] = levels.array_windows().find(|[_, to]| legible(to) <= HALF)?;
+    let mut pairs = levels.iter().zip(&levels[1..]);
+    let (from, to) = pairs.find(|(_, to)| legible(to) <= HALF)?;
     let share = (legible(from) - HALF) / (legible(from) - legible(to));
     Some(from.times + share * (to.times - from.times))
 }

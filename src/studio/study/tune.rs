@@ -1,7 +1,7 @@
 //! Tuning: a scene's knobs are turned until its words read as surely as they can.
 //!
 //! A candidate flies the training words with the training seeds; its mean merit
-//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken [`Limits`], is the
+//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits, is the
 //! objective. Half of its flights come first: a candidate that is then below the median of the
 //! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
 //! to the promising. At last the best few and the scene as it was fly again with fresh seeds, and
@@ -20,6 +20,7 @@ use crate::scene::{NamedScene, Scene};
 use crate::shoot::Stop;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::tracking::CORRIDOR_M;
+use noctograph_core::input_error;
 use noctograph_flying::sim::ControllerKind;
 use noctograph_flying::sim::design::{MOTOR_LAG_S, design};
 
@@ -32,6 +33,16 @@ const LEAST_CANDIDATES: usize = 10;
 /// Penalty for exceeding a limit by its own size, in merit.
 const PENALTY: f64 = 20.0;
 
+/// Limits of a candidate, for the mean of its flights. Error against the design along x, y, z, root
+/// mean square: twice the team's Table 1.
+const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
+/// Farthest from the word's plane: the team's corridor, for visitors.
+const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
+/// Largest tilt: that at which the Lighthouse deck still sees its stations.
+const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
+/// Share of the time with a motor at its limit.
+const MAX_SATURATED_FRAC: f64 = 0.05;
+
 /// How to tune.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuneOptions {
@@ -41,8 +52,8 @@ pub struct TuneOptions {
     pub words: Vec<(String, u32)>,
     /// Flights in all, finals included.
     pub budget: usize,
-    /// Limits of a candidate.
-    pub limits: Limits,
+    /// Longest flight of a candidate; `None`: as long as the scene's that it begins from.
+    pub longest_s: Option<f64>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
     /// Seed of the search and of all seeds.
@@ -72,50 +83,18 @@ impl TuneOptions {
     ///
     /// [`Error::Input`] with the least budget for these words and seeds.
     pub fn check(&self) -> Result<()> {
-        let (n_each, least) = (self.n_each(), self.least_budget());
-        if n_each > 0 && !self.knobs.is_empty() && self.budget >= least {
+        let (n_each, least, n_knobs) = (self.n_each(), self.least_budget(), self.knobs.len());
+        if n_each > 0 && n_knobs > 0 && self.budget >= least {
             return Ok(());
         }
-        let found = format!("{} flights, {} knobs", self.budget, self.knobs.len());
-        let wanted = format!(
+        let (budget, n_final) = (self.budget, n_each * FINAL_TIMES as usize);
+        Err(input_error!(
+            "budget",
+            "{budget} flights, {n_knobs} knobs",
             "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates of {n_each} flights, \
-             and {FINALISTS} finalists of {}",
-            n_each * FINAL_TIMES as usize
-        );
-        let hint = "raise the budget, or train on fewer words and seeds";
-        Err(Error::input("budget", found, wanted, hint))
-    }
-}
-
-/// Limits of a candidate, for the mean of its flights.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Limits {
-    /// Root mean square error against the design along x, y, z, m.
-    pub rmse_m: [f64; 3],
-    /// Farthest from the word's plane, m.
-    pub drift_y_m: f64,
-    /// Largest tilt, rad.
-    pub tilt_rad: f64,
-    /// Share of the time with a motor at its limit.
-    pub saturated_frac: f64,
-    /// Time of a flight; `None`: that of the scene it begins from, s.
-    pub duration_s: Option<f64>,
-    /// Motor lag that a regulator must stand on paper, s.
-    pub motor_lag_s: f64,
-}
-
-impl Default for Limits {
-    /// RMSE: twice the team's Table 1. Corridor: theirs, for visitors. Tilt: 30 degrees, at which
-    /// the Lighthouse deck still sees its stations. Motor lag: a Crazyflie's, see [`MOTOR_LAG_S`].
-    fn default() -> Self {
-        Self {
-            rmse_m: [0.166, 0.116, 0.136],
-            drift_y_m: CORRIDOR_M,
-            tilt_rad: 30.0_f64.to_radians(),
-            saturated_frac: 0.05,
-            duration_s: None,
-            motor_lag_s: MOTOR_LAG_S,
-        }
+             and {FINALISTS} finalists of {n_final}",
+            "raise the budget, or train on fewer words and seeds",
+        ))
     }
 }
 
@@ -199,9 +178,9 @@ pub fn tune(
     }
     let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
     let mut tuning =
-        Tuning { base, options, store, limits: options.limits.clone(), stop, n_flights: 0 };
+        Tuning { base, options, store, longest_s: options.longest_s, stop, n_flights: 0 };
     let as_it_is = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
-    tuning.limits.duration_s = tuning.limits.duration_s.or(as_it_is.duration_s);
+    tuning.longest_s = tuning.longest_s.or(as_it_is.duration_s);
     let mut search = Search::new(options.knobs.len(), options.seed);
     let (mut candidates, mut best) = (vec![as_it_is], 0);
     while tuning.n_flights + n_each + finals <= options.budget {
@@ -230,7 +209,7 @@ struct Tuning<'a> {
     options: &'a TuneOptions,
     store: Option<&'a Store>,
     stop: &'a Stop,
-    limits: Limits,
+    longest_s: Option<f64>,
     n_flights: usize,
 }
 
@@ -250,7 +229,7 @@ impl Tuning<'_> {
             number,
             point: point.to_vec(),
             settings: settings(&scene, knobs)?,
-            broken: self.margin_broken(&scene),
+            broken: margin_broken(&scene),
             ..Candidate::default()
         };
         let words = words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
@@ -300,16 +279,15 @@ impl Tuning<'_> {
         let of = |value: fn(&Record) -> f64| mean(records.iter().map(value));
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let figure = |value: fn(&Flown) -> f64| mean(flown.iter().map(value));
-        let limits = &self.limits;
         let beyond = |found: f64, limit: f64| (found / limit - 1.0).max(0.0);
         let broken = of(|record| record.outcome.lost.is_some().into())
-            + beyond(figure(|f| f.rmse_x_m), limits.rmse_m[0])
-            + beyond(figure(|f| f.rmse_y_m), limits.rmse_m[1])
-            + beyond(figure(|f| f.rmse_z_m), limits.rmse_m[2])
-            + beyond(figure(|f| f.drift_y_m), limits.drift_y_m)
-            + beyond(figure(|f| f.tilt_rad), limits.tilt_rad)
-            + beyond(figure(|f| f.saturated_frac), limits.saturated_frac)
-            + limits.duration_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
+            + beyond(figure(|f| f.rmse_x_m), MAX_RMSE_M[0])
+            + beyond(figure(|f| f.rmse_y_m), MAX_RMSE_M[1])
+            + beyond(figure(|f| f.rmse_z_m), MAX_RMSE_M[2])
+            + beyond(figure(|f| f.drift_y_m), MAX_DRIFT_Y_M)
+            + beyond(figure(|f| f.tilt_rad), MAX_TILT_RAD)
+            + beyond(figure(|f| f.saturated_frac), MAX_SATURATED_FRAC)
+            + self.longest_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
             + candidate.broken;
         Candidate {
             n_flights: records.len(),
@@ -321,21 +299,18 @@ impl Tuning<'_> {
             ..candidate.clone()
         }
     }
+}
 
-    /// How much of the motor lag that a regulator must stand it does not.
-    fn margin_broken(&self, scene: &Scene) -> f64 {
-        let (options, lag_s) = (scene.sim(), self.limits.motor_lag_s);
-        let regulates =
-            !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
-        if !regulates || lag_s <= 0.0 {
-            return 0.0;
-        }
-        let stood_s = match design(&options, lag_s) {
-            Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
-            Err(_no_gain) => 0.0,
-        };
-        (1.0 - stood_s / lag_s).max(0.0)
+/// How much of the motor lag that a regulator must stand on paper, a Crazyflie's, it does not.
+fn margin_broken(scene: &Scene) -> f64 {
+    if matches!(scene.controller.kind, ControllerKind::Pid | ControllerKind::Geometric) {
+        return 0.0;
     }
+    let stood_s = match design(&scene.sim(), MOTOR_LAG_S) {
+        Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
+        Err(_no_gain) => 0.0,
+    };
+    (1.0 - stood_s / MOTOR_LAG_S).max(0.0)
 }
 
 /// Candidates that keep to the limits and that no other beats in both time and legibility.
@@ -367,7 +342,7 @@ mod tests {
             knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
             words: vec![("L".to_owned(), 2)],
             budget,
-            limits: Limits::default(),
+            longest_s: None,
             conditions: Conditions::default(),
             seed: 3,
         }
@@ -382,7 +357,7 @@ mod tests {
         let mut base = Scene::preset(Preset::Ae4832022);
         base.plan.stroke_speed_m_s = 1.5;
         let (mut heard, mut options) = (0, options(48 + 40));
-        options.limits.duration_s = Some(60.0);
+        options.longest_s = Some(60.0);
         let tuned = tune(&base, &options, None, &Stop::default(), &mut |n_flights, _| {
             heard = n_flights;
             true
