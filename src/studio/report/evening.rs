@@ -14,7 +14,6 @@ type Of = fn(&LogFigures) -> Option<f64>;
 const MOST_DRONES: usize = 7;
 
 /// The page; `conditions` is the file of conditions, `advice` what to do with it.
-#[must_use]
 pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[String]) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();

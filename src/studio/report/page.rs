@@ -9,6 +9,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use super::canvas::escaped;
 
 /// A page, section by section.
+#[must_use]
 #[derive(Clone, Debug, Default)]
 pub struct Page {
     title: String,
@@ -18,7 +19,6 @@ pub struct Page {
 
 impl Page {
     /// A page with a title and the sentence that says most.
-    #[must_use]
     pub fn new(title: &str, lead: &str) -> Self {
         Self { title: escaped(title), lead: escaped(lead), body: String::new() }
     }
@@ -29,25 +29,21 @@ impl Page {
     }
 
     /// Begins a section.
-    #[must_use]
     pub fn section(self, title: &str) -> Self {
         self.with(&format!("<h2>{}</h2>\n", escaped(title)))
     }
 
     /// A paragraph.
-    #[must_use]
     pub fn text(self, text: &str) -> Self {
         self.with(&format!("<p>{}</p>\n", escaped(text)))
     }
 
     /// Text as the terminal shows it.
-    #[must_use]
     pub fn printed(self, text: &str) -> Self {
         self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
     /// A table with a row of names; nothing where it is empty.
-    #[must_use]
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -58,7 +54,6 @@ impl Page {
     }
 
     /// A table of any width; nothing where it is empty.
-    #[must_use]
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
         let row = |cell: &str, cells: &[String]| {
             let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
@@ -73,14 +68,12 @@ impl Page {
     }
 
     /// A drawing from a file (SVG), whose scripts do not run.
-    #[must_use]
     pub fn drawing(self, svg: &[u8], shows: &str) -> Self {
         let image = image("svg+xml", svg, shows);
         self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
     }
 
     /// Drawings (SVG), side by side where there is room.
-    #[must_use]
     pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
         let figure = |svg: &T| {
             // An XML declaration has no place inside a page.
@@ -92,7 +85,6 @@ impl Page {
     }
 
     /// A photo (JPEG), and a drawing of the same size that can be laid over it.
-    #[must_use]
     pub fn photo(self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, shows);
         self.with(&match over {
@@ -106,7 +98,6 @@ impl Page {
     }
 
     /// Photos (JPEG) in a row, with their captions, which play as a film where scripts run.
-    #[must_use]
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         let frame = |(jpeg, caption): &(Vec<u8>, String)| {
             let caption = escaped(caption);
@@ -118,7 +109,6 @@ impl Page {
     }
 
     /// Paths in space that turn under the pointer: places in millimeters and whether they are lit.
-    #[must_use]
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let place = |([x, y, z], lit): &([i32; 3], bool)| [*x, *y, *z, i32::from(*lit)];
         let paths = paths_mm.iter().map(|path| path.iter().map(place).collect());

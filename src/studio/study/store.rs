@@ -23,8 +23,8 @@ use noctograph_core::input_error;
 
 /// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
 const FORMAT: u32 = 2;
-/// Records between two syncs to disk. Killing the program loses none of
-/// them; pulling the plug loses at most so many.
+/// Records between two syncs to disk. Killing the program loses none of them; pulling the plug loses
+/// at most so many.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
@@ -100,7 +100,6 @@ struct Log {
     /// Bytes of whole lines.
     length: u64,
     n_flights: usize,
-    unsynced: usize,
 }
 
 impl Store {
@@ -138,7 +137,7 @@ impl Store {
             file.set_len(length).map_err(unwritable)?;
         }
         file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
-        let log = Mutex::new(Log { file, length, n_flights, unsynced: 0 });
+        let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
 
@@ -233,12 +232,7 @@ impl Log {
             return Err(error);
         }
         self.length += line.len() as u64;
-        self.unsynced += 1;
-        if self.unsynced >= SYNC_EVERY {
-            self.unsynced = 0;
-            self.file.sync_data()?;
-        }
-        Ok(())
+        if self.n_flights.is_multiple_of(SYNC_EVERY) { self.file.sync_data() } else { Ok(()) }
     }
 }
 
