@@ -23,8 +23,8 @@ use noctograph_core::input_error;
 
 /// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
 const FORMAT: u32 = 2;
-/// Records between two syncs to disk. Killing the program loses none of them; pulling the plug loses
-/// at most so many.
+/// Records between two syncs to disk. Killing the program loses none of them; pulling the plug
+/// loses at most so many.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
