@@ -179,7 +179,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             findings: &findings,
             placement: placement.as_ref(),
             remedies: &remedies,
-            typed: &mentioned,
+            typed: mentioned,
             command: &args.command.clone().unwrap_or_else(command),
             drawings: &drawings,
         };

@@ -68,7 +68,7 @@ impl SpreadFlags {
             .iter()
             .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
         let title = format!("{n} flights, conditions {}", self.conditions);
-        let sheet: Photo = spread_sheet(&title, photos.collect());
+        let sheet = spread_sheet(&title, &photos.collect::<Vec<(Photo, String)>>());
         folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };

@@ -19,8 +19,8 @@ use crate::scene::NamedScene;
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::study::{
-    Candidate, Conditions, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv,
-    evaluate, rank, tune,
+    Candidate, Conditions, Knob, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank,
+    tune,
 };
 
 /// Files that are written once the best scene is found.
@@ -156,7 +156,7 @@ fn options(
         knobs,
         words: args.study.words(6)?,
         budget,
-        limits: Limits { duration_s: args.longest, ..Limits::default() },
+        longest_s: args.longest,
         conditions,
         seed: args.study.seed,
     };

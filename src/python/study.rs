@@ -17,7 +17,7 @@ use noctograph::error::Result;
 use noctograph::scene::{NamedScene, Scene};
 use noctograph::shoot::Stop;
 use noctograph::study::{
-    Candidate, Conditions, Flown, Knob, Limits, Outcome, Prepared, Record, Store, Study, Trial,
+    Candidate, Conditions, Flown, Knob, Outcome, Prepared, Record, Store, Study, Trial,
     TuneOptions, evaluate, rank, tune,
 };
 
@@ -207,9 +207,8 @@ pub(super) fn tuning<'py>(
             None => Knob::usual(&base),
             Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
         };
-        let limits = Limits::default();
         let conditions = Conditions::find(&conditions)?;
-        let options = TuneOptions { knobs, words, budget, limits, conditions, seed };
+        let options = TuneOptions { knobs, words, budget, longest_s: None, conditions, seed };
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
         Ok((tuning_table(&options, &tuned), tuned))

@@ -17,25 +17,21 @@ const SHORT_M: f64 = 0.02;
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
-    let longer = |least_m: f64, length_m: &dyn Fn(&Glyph) -> f64| -> Vec<(char, f64)> {
-        let lengths = glyphs.iter().map(|glyph| (glyph.character, length_m(glyph)));
-        let mut found: Vec<_> = lengths.filter(|(_, length_m)| *length_m > least_m).collect();
-        found.dedup_by_key(|(character, _)| *character);
-        found
-    };
     let mut findings = vec![lengths(
         "doubled stroke",
-        &longer(SHORT_M, &|glyph| doubled_m(&glyph.moves)),
+        glyphs.iter().map(|glyph| (glyph.character, doubled_m(&glyph.moves))),
         SHORT_M,
         "every line drawn once",
         "write with {letters.font=ae483-fixed} or simplex",
     )];
     if strokes.font.is_some() {
-        let lost = |glyph: &Glyph| strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
-        let lost_m = |glyph: &Glyph| lost(glyph) * glyph.cell.cap_height_m;
+        let lost_m = |glyph: &Glyph| {
+            let lost = strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
+            lost * glyph.cell.cap_height_m
+        };
         findings.push(lengths(
             "lost stroke",
-            &longer(0.0, &lost_m),
+            glyphs.iter().map(|glyph| (glyph.character, lost_m(glyph))),
             0.0,
             "every stroke of the typeface drawn",
             "write with {letters.font=simplex} or a plainer typeface",
@@ -43,10 +39,15 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
     }
     if matches!(style, Style::Team(_)) {
         for (check, is_faulty, wanted) in FAULTS {
-            let mut faulty: Vec<char> =
-                glyphs.iter().filter(|it| is_faulty(it)).map(|it| it.character).collect();
+            let faulty = glyphs.iter().filter(|glyph| is_faulty(glyph));
+            let mut faulty: Vec<char> = faulty.map(|glyph| glyph.character).collect();
             faulty.dedup();
-            findings.push(faults(check, &faulty, wanted));
+            let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
+            let found = if is_bad { detail.clone() } else { "none".to_owned() };
+            // Style `even`, whose plan follows no dark move, mends it as well.
+            let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
+            let row = Row::of(check, warn_if(is_bad), f64::from(is_bad));
+            findings.push(row.detailed(detail).say(found, wanted, advice));
         }
     }
     findings
@@ -98,36 +99,29 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     (to - from).abs()
 }
 
-/// Letters with lengths of something, and the longest that is no fault.
+/// Letters with lengths of something that are more than the longest that is no fault.
 fn lengths(
     check: &'static str,
-    letters: &[(char, f64)],
-    limit: f64,
+    lengths_m: impl Iterator<Item = (char, f64)>,
+    limit_m: f64,
     wanted: &str,
     advice: &'static str,
 ) -> Row {
-    let most_m = letters.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
-    let detail = named(letters.iter().map(|(letter, _)| *letter));
-    let found = match letters.len() {
+    let mut longer: Vec<_> = lengths_m.filter(|(_, length_m)| *length_m > limit_m).collect();
+    longer.dedup_by_key(|(character, _)| *character);
+    let most_m = longer.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
+    let detail = named(longer.iter().map(|(letter, _)| *letter));
+    let found = match longer.len() {
         0 => "none".to_owned(),
         1 => format!("{detail} ({most_m:.2} m)"),
         _ => format!("{detail} (up to {most_m:.2} m)"),
     };
-    let row = Row::of(check, warn_if(!letters.is_empty()), most_m);
-    Row { limit, detail, ..row }.say(found, wanted, advice)
+    let row = Row::of(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
+    row.detailed(detail).say(found, wanted, advice)
 }
 
-/// Letters with a fault of a font; style `even`, whose plan follows no dark move, mends it as well.
-fn faults(check: &'static str, letters: &[char], wanted: &str) -> Row {
-    let (bad, detail) = (!letters.is_empty(), named(letters.iter().copied()));
-    let found = if bad { detail.clone() } else { "none".to_owned() };
-    let row = Row::of(check, warn_if(bad), if bad { 1.0 } else { 0.0 });
-    let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
-    Row { detail, ..row }.say(found, wanted, advice)
-}
-
-fn named(letters: impl Iterator<Item = char>) -> String {
-    letters.map(String::from).collect::<Vec<_>>().join(", ")
+fn named(letters: impl IntoIterator<Item = char>) -> String {
+    letters.into_iter().map(String::from).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -18,63 +18,55 @@ fn not_exported(check: &'static str, error: &Error) -> Row {
     Row::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Whether the plan fits the memory on board as either trajectory and the radio as setpoints.
+/// Whether the plan fits the memory on board as either trajectory and the radio as setpoints:
+/// bytes and pieces, each of as many as the drone's memory holds.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
-    match memory(&shoot.designs()[drone]) {
-        Ok(memory) => of_memory(&memory),
-        Err(error) => not_exported("memory", &error),
-    }
-}
-
-/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
-/// are timed on the exported trajectory.
-pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
-    let form = Form::Compressed;
-    let flown = || match shoot.designs.is_empty() {
-        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
-        false => Ok(shoot.clone()),
+    let Memory { bytes, pieces, formats, fits_all } = match memory(&shoot.designs()[drone]) {
+        Ok(memory) => memory,
+        Err(error) => return not_exported("memory", &error),
     };
-    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.lamps());
-    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]);
-    match if used { entries() } else { Ok(None) } {
-        Ok(entries) => of_led_memory(entries),
-        Err(error) => not_exported(LED_MEMORY, &error),
-    }
-}
-
-/// Entries of the LED timing memory; `None` of lamps that it does not play.
-fn of_led_memory(entries: Option<usize>) -> Row {
-    const MOST: usize = RING_TIMING_ENTRIES;
-    let severity = warn_if(entries.is_some_and(|n| n > MOST));
-    let row = Row::of(LED_MEMORY, severity, entries.map(|n| n as f64));
-    Row { limit: MOST as f64, ..row }.say(
-        entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
-        format!("up to {MOST} entries"),
-        "nothing where the radio sends the lights, as the script then does; else build firmware \
-         with a larger LEDRING_TIME_MEM_SIZE",
-    )
-}
-
-/// Bytes and pieces, each of as many as the drone's memory holds.
-fn of_memory(memory: &Memory) -> Row {
-    let Memory { bytes, pieces, formats, fits_all } = memory;
     let detail = formats.join(", ");
     let beyond = |is: bool| if is { ", too many" } else { "" };
+    let [bytes_beyond, pieces_beyond] =
+        [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES].map(beyond);
     let forms = match detail.as_str() {
         "" => "no form of export takes it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
-    let row = Row::of("memory", warn_if(!fits_all), *bytes as f64);
-    Row { limit: TRAJECTORY_MEMORY_BYTES as f64, count: Some(*pieces), detail, ..row }.say(
+    let row = Row::of("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
+    Row { count: Some(pieces), ..row.within(TRAJECTORY_MEMORY_BYTES as f64) }.say(
         format!(
-            "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{}; {pieces} of {MAX_PIECES} pieces as \
-             poly4d{}; {forms}",
-            beyond(*bytes > TRAJECTORY_MEMORY_BYTES),
-            beyond(*pieces > MAX_PIECES)
+            "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{bytes_beyond}; {pieces} of \
+             {MAX_PIECES} pieces as poly4d{pieces_beyond}; {forms}"
         ),
         format!(
             "{TRAJECTORY_MEMORY_BYTES} bytes and {MAX_PIECES} pieces on board, 50 setpoints a second by radio"
         ),
         "export it in one of those forms, or share the word ({plan.drones=2})",
+    )
+}
+
+/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
+/// are timed on the exported trajectory.
+pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
+    const MOST: usize = RING_TIMING_ENTRIES;
+    let form = Form::Compressed;
+    let flown = || match shoot.designs.is_empty() {
+        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
+        false => Ok(shoot.clone()),
+    };
+    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]);
+    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.lamps());
+    // `None` of lamps that it does not play.
+    let entries = match if used { entries() } else { Ok(None) } {
+        Ok(entries) => entries,
+        Err(error) => return not_exported(LED_MEMORY, &error),
+    };
+    let severity = warn_if(entries.is_some_and(|n| n > MOST));
+    Row::of(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
+        entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
+        format!("up to {MOST} entries"),
+        "nothing where the radio sends the lights, as the script then does; else build firmware \
+         with a larger LEDRING_TIME_MEM_SIZE",
     )
 }

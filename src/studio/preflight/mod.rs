@@ -6,17 +6,18 @@
 //! the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
 //! camera. Not checked: obstacles in the room.
 
-use crate::scene::Scene;
-use crate::shoot::{Shoot, ends};
+use crate::scene::{Preset, Scene};
+use crate::shoot::Shoot;
+use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::geometry::bounds;
+use noctograph_export::safety::{Battery, Checks, Platform};
 use noctograph_flying::plan::{Approach, Plan, Style};
 use noctograph_flying::sensors::coverage;
 use noctograph_flying::vehicle::Downwash;
 use noctograph_letters::Strokes;
 
-mod checks;
 mod flown;
 mod letters;
 mod memory;
@@ -25,23 +26,22 @@ mod placement;
 mod plans;
 mod profile;
 mod row;
-mod written;
 
-pub use checks::{checks, platform};
 pub(crate) use flown::MAX_SATURATED_S;
-use flown::{Flown, check_flown};
+use flown::check_flight;
 use letters::check_letters;
 pub use memory::LED_MEMORY;
 use memory::{check_led_memory, check_memory};
 pub use picture::PICTURE;
-use picture::{Picture, check_picture, evener, painted};
+use picture::{Picture, check_picture};
+pub(crate) use placement::stations;
 pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
 use placement::{camera_place, outside_of};
+pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row, Severity};
-use row::{Peak, at, largest, stop_if, warn_if};
-pub use written::check_written;
+use row::{at, largest, stop_if, warn_if};
 
 /// Distance between two places at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
@@ -108,7 +108,11 @@ pub fn of_flights(
             Ok(flight) => {
                 checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
             }
-            Err(Error::Infeasible { what, .. }) => checks.push(lost(what)),
+            Err(Error::Infeasible { what, .. }) => {
+                let row = Row::of("flight", Severity::Stop, None).detailed(what.as_str());
+                let advice = "see the message; tune the controller";
+                checks.push(row.say(what, "a flight to its end", advice));
+            }
             Err(error) => return Err(error),
         }
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
@@ -122,18 +126,8 @@ pub fn of_flights(
     findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
     findings.extend(numbered(shoot, None, stands));
     let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
-    let placement = match lit.filter(|_| profile.room_m.is_some()) {
-        Some((trace, camera)) => place(shoot, trace, camera.shutter_close_s, profile)?,
-        None => None,
-    };
-    Ok(Preflight { findings, placement })
-}
-
-/// A flight that does not reach its end.
-fn lost(how: String) -> Row {
-    let row = Row::of("flight", Severity::Stop, None);
-    let advice = "see the message; tune the controller";
-    Row { detail: how.clone(), ..row }.say(how, "a flight to its end", advice)
+    let placement = lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile));
+    Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
 /// Of a room: what stands outside of it, and whether the camera has a place.
@@ -189,7 +183,8 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
     let lamps = shoot.lamps();
     for (drone, design) in shoot.designs().iter().enumerate() {
-        findings.extend(numbered(shoot, Some(drone), check_plan(design, &lamps, is_even, profile)));
+        let checks = check_plan(design, &lamps, is_even, profile);
+        findings.extend(numbered(shoot, Some(drone), checks));
     }
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
@@ -197,82 +192,46 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     findings
 }
 
-fn check_flight(
-    shoot: &Shoot,
-    drone: usize,
-    flight: &Flight,
-    picture: Option<&Picture>,
-    profile: &Profile,
-) -> Result<Vec<Row>> {
-    let scene = &shoot.scene;
-    let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
-    let trace = match picture.and_then(|picture| picture.light_of(drone)) {
-        Some(trace) => trace,
-        None => shoot.light_drone(drone, flight)?,
-    };
-    let trail = picture.and_then(|picture| Some((picture.camera(), picture.trail(drone)?)));
-    let flown = Flown {
-        flight,
-        plan: &scene.plan,
-        ends: &ends,
-        painted: &painted(flight, &trace, scene),
-        evenness_stops: trail.map(|(_, reading)| reading.evenness_stops()),
-        evener: match trail {
-            Some((Some(camera), now)) => evener(shoot, drone, flight, &trace, camera, now),
-            _ => None,
-        },
-        cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
-        is_drawing: shoot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_none()),
-        motor_max: scene.vehicle.motor_max,
-        battery: &scene.battery,
-        low_battery_v: platform(scene)
-            .map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v()),
-    };
-    Ok(check_flown(&flown, profile))
-}
-
 /// What the wakes of other drones cost, where plans lead into them; `None` for a single drone.
 fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
     }
-    let most = MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
-    let cost = |([_, lower], nearest): ([usize; 2], Approach)| {
-        let alone = shoot.fly_drone(lower, &mut |_| {});
-        let apart = match (&alone, &flown[lower]) {
-            (Ok(alone), Ok(flown)) => {
-                largest(alone.samples.iter().zip(&flown.samples).map(|(alone, flown)| {
-                    ((alone.position_m - flown.position_m).norm(), flown.time_s)
-                }))
-            }
-            // How it is lost is a finding of its own.
-            _ => (f64::INFINITY, nearest.time_s),
-        };
-        (Some((lower + 1, nearest)), apart)
-    };
+    let most_m =
+        MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
     // A drone is flown alone once, however many are above it: by the nearest of them.
     let mut wakes = shoot.wakes();
     wakes.sort_by(|([_, a], above_a), ([_, b], above_b)| {
         a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
     });
     wakes.dedup_by_key(|([_, lower], _)| *lower);
-    let costs = wakes.into_iter().map(cost);
-    let worst = costs.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).unwrap_or_default();
-    let (place, (value, time_s)) = worst;
-    let time_s = place.map(|_| time_s);
-    let found = place.map_or("no drone is planned into another's wake".into(), |(lower, it)| {
-        format!(
-            "drone {lower} comes {:.2} m below and {:.2} m beside another at {:.1} s; off by up to \
-             {value:.3} m{}",
-            it.vertical_m.abs(),
-            it.horizontal_m,
-            it.time_s,
-            at(time_s)
-        )
+    let costs = wakes.into_iter().map(|([_, lower], nearest)| {
+        let off = match (shoot.fly_drone(lower, &mut |_| {}), &flown[lower]) {
+            (Ok(alone), Ok(flown)) => {
+                let both = alone.samples.iter().zip(&flown.samples);
+                largest(both.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s)))
+            }
+            // How it is lost is a finding of its own.
+            _ => (f64::INFINITY, nearest.time_s),
+        };
+        (off, lower + 1, nearest)
     });
-    Some(Peak { value, most, time_s }.row("wake", warn_if(value > most)).say(
-        found,
-        format!("off by up to {most} m, a twentieth of the letters"),
+    let worst = costs.max_by(|(a, ..), (b, ..)| a.0.total_cmp(&b.0));
+    let off_m = worst.map_or(0.0, |((off_m, _), ..)| off_m);
+    let row = Row::of("wake", warn_if(off_m > most_m), off_m).within(most_m);
+    Some(row.timed(worst.map(|((_, time_s), ..)| time_s)).say(
+        match worst {
+            None => "no drone is planned into another's wake".to_owned(),
+            Some(((_, time_s), lower, Approach { vertical_m, horizontal_m, time_s: near_s })) => {
+                format!(
+                    "drone {lower} comes {:.2} m below and {horizontal_m:.2} m beside another at \
+                     {near_s:.1} s; off by up to {off_m:.3} m{}",
+                    vertical_m.abs(),
+                    at(time_s)
+                )
+            }
+        },
+        format!("off by up to {most_m} m, a twentieth of the letters"),
         "plan the drones together with {plan.drones}, or fly the lower drone first",
     ))
 }
@@ -294,14 +253,12 @@ fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
         return unchecked("the scene has no base stations");
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let places = in_the_air.map(|setpoint| setpoint.position_m);
-    let bounds_m = bounds(places.map(|p| [p.x, p.z]));
+    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
     if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
         return unchecked("the flight has no width or no height");
     }
     let seen_frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
-    let row = Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac);
-    Ok(Row { limit: 1.0, ..row }.say(
+    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{:.1} % of the flight's box is seen by two base stations", 100.0 * seen_frac),
         "two Lighthouse stations see every place",
         "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the stations \
@@ -309,12 +266,39 @@ fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
     ))
 }
 
+/// The drone of a scene as its firmware names it; `None`: none of Bitcraze's.
+#[must_use]
+pub fn platform(scene: &Scene) -> Option<Platform> {
+    match scene.preset {
+        Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
+        Preset::CfBrushless => Some(Platform::Brushless),
+        Preset::Bzzz => None,
+    }
+}
+
+/// The facts behind the checks of flights within a profile.
+#[must_use]
+pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
+    let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
+    let battery = |flight: &Result<Flight>| {
+        let low_v = platform?.low_battery_v();
+        Battery::of(&scene.battery, flight.as_ref().ok()?, low_v)
+    };
+    Checks {
+        platform,
+        positioning: scene.sensors.positioning,
+        volume_m: profile.volume_m,
+        room_m: profile.room_m,
+        batteries: flown.iter().map(battery).collect(),
+        scene_sha256: sha256(scene.to_toml().as_bytes()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::scene::Preset;
 
     #[test]
     fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {
@@ -327,10 +311,8 @@ mod tests {
         }
         let found = |scene: &Scene, plans: Vec<Plan>| {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
-            check_wakes(
-                &shoot,
-                &shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok).collect::<Vec<_>>(),
-            )
+            let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
+            check_wakes(&shoot, &flown.collect::<Vec<_>>())
         };
         let wake = found(&scene, vec![upper.clone(), lower.clone()]).unwrap();
         assert!(wake.found.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");

@@ -1,9 +1,5 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
-use std::f64::consts::{PI, TAU};
-
-use nalgebra::Vector3;
-
 use super::row::{Row, warn_if};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
@@ -11,7 +7,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightSample, LightTrace};
+use noctograph_picture::light::{Lamp, LightTrace};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
@@ -48,11 +44,6 @@ impl Picture {
         })
     }
 
-    /// The camera; `None` where there is no picture.
-    pub(super) fn camera(&self) -> Option<&Camera> {
-        self.lit.as_ref().map(|(_, camera)| camera)
-    }
-
     /// The light of one drone.
     pub(super) fn light_of(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
@@ -62,92 +53,9 @@ impl Picture {
 
     /// The brightest trail of a drone's lamps.
     pub(super) fn trail(&self, drone: usize) -> Option<&LampReading> {
-        let own =
-            self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of.0 == drone));
-        brightest(own)
+        let own = self.readings.iter().filter(|it| it.drone.is_none_or(|of| of.0 == drone));
+        own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
     }
-}
-
-fn brightest<'a>(readings: impl Iterator<Item = &'a LampReading>) -> Option<&'a LampReading> {
-    readings.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
-}
-
-/// Headings that are tried, in a turn.
-const HEADINGS: u32 = 24;
-/// Headings that are read in full: those that look evenest by a quarter of the samples, whose
-/// medians are off by less than these stops, and that may be worth a turn.
-const FINALISTS: usize = 4;
-const COARSE_STOPS: f64 = 0.1;
-/// Stops by which another heading is worth a turn of the nose.
-const WORTH_STOPS: f64 = 0.5;
-
-/// The heading at which the exposure along a flight's brightest trail varies least, rad, and by how
-/// much, stops, where that is worth a turn and the trail is as bright and as long as now: `trace`,
-/// the light of the same flight, with the nose turned.
-pub(super) fn evener(
-    shoot: &Shoot,
-    drone: usize,
-    flight: &Flight,
-    trace: &LightTrace,
-    camera: &Camera,
-    now: &LampReading,
-) -> Option<[f64; 2]> {
-    let least_stops = now.evenness_stops() - WORTH_STOPS;
-    if least_stops <= 0.0 {
-        return None;
-    }
-    let lamps = writing(std::slice::from_ref(flight), trace, &shoot.scene.light);
-    let read = |lamps: &[Lamp], yaw_rad: f64, slack_stops: f64| {
-        let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
-        let lamps = lamps.iter().map(|lamp| turned(lamp, flight, turn_rad)).collect();
-        let readings = meter(&LightTrace { lamps }, camera).unwrap_or_default();
-        let brightest_lamp = brightest(readings.iter())?;
-        let is_bright = brightest_lamp.median_stops >= now.median_stops - slack_stops;
-        let whole = is_bright && brightest_lamp.lit_s >= 0.99 * now.lit_s;
-        whole.then(|| [yaw_rad, brightest_lamp.evenness_stops()])
-    };
-    let evener = |a: &[f64; 2], b: &[f64; 2]| a[1].total_cmp(&b[1]);
-    let coarse: Vec<Lamp> = lamps.iter().map(|lamp| thinned(lamp)).collect();
-    let headings = (0..HEADINGS).map(|step| TAU * f64::from(step) / f64::from(HEADINGS) - PI);
-    let mut headings: Vec<[f64; 2]> =
-        headings.filter_map(|yaw_rad| read(&coarse, yaw_rad, COARSE_STOPS)).collect();
-    headings.retain(|[_, stops]| *stops < least_stops + 2.0 * COARSE_STOPS);
-    headings.sort_by(evener);
-    let lamps: Vec<Lamp> = lamps.into_iter().cloned().collect();
-    let best =
-        headings.iter().take(FINALISTS).filter_map(|[yaw_rad, _]| read(&lamps, *yaw_rad, 0.0));
-    best.min_by(evener).filter(|[_, stops]| *stops < least_stops)
-}
-
-/// A lamp with some of its samples: those beside a change of its level, and every fourth.
-fn thinned(lamp: &Lamp) -> Lamp {
-    let level = |at: usize| lamp.samples.get(at).map(|sample| sample.level);
-    let kept = lamp.samples.iter().enumerate().filter(|(at, _)| {
-        let beside = [level(at.wrapping_sub(1)), level(at + 1)];
-        at.is_multiple_of(4) || beside != [level(*at); 2]
-    });
-    let samples = kept.map(|(_, sample)| *sample).collect();
-    Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples }
-}
-
-/// A lamp of a flight whose nose is turned.
-fn turned(lamp: &Lamp, flight: &Flight, turn_rad: f64) -> Lamp {
-    let (sin, cos) = libm::sincos(turn_rad);
-    let turn = |v: Vector3<f64>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
-    let mut moves = flight.samples.windows(2).peekable();
-    let samples = lamp.samples.iter().map(|sample| {
-        while moves.next_if(|ends| ends[1].time_s <= sample.time_s).is_some() {}
-        let body_m = match (moves.peek(), flight.samples.last()) {
-            (Some([a, b]), _) => {
-                let part = (sample.time_s - a.time_s) / (b.time_s - a.time_s);
-                a.position_m.lerp(&b.position_m, part.clamp(0.0, 1.0))
-            }
-            (_, last) => last.map_or(sample.position_m, |last| last.position_m),
-        };
-        let position_m = body_m + turn(sample.position_m - body_m);
-        LightSample { position_m, axis: turn(sample.axis), ..*sample }
-    });
-    Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.collect() }
 }
 
 /// What only a preview would show: the word in the picture, while the shutter is open, lit.
@@ -174,68 +82,41 @@ fn of_problem(problem: Option<&Problem>) -> Row {
         return row.say("shows the word while it is written", wanted, "");
     };
     let (found, advice) = problem.parts();
-    Row { detail: problem.sentence(Change::to_string), ..row }.say(found, wanted, advice.0)
+    row.detailed(problem.sentence(Change::to_string)).say(found, wanted, advice.0)
 }
 
-/// Light of the first lamp that follows the plan, in pieces along its path: start time, length and
-/// seconds of full light.
-pub(super) fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64, f64)> {
+/// Light along the path: start in s, length in m, seconds of full light.
+pub(super) type Piece = (f64, f64, f64);
+
+/// Light of the first lamp that follows the plan, in order of time.
+pub(super) fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<Piece> {
     let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
     let name = writing.first().map(|lamp| &lamp.emitter.name);
     // A lamp that changes its color is several emitters.
     let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
-    let mut pieces: Vec<(f64, f64, f64)> = emitters.flat_map(|lamp| pieces_of(lamp)).collect();
+    let mut pieces: Vec<Piece> = emitters.flat_map(|lamp| pieces_of(lamp)).collect();
     pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
     pieces
 }
 
 /// The same of one emitter, whose highest level counts as full light: the dies of a color LED are
 /// balanced by their levels.
-fn pieces_of(lamp: &Lamp) -> Vec<(f64, f64, f64)> {
+fn pieces_of(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
-    let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
-    let mut from: Option<(f64, Vector3<f64>)> = None;
-    let mut light_s = 0.0;
-    for pair in lamp.samples.windows(2) {
-        let lasts_s = pair[1].time_s - pair[0].time_s;
-        let lit = 0.5 * (pair[0].level + pair[1].level) / full.max(f64::MIN_POSITIVE);
+    let (mut pieces, mut begun) = (Vec::new(), None);
+    for (from, to) in lamp.samples.iter().zip(lamp.samples.iter().skip(1)) {
+        let lit = 0.5 * (from.level + to.level) / full.max(f64::MIN_POSITIVE);
         if lit <= 0.0 {
-            (from, light_s) = (None, 0.0);
+            begun = None;
             continue;
         }
-        let (start_s, start_m) = *from.get_or_insert((pair[0].time_s, pair[0].position_m));
-        light_s += lit * lasts_s;
-        if pair[1].time_s - start_s >= PIECE_S {
-            pieces.push((start_s, (pair[1].position_m - start_m).xz().norm(), light_s));
-            (from, light_s) = (None, 0.0);
+        let (start, light_s) = begun.get_or_insert((from, 0.0));
+        *light_s += lit * (to.time_s - from.time_s);
+        if to.time_s - start.time_s >= PIECE_S {
+            let length_m = (to.position_m - start.position_m).xz().norm();
+            pieces.push((start.time_s, length_m, *light_s));
+            begun = None;
         }
     }
     pieces
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::preflight::flown;
-    use crate::scene::Preset;
-
-    #[test]
-    fn the_heading_at_which_a_wide_word_is_even_is_named_with_what_it_brings() {
-        let mut scene = Scene { word: "IIIIIIII".to_owned(), ..Scene::preset(Preset::Cf21) };
-        let evenness = |scene: &Scene| {
-            let shoot = Shoot::new(scene.clone()).unwrap();
-            let flights = flown(&shoot).unwrap();
-            let picture = Picture::of(&shoot, &flights).unwrap();
-            let now = picture.trail(0).unwrap();
-            let (flight, (trace, camera)) =
-                (flights[0].as_ref().unwrap(), picture.lit.as_ref().unwrap());
-            (now.evenness_stops(), evener(&shoot, 0, flight, trace, camera, now))
-        };
-        let (now_stops, evener) = evenness(&scene);
-        let [yaw_rad, stops] = evener.expect("headlights along the word");
-        assert!(stops < now_stops - 1.0, "{now_stops}, {stops}");
-        scene.plan.yaw_rad = yaw_rad;
-        let (then_stops, evener) = evenness(&scene);
-        assert!((then_stops - stops).abs() < 0.2 && evener.is_none(), "{then_stops}, {evener:?}");
-    }
 }

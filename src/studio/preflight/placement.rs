@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::row::{Row, Severity};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
-use crate::shoot::{Metered, Planned, Shoot, recommended};
+use crate::shoot::{Metered, Shoot, recommended};
 use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
@@ -118,16 +118,15 @@ pub fn place(
     let top_m = setpoints().map(|setpoint| setpoint.position_m.z).fold(word_m[3], f64::max);
     let speed_m_s = setpoints().map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
     let audience_from_m = speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-    let wall_y_m = -0.5 * room_m[1];
-    let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > wall_y_m);
+    let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
 
     let place = |name: String, options: CameraOptions| -> Result<CameraPlace> {
         let (options, least_m) = framed(options, word_m, room_m)?;
         let camera = options.camera(word_m, end_s)?;
-        let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+        let most_m = most_m(room_m);
         let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
         let fits = least_m <= most_m;
-        let metered = || recommended(trace, &camera, &options, &scene.photo);
+        let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
         Ok(CameraPlace {
             name,
             equivalent_m,
@@ -136,7 +135,7 @@ pub fn place(
             longest_equivalent_m: equivalent_m * most_m / least_m,
             largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
             shutter_s: camera.shutter_close_s - camera.shutter_open_s,
-            metered: if fits { metered() } else { None },
+            metered: metered.flatten(),
         })
     };
     let own = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
@@ -156,7 +155,7 @@ pub fn place(
 }
 
 /// What the scene's positioning hangs in the room: its name, and where.
-fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
+pub(crate) fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
     let stations = &scene.sensors.lighthouse.stations;
     match scene.sensors.positioning {
         Positioning::UwbTwr | Positioning::UwbTdoa => {
@@ -169,22 +168,8 @@ fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
 
 /// Where each drone takes off.
 fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
-    let first = |planned: &Planned| {
-        planned.plan.setpoints.first().map(|first| [first.position_m.x, first.position_m.y])
-    };
-    shoot.plans.iter().filter_map(first)
-}
-
-/// Something outside of its room.
-struct OutOfRoom {
-    /// What it is.
-    what: String,
-    /// Where it stands, m.
-    place_m: [f64; 3],
-    /// Distance from the room where it is farthest outside, m.
-    by_m: f64,
-    /// How bad that is: a camera may look in through a door.
-    severity: Severity,
+    let starts = shoot.plans.iter().filter_map(|planned| planned.plan.setpoints.first());
+    starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
 /// What stands outside of a room: the origin or the room is wrong then, and so is where the drone
@@ -192,37 +177,35 @@ struct OutOfRoom {
 pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
     let [width_m, depth_m, height_m] = room_m;
     let (name, stations_m) = stations(&shoot.scene);
-    let numbered = |(index, place_m): (usize, [f64; 3])| (format!("{name} {}", index + 1), place_m);
-    let mut places: Vec<(String, [f64; 3])> =
-        stations_m.into_iter().enumerate().map(numbered).collect();
-    places.extend(take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0])));
-    let n_fixed = places.len();
+    let station = |(index, place_m)| (format!("{name} {}", index + 1), place_m, Severity::Stop);
+    let mut places: Vec<(String, [f64; 3], Severity)> =
+        stations_m.into_iter().enumerate().map(station).collect();
+    let marks = take_off_m(shoot).map(|[x, y]| [x, y, 0.0]);
+    places.extend(marks.map(|place_m| ("take-off mark".to_owned(), place_m, Severity::Stop)));
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
-        places.push(("camera".to_owned(), pose.position_m));
+        // It may look in through a door.
+        places.push(("camera".to_owned(), pose.position_m, Severity::Warning));
     }
-    let n = places.len();
-    let outside = |(index, (what, place_m)): (usize, (String, [f64; 3]))| {
-        let [x, y, z] = place_m;
+    let by_m = |[x, y, z]: [f64; 3]| {
         let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
-        let by_m = sides.into_iter().fold(0.0, f64::max);
-        let severity = if index < n_fixed { Severity::Stop } else { Severity::Warning };
-        (by_m > FRAME_M).then_some(OutOfRoom { what, place_m, by_m, severity })
+        sides.into_iter().fold(0.0, f64::max)
     };
-    let outside: Vec<OutOfRoom> = places.into_iter().enumerate().filter_map(outside).collect();
-    let farthest = outside.iter().max_by(|a, b| a.by_m.total_cmp(&b.by_m));
-    let severity = outside.iter().map(|it| it.severity).max().unwrap_or_default();
-    let row = Row::of("frame", severity, farthest.map_or(0.0, |it| it.by_m));
-    let place = |it: &OutOfRoom| {
-        let [x, y, z] = it.place_m;
-        format!("{} at ({x:.2}, {y:.2}, {z:.2}), {:.2} m outside", it.what, it.by_m)
+    let n = places.len();
+    places.retain(|(_, place_m, _)| by_m(*place_m) > FRAME_M);
+    let farthest_m = places.iter().map(|(_, place_m, _)| *place_m);
+    let farthest_m = farthest_m.max_by(|a, b| by_m(*a).total_cmp(&by_m(*b)));
+    let severity = places.iter().map(|(.., severity)| *severity).max().unwrap_or_default();
+    let named: Vec<&str> = places.iter().map(|(what, ..)| what.as_str()).collect();
+    let sentence = |(what, place_m, _): &(String, [f64; 3], Severity)| {
+        let ([x, y, z], by_m) = (*place_m, by_m(*place_m));
+        format!("{what} at ({x:.2}, {y:.2}, {z:.2}), {by_m:.2} m outside")
     };
-    let places: Vec<String> = outside.iter().map(place).collect();
-    let detail = outside.iter().map(|it| it.what.as_str()).collect::<Vec<_>>().join(", ");
-    let found = match places.as_slice() {
-        [] => format!("all {n} places of stations, anchors, drones and camera are in the room"),
-        places => places.join("; "),
+    let found = match places.is_empty() {
+        true => format!("all {n} places of stations, anchors, drones and camera are in the room"),
+        false => places.iter().map(sentence).collect::<Vec<_>>().join("; "),
     };
-    Row { limit: FRAME_M, position_m: farthest.map(|it| it.place_m), detail, ..row }.say(
+    let row = Row::of("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
+    Row { position_m: farthest_m, ..row.detailed(named.join(", ")) }.say(
         found,
         "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
         "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
@@ -238,34 +221,31 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
         return Ok(None);
     };
-    let word_m = strokes.bounds_m();
-    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+    let (word_m, most_m) = (strokes.bounds_m(), most_m(room_m));
     let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
     let mut other = None;
     for (name, body, lens) in owned() {
-        if framed(usual(scene, body, lens), word_m, room_m)?.1 <= most_m {
-            other = Some(name.to_owned());
-            break;
+        if other.is_none() && framed(usual(scene, body, lens), word_m, room_m)?.1 <= most_m {
+            other = Some(name);
         }
     }
-    let severity = match other {
-        _ if least_m <= most_m => Severity::Fine,
-        Some(_) => Severity::Warning,
-        None => Severity::Stop,
+    let (severity, shows) = match other {
+        _ if least_m <= most_m => (Severity::Fine, "fits in the room".to_owned()),
+        Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
+        None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
     };
-    let shows = match (severity, other) {
-        (Severity::Fine, _) => "fits in the room".to_owned(),
-        (_, Some(other)) => format!("does not fit in the room; {other} does"),
-        (_, None) => "does not fit in the room, and no usual one does".to_owned(),
-    };
-    let row = Row { limit: most_m, ..Row::of(CAMERA_PLACE, severity, least_m) };
-    Ok(Some(row.say(
+    Ok(Some(Row::of(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
         "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \
          the room's true depth ({expose.room_m}), or say where the camera stands \
          ({camera.framing}): in a door, for instance",
     )))
+}
+
+/// Greatest distance of a camera in a room from the word.
+fn most_m([_, depth_m, _]: [f64; 3]) -> f64 {
+    0.5 * depth_m - TRIPOD_FROM_WALL_M
 }
 
 /// A camera that people own in the place of the scene's.
@@ -282,22 +262,18 @@ fn framed(
     word_m: [f64; 4],
     room_m: [f64; 3],
 ) -> Result<(CameraOptions, f64)> {
+    let word = match &options.framing {
+        Framing::Word(framing) => framing.clone(),
+        Framing::Fixed(_) => WordFraming::default(),
+    };
     let filled = |fill_frac| {
-        let height_m = match &options.framing {
-            Framing::Word(framing) => framing.height_m,
-            Framing::Fixed(_) => None,
-        };
-        let framing = Framing::Word(WordFraming { fill_frac, height_m });
+        let framing = Framing::Word(WordFraming { fill_frac, ..word.clone() });
         CameraOptions { framing, ..options.clone() }
     };
-    let least_m = -filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y;
-    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
-    let usual = match &options.framing {
-        Framing::Word(framing) => framing.fill_frac,
-        Framing::Fixed(_) => WordFraming::default().fill_frac,
-    };
-    let nearest = if least_m <= most_m { MOST_FILLED * least_m / most_m } else { usual };
-    Ok((filled(usual.max(nearest)), least_m))
+    let (least_m, most_m) =
+        (-filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y, most_m(room_m));
+    let nearest = if least_m <= most_m { MOST_FILLED * least_m / most_m } else { word.fill_frac };
+    Ok((filled(word.fill_frac.max(nearest)), least_m))
 }
 
 /// Frames the scene's word from within a room, where the scene's camera stands square in front of
@@ -325,7 +301,7 @@ pub fn canvas_within(scene: &Scene, room_m: [f64; 3]) -> Result<Option<[f64; 2]>
         return Ok(None);
     };
     let low_m = scene.letters.baseline_m;
-    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+    let most_m = most_m(room_m);
     let shown = |size_m: [f64; 2], side_m: f64| -> Result<f64> {
         let word_m = [-0.5 * size_m[0], low_m, 0.5 * size_m[0], low_m + size_m[1]];
         let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
@@ -348,32 +324,27 @@ impl ShotPlan {
             true => "none".to_owned(),
             false => places.join(", "),
         };
-        let audience = match self.audience_y_m {
+        let from_m = self.audience_from_m;
+        let audience = match self.audience_y_m.map(meters) {
             Some(y) => format!(
-                "at y below {}, {:.1} m from the flight, beside or behind the tripod",
-                meters(y),
-                self.audience_from_m
+                "at y below {y}, {from_m:.1} m from the flight, beside or behind the tripod"
             ),
             None => format!(
-                "outside the room, which is not deep enough: {:.1} m from the flight, as far as a drone \
-                 without commands may come",
-                self.audience_from_m
+                "outside the room, which is not deep enough: {from_m:.1} m from the flight, as far as \
+                 a drone without commands may come"
             ),
         };
-        let size = format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom);
-        let marks = list(self.take_off_m.iter().copied().map(flat).collect());
-        let stations = list(self.stations_m.iter().copied().map(solid).collect());
-        let frame = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
-        let row = |what: &str, place| [what.to_owned(), place];
-        let mut rows = vec![
-            row("room", frame),
-            row("word", size),
-            row("take-off", marks),
-            row("stations", stations),
-            row("audience", audience),
+        let room = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
+        let rows = [
+            ("room", room),
+            ("word", format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom)),
+            ("take-off", list(self.take_off_m.iter().copied().map(flat).collect())),
+            ("stations", list(self.stations_m.iter().copied().map(solid).collect())),
+            ("audience", audience),
         ];
-        rows.extend(self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]));
-        rows
+        let rows = rows.into_iter().map(|(what, place)| [what.to_owned(), place]);
+        let cameras = self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]);
+        rows.chain(cameras).collect()
     }
 }
 
@@ -385,23 +356,18 @@ impl CameraPlace {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
+            let (least_m, own_mm) = (self.least_m, 1e3 * self.equivalent_m);
+            let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
-                "nowhere: the room is not deep enough for {:.1} m with {:.0} mm (full-frame \
-                 equivalent); {:.0} mm would do{letters}",
-                self.least_m,
-                1e3 * self.equivalent_m,
-                (1e3 * self.longest_equivalent_m).floor()
+                "nowhere: the room is not deep enough for {least_m:.1} m with {own_mm:.0} mm \
+                 (full-frame equivalent); {longest_mm:.0} mm would do{letters}"
             );
         };
         let place = place.map(meters).join(", ");
         let Some(metered) = self.metered else { return format!("tripod at ({place})") };
         let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
-        format!(
-            "tripod at ({place}), f/{}, ISO {}, shutter {:.0} s{help}",
-            metered.f_number,
-            metered.iso,
-            self.shutter_s.ceil()
-        )
+        let (f_number, iso, shutter_s) = (metered.f_number, metered.iso, self.shutter_s.ceil());
+        format!("tripod at ({place}), f/{f_number}, ISO {iso}, shutter {shutter_s:.0} s{help}")
     }
 }
 

@@ -3,12 +3,16 @@
 use nalgebra::Vector3;
 
 use super::Profile;
-use super::row::{Peak, Row, Severity, at, largest, stop_if, warn_if};
+use super::row::{Row, Severity, at, largest, stop_if, warn_if};
+use noctograph_core::error::Result;
+use noctograph_core::geometry::segment_distance;
+use noctograph_core::input_error;
 use noctograph_core::lamps::LightOptions;
 use noctograph_export::lights::{commands, switches};
 use noctograph_flying::plan::{
     Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest,
 };
+use noctograph_letters::Strokes;
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
@@ -39,17 +43,16 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
         let sides_m = below.xy().max().max(above.max());
         if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
     };
-    let most = plan.setpoints.iter().map(|s| (outside(s), s.time_s));
-    let (outside_m, time_s) = largest(most);
+    let (outside_m, time_s) = largest(plan.setpoints.iter().map(|s| (outside(s), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
-    let row = Row::of("volume", stop_if(outside_m > 1e-6), outside_m);
     let wanted = format!("inside {volume}");
     let found = match outside_m > 0.0 {
         true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at(time_s)),
         false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
     };
-    Row { time_s: Some(time_s), position_m, detail: volume, ..row }.say(
+    let row = Row::of("volume", stop_if(outside_m > 1e-6), outside_m);
+    Row { position_m, ..row.timed(time_s).detailed(volume) }.say(
         found,
         wanted,
         "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
@@ -59,60 +62,66 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
 
 fn speed(plan: &Plan, profile: &Profile) -> Row {
     let speeds = plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s));
-    let peak @ Peak { value, most, time_s } = Peak::of(speeds, profile.speed_m_s);
-    peak.row("speed", stop_if(value > 1.001 * most)).say(
+    let ((value, time_s), most) = (largest(speeds), profile.speed_m_s);
+    Row::of("speed", stop_if(value > 1.001 * most), value).within(most).timed(time_s).say(
         format!("{value:.2} m/s{}", at(time_s)),
         format!("up to {most} m/s"),
         "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
     )
 }
 
+/// Setpoints that follow each other.
+fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
+    plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
+}
+
 fn acceleration(plan: &Plan, profile: &Profile) -> Row {
-    // Without accelerations in the plan, the changes of velocity between setpoints count.
+    // Without accelerations in the plan, the changes of velocity between setpoints count. Such
+    // steps are not flown as they stand; a planned acceleration is.
     let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
-    let pairs = plan.setpoints.windows(2).map(|pair| {
-        let lasts_s = pair[1].time_s - pair[0].time_s;
-        let change = (pair[1].velocity_m_s - pair[0].velocity_m_s).norm() / lasts_s.max(1e-3);
-        (if planned { pair[0].acceleration_m_s2.norm() } else { change }, pair[1].time_s)
+    let pairs = pairs(plan).map(|(from, to)| {
+        let lasts_s = to.time_s - from.time_s;
+        let change = (to.velocity_m_s - from.velocity_m_s).norm() / lasts_s.max(1e-3);
+        (if planned { from.acceleration_m_s2.norm() } else { change }, to.time_s)
     });
-    let peak @ Peak { value, most, time_s } = Peak::of(pairs, profile.acceleration_m_s2);
+    let ((value, time_s), most) = (largest(pairs), profile.acceleration_m_s2);
     let (is_beyond, at) = (value > 1.05 * most, at(time_s));
-    // Steps of velocity are not flown as they stand; a planned acceleration is.
-    let (severity, found, advice) = match planned {
-        true => {
-            let found = format!("{value:.2} m/s²{at}");
-            (stop_if(is_beyond), found, "lower {plan.style.acceleration_m_s2}")
-        }
-        false => {
-            let found = format!("setpoints change velocity by up to {value:.1} m/s²{at}");
-            (warn_if(is_beyond), found, "plan with {plan.style=even}")
-        }
-    };
-    peak.row("acceleration", severity).say(found, format!("up to {most} m/s²"), advice)
+    let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
+    Row::of("acceleration", severity, value).within(most).timed(time_s).say(
+        match planned {
+            true => format!("{value:.2} m/s²{at}"),
+            false => format!("setpoints change velocity by up to {value:.1} m/s²{at}"),
+        },
+        format!("up to {most} m/s²"),
+        match planned {
+            true => "lower {plan.style.acceleration_m_s2}",
+            false => "plan with {plan.style=even}",
+        },
+    )
 }
 
 fn jumps(plan: &Plan) -> Row {
-    let in_air = plan.setpoints.windows(2).filter(|p| !p[0].on_floor() && !p[1].on_floor());
-    let all = in_air.map(|p| ((p[1].position_m - p[0].design_m(p[1].time_s)).norm(), p[1].time_s));
+    let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
+    let all = in_air.map(|(a, b)| ((b.position_m - a.design_m(b.time_s)).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
-    let (n, peak) = (jumps.len(), Peak::of(jumps, JUMP_M));
-    let found = match n {
-        0 => "none".to_owned(),
-        n => format!("{n} jumps of up to {:.2} m{}", peak.value, at(peak.time_s)),
-    };
-    Row { count: Some(n), ..peak.row("jump", warn_if(n > 0)) }.say(
-        found,
+    let n = jumps.len();
+    let (most_m, time_s) = largest(jumps);
+    let row = Row::of("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
+    Row { count: Some(n), ..row }.say(
+        match n {
+            0 => "none".to_owned(),
+            n => format!("{n} jumps of up to {most_m:.2} m{}", at(time_s)),
+        },
         format!("setpoints within {JUMP_M} m of the design"),
         "plan with {plan.style=even}, whose design is continuous",
     )
 }
 
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
-    let in_air = plan.setpoints.windows(2).filter(|pair| !pair[0].on_floor());
-    let air_s: f64 = in_air.map(|pair| pair[1].time_s - pair[0].time_s).sum();
+    let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
+    let air_s: f64 = in_air.map(|(from, to)| to.time_s - from.time_s).sum();
     let most_s = profile.flight_time_s;
-    let row = Row::of("flight time", stop_if(air_s > most_s), air_s);
-    Row { limit: most_s, ..row }.say(
+    Row::of("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
         match is_even {
@@ -126,18 +135,16 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
 fn lamps(plan: &Plan, light: &LightOptions) -> Row {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
-        Ok(commands) => Row::of("lamps", Severity::Fine, commands.len() as f64).say(
-            format!("{} light commands", commands.len()),
-            wanted,
-            "",
-        ),
-        Err(error) => {
-            let row =
-                Row { detail: error.to_string(), ..Row::of("lamps", Severity::Warning, None) };
-            let advice = "light with {plan.lights=[\"headlights\"]}, or name the parameter of the \
-                          lamp in {light.fixtures}";
-            row.say("no export lights them: a lamp without a firmware parameter", wanted, advice)
+        Ok(commands) => {
+            let found = format!("{} light commands", commands.len());
+            Row::of("lamps", Severity::Fine, commands.len() as f64).say(found, wanted, "")
         }
+        Err(error) => Row::of("lamps", Severity::Warning, None).detailed(error.to_string()).say(
+            "no export lights them: a lamp without a firmware parameter",
+            wanted,
+            "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
+             {light.fixtures}",
+        ),
     }
 }
 
@@ -146,14 +153,11 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Row {
 fn headlights(plan: &Plan, light: &LightOptions) -> Row {
     let switches = switches(plan, light);
     let rows = |channel: &&str| plan.setpoints.iter().zip(&plan.lights[*channel]);
-    let is_dimmed = |level: f64| level > 0.0 && level < 1.0;
-    let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| is_dimmed(**level));
-    let mut times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
-    times_s.sort_by(f64::total_cmp);
+    let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| **level > 0.0 && **level < 1.0);
+    let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
+    let time_s = times_s.iter().copied().min_by(f64::total_cmp);
     let n = (!switches.is_empty()).then_some(times_s.len());
-    let time_s = times_s.first().copied();
-    let row = Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64));
-    Row { time_s, ..row }.say(
+    Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64)).timed(time_s).say(
         match n {
             None => "not used".to_owned(),
             Some(0) => "switched on and off, not dimmed".to_owned(),
@@ -173,10 +177,10 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest);
-    let (least_m, time_s) = (closest.map(|it| it.horizontal_m), closest.map(|it| it.time_s));
+    let (least_m, time_s) = closest.map(|it| (it.horizontal_m, it.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
     let row = Row::of("separation", stop_if(is_near), least_m);
-    Some(Row { limit: MIN_HORIZONTAL_M, time_s, ..row }.say(
+    Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
         least_m.map_or("always above each other".into(), |least_m| {
             format!("{least_m:.2} m or more apart sideways, least{}", at(time_s))
         }),
@@ -185,11 +189,42 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
     ))
 }
 
+/// Largest distance of a plan's light from the strokes of its letter, in cap heights.
+const TOLERANCE_H: f64 = 0.1;
+
+/// Refuses a plan whose light is away from the strokes.
+///
+/// # Errors
+///
+/// [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first setpoint that
+/// is too far away.
+pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
+    let far_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
+    for (row, setpoint) in plan.setpoints.iter().enumerate() {
+        let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
+        let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
+        let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
+        let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
+        let lit = moves.filter(|step| step.lit);
+        let off_m = lit.map(|step| segment_distance([x, z], [step.from_m, step.to_m]));
+        if off_m.fold(f64::INFINITY, f64::min) > far_m {
+            let (number, word) = (letter + 1, &strokes.word);
+            return Err(input_error!(
+                format!("plan, {:.1} s", setpoint.time_s),
+                "light at {x:.2} m, {z:.2} m in letter {number}",
+                "the strokes of {word}",
+                "name the plan, the word and the scene of the same flight",
+            ));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use noctograph_flying::plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
-    use noctograph_letters::{LetterOptions, Strokes, write};
+    use noctograph_letters::{LetterOptions, write};
 
     fn strokes(word: &str) -> Strokes {
         write(word, &LetterOptions::default()).unwrap()

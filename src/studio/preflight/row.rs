@@ -103,6 +103,21 @@ impl Row {
         Self { check, severity, value: value.into(), ..Self::default() }
     }
 
+    /// The limit of the value.
+    pub(super) fn within(self, limit: f64) -> Self {
+        Self { limit, ..self }
+    }
+
+    /// When the value occurs.
+    pub(super) fn timed(self, time_s: impl Into<Option<f64>>) -> Self {
+        Self { time_s: time_s.into(), ..self }
+    }
+
+    /// What the value is of, or why.
+    pub(super) fn detailed(self, detail: impl Into<String>) -> Self {
+        Self { detail: detail.into(), ..self }
+    }
+
     /// A check that was not made: why, what it takes, and how to have it.
     pub(super) fn unchecked(
         check: &'static str,
@@ -112,7 +127,7 @@ impl Row {
     ) -> Self {
         let (row, why) = (Self::of(check, Severity::Unknown, None), why.to_string());
         let found = format!("not checked: {why}");
-        Self { detail: why, ..row }.say(found, wanted, advice)
+        row.detailed(why).say(found, wanted, advice)
     }
 
     /// What was found and wanted, and what to change.
@@ -123,28 +138,6 @@ impl Row {
         advice: &'static str,
     ) -> Self {
         Self { found: found.into(), wanted: wanted.into(), advice: SceneAdvice(advice), ..self }
-    }
-}
-
-/// The largest of some values, and its limit, both in the unit of the check.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Peak {
-    /// The value.
-    pub(super) value: f64,
-    /// Its limit.
-    pub(super) most: f64,
-    /// When it occurs first.
-    pub(super) time_s: Option<f64>,
-}
-
-impl Peak {
-    pub(super) fn of(values: impl IntoIterator<Item = (f64, f64)>, most: f64) -> Self {
-        let (value, time_s) = largest(values);
-        Self { value, most, time_s: Some(time_s) }
-    }
-
-    pub(super) fn row(&self, check: &'static str, severity: Severity) -> Row {
-        Row { limit: self.most, time_s: self.time_s, ..Row::of(check, severity, self.value) }
     }
 }
 

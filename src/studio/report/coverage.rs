@@ -1,6 +1,7 @@
 //! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
 
-use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface, Window};
+use super::figure::BLACK;
 use noctograph_flying::sensors::{Coverage, CoveredPlace};
 
 /// Longer side of the map, pixels.
@@ -21,14 +22,13 @@ const VIRIDIS: [[f64; 3]; 5] = [
 ];
 const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
-const BLACK: Rgb = [0; 3];
 
 /// Draws a coverage, with a frame around the word if there is one.
 #[must_use]
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let [left, above, below, beside] = MARGINS_PX;
-    let [right, bottom] = map.px([grid.x_m[grid.x_m.len() - 1], grid.z_m[0]]);
+    let [right, bottom] = map.window.px([grid.x_m[grid.x_m.len() - 1], grid.z_m[0]]);
     // The legend may be higher than the map.
     let size_px = [(right + beside).max(TITLE_PX), (bottom + below).max(above + 220.0)];
     let mut canvas = Canvas::white(size_px);
@@ -39,10 +39,9 @@ pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     );
     canvas.text(title, [left, 26.0], Anchor::Start, 11.0, BLACK);
     map.draw_cells(&mut canvas);
-    if let Some([l, b, r, t]) = word_m {
-        let ([left, top], [right, bottom]) = (map.px([l, t]), map.px([r, b]));
+    if let Some(word_m) = word_m {
         let pen = Pen { color: [255; 3], width_px: 2.0, dashed: true };
-        canvas.frame([left, top, right, bottom], pen);
+        canvas.frame(map.sides_px(word_m), pen);
     }
     map.draw_axes(&mut canvas, [left, above, right, bottom]);
     map.draw_legend(&mut canvas, right + 24.0, above);
@@ -51,7 +50,7 @@ pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
 
 struct Map<'a> {
     grid: &'a Coverage,
-    px_per_m: f64,
+    window: Window,
     /// Errors of the first and the last color: the smallest, and the 95th percentile, so that a few
     /// distant places do not use up the colors.
     errors_m: [f64; 2],
@@ -62,23 +61,22 @@ impl<'a> Map<'a> {
         let span = |places_m: &[f64]| places_m[places_m.len() - 1] - places_m[0];
         let errors_m = grid.errors_m();
         let ends = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
-        Self {
-            grid,
+        let window = Window {
+            corner_px: [MARGINS_PX[0], MARGINS_PX[1]],
+            corner_m: [grid.x_m[0], grid.z_m[grid.z_m.len() - 1]],
             px_per_m: SIDE_PX / span(&grid.x_m).max(span(&grid.z_m)),
-            errors_m: ends.map_or([0.0, 1.0], |(least, most)| [*least, *most]),
-        }
+        };
+        Self { grid, window, errors_m: ends.map_or([0.0, 1.0], |(least, most)| [*least, *most]) }
     }
 
-    fn px(&self, [x_m, z_m]: [f64; 2]) -> [f64; 2] {
-        let top_m = self.grid.z_m[self.grid.z_m.len() - 1];
-        [
-            MARGINS_PX[0] + (x_m - self.grid.x_m[0]) * self.px_per_m,
-            MARGINS_PX[1] + (top_m - z_m) * self.px_per_m,
-        ]
+    /// The pixels of a rectangle in meters: left, bottom, right, top.
+    fn sides_px(&self, [left, bottom, right, top]: [f64; 4]) -> [f64; 4] {
+        let corners = [[left, top], [right, bottom]].map(|corner| self.window.px(corner));
+        [corners[0][0], corners[0][1], corners[1][0], corners[1][1]]
     }
 
     /// One rectangle per run of places of one color in a row, from midway to midway.
-    fn draw_cells(&self, canvas: &mut Canvas<'_>) {
+    fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
             let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
@@ -86,9 +84,7 @@ impl<'a> Map<'a> {
             let mut from = 0;
             for run in colors.chunk_by(|a, b| a == b) {
                 let [start_m, end_m] = edges_m(&grid.x_m, from, from + run.len() - 1);
-                let ([left, top], [right, bottom]) =
-                    (self.px([start_m, high_m]), self.px([end_m, low_m]));
-                canvas.cell([left, top, right, bottom], run[0]);
+                canvas.cell(self.sides_px([start_m, low_m, end_m, high_m]), run[0]);
                 from += run.len();
             }
         }
@@ -105,16 +101,16 @@ impl<'a> Map<'a> {
         }
     }
 
-    fn draw_axes(&self, canvas: &mut Canvas<'_>, [left, above, right, bottom]: [f64; 4]) {
+    fn draw_axes(&self, canvas: &mut Canvas, [left, above, right, bottom]: [f64; 4]) {
         let pen = Pen::new(BLACK, 1.0);
         canvas.frame([left, above, right, bottom], pen);
         for x_m in ticks(&self.grid.x_m) {
-            let [x, _] = self.px([x_m, 0.0]);
+            let [x, _] = self.window.px([x_m, 0.0]);
             canvas.line([[x, bottom], [x, bottom + 5.0]], pen);
             canvas.text(format!("{x_m:.1}"), [x, bottom + 19.0], Anchor::Middle, CAP_PX, BLACK);
         }
         for z_m in ticks(&self.grid.z_m) {
-            let [_, y] = self.px([0.0, z_m]);
+            let [_, y] = self.window.px([0.0, z_m]);
             canvas.line([[left, y], [left - 5.0, y]], pen);
             canvas.text(format!("{z_m:.1}"), [left - 9.0, y + 4.5], Anchor::End, CAP_PX, BLACK);
         }
@@ -123,7 +119,7 @@ impl<'a> Map<'a> {
         canvas.text("z (m)", [left - 9.0, above - 12.0], Anchor::End, CAP_PX, BLACK);
     }
 
-    fn draw_legend(&self, canvas: &mut Canvas<'_>, x: f64, above: f64) {
+    fn draw_legend(&self, canvas: &mut Canvas, x: f64, above: f64) {
         canvas.text("error, 1 σ", [x, above + 12.0], Anchor::Start, CAP_PX, BLACK);
         let mut swatch = |y: f64, color: Rgb, text: String| {
             canvas.cell([x, y, x + 18.0, y + 18.0], color);

@@ -14,33 +14,23 @@ type Of = fn(&LogFigures) -> Option<f64>;
 const MOST_DRONES: usize = 7;
 
 /// The page; `conditions` is the file of conditions, `advice` what to do with it.
-#[must_use]
 pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[String]) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();
     let lead = format!("{n} logs of {} drone(s); {sound} sound.", drones.len());
-    let names = [
-        "drone",
-        "log",
-        "in the air, s",
-        "longest gap, s",
-        "thrust, %",
-        "trim x, mm",
-        "trim y, mm",
-        "rotor lag, ms",
-        "gusts, m/s",
-        "sound",
-    ];
+    let figures = FIGURES.iter().map(|(name, _)| *name);
+    let names = ["drone", "log"].into_iter().chain(figures).chain(["sound"]);
+    let names: Vec<String> = names.map(str::to_owned).collect();
+    let rows: Vec<Vec<String>> = evening.logs.iter().map(row).collect();
     let mut page = Page::new(title, &lead)
         .section("Flights")
-        .table(names, evening.logs.iter().map(row))
+        .rows(&names, &rows)
         .text(
             "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
              hold against; gusts: those that turn a drone as its air did. Empty: the log does not show it.",
         );
     let curves = |of: Of| -> Vec<Curve> {
         let curve = |((_, logs), color): (&(&str, &[EveningLog]), _)| {
-            #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
             let value = |(index, log): (usize, &EveningLog)| {
                 Some((index as f64 + 1.0, log.figures.as_ref().and_then(of)?))
             };
@@ -56,8 +46,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
     let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panel = |(y_name, least, of): (&'static str, f64, Of)| {
         let curves = curves(of);
-        let values = curves.iter().flat_map(|curve| curve.pieces.iter().flatten().map(|p| p.1));
-        #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
+        let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
         let x = 0.5..most as f64 + 0.5;
         Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves)
     };
@@ -84,22 +73,24 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
     advice.iter().fold(page, |page, advice| page.text(advice))
 }
 
-fn row(log: &EveningLog) -> [String; 10] {
+/// A figure of a log in a table.
+type Shown = fn(&LogFigures) -> Option<String>;
+
+/// Columns of a log's figures.
+const FIGURES: [(&str, Shown); 7] = [
+    ("in the air, s", |f| Some(format!("{:.1}", f.air_s))),
+    ("longest gap, s", |f| Some(format!("{:.2}", f.longest_gap_s))),
+    ("thrust, %", |f| Some(format!("{:.1}", 100.0 * f.thrust_frac))),
+    ("trim x, mm", |f| Some(format!("{:+.2}", 1e3 * f.trim_m[0]))),
+    ("trim y, mm", |f| Some(format!("{:+.2}", 1e3 * f.trim_m[1]))),
+    ("rotor lag, ms", |f| f.lag_s.map(|lag_s| format!("{:.0}", 1e3 * lag_s))),
+    ("gusts, m/s", |f| f.gust_m_s.map(|gust_m_s| format!("{gust_m_s:.3}"))),
+];
+
+fn row(log: &EveningLog) -> Vec<String> {
     let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
     let sound = if flaws.is_empty() { "yes".to_owned() } else { flaws.join("; ") };
-    let figure = |of: &dyn Fn(&LogFigures) -> Option<String>| {
-        log.figures.as_ref().and_then(of).unwrap_or_default()
-    };
-    [
-        log.drone.clone(),
-        log.log.clone(),
-        figure(&|f| Some(format!("{:.1}", f.air_s))),
-        figure(&|f| Some(format!("{:.2}", f.longest_gap_s))),
-        figure(&|f| Some(format!("{:.1}", 100.0 * f.thrust_frac))),
-        figure(&|f| Some(format!("{:+.2}", 1e3 * f.trim_m[0]))),
-        figure(&|f| Some(format!("{:+.2}", 1e3 * f.trim_m[1]))),
-        figure(&|f| f.lag_s.map(|lag_s| format!("{:.0}", 1e3 * lag_s))),
-        figure(&|f| f.gust_m_s.map(|gust_m_s| format!("{gust_m_s:.3}"))),
-        sound,
-    ]
+    let figure = |of: Shown| log.figures.as_ref().and_then(of);
+    let figures = FIGURES.iter().map(|(_, of)| figure(*of).unwrap_or_default());
+    [log.drone.clone(), log.log.clone()].into_iter().chain(figures).chain([sound]).collect()
 }

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface};
+use noctograph_core::geometry::distance;
 
 /// Width of a figure.
 pub(super) const WIDTH_PX: f64 = 800.0;
@@ -53,6 +54,17 @@ pub(super) struct Curve {
     pub(super) pieces: Vec<Vec<(f64, f64)>>,
 }
 
+impl Curve {
+    /// A line without interruption.
+    pub(super) fn whole(pen: Pen, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { pen, pieces: vec![points.into_iter().collect()] }
+    }
+
+    pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.pieces.iter().flatten().copied()
+    }
+}
+
 /// Curves over a pair of axes.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
@@ -96,35 +108,11 @@ pub(super) struct Figure {
 impl Figure {
     /// The figure as an SVG file's text, [`WIDTH_PX`] wide.
     pub(super) fn svg(&self) -> String {
-        let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
-        let height_px = self.head_px() + panels_px + BELOW_PX[1] + EDGE_PX;
-        let mut canvas = Canvas::white([WIDTH_PX, height_px]);
-        self.draw_title(&mut canvas);
-        self.draw_legend(&mut canvas);
-        let mut top_px = self.head_px();
-        for (index, panel) in self.panels.iter().enumerate() {
-            panel.draw(&mut canvas, top_px);
-            top_px += panel.height_px + BELOW_PX[0];
-            if index + 1 == self.panels.len() {
-                let bottom_px = top_px + BELOW_PX[1] - MIDDLE_SHARE * NAME_EM_PX;
-                let middle = [SIDES_PX[0] + 0.5 * PANEL_WIDTH_PX, bottom_px];
-                text(&mut canvas, self.x_name, middle, Anchor::Middle, NAME_EM_PX);
-            }
-        }
-        canvas.svg()
-    }
-
-    fn draw_title(&self, canvas: &mut Canvas<'_>) {
-        let title = self.title.replace('\n', " / ");
-        // A long word is written smaller, so that it is not cut off.
-        let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
-        let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
-        let at = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
-        text(canvas, &title, at, Anchor::Start, em_px);
-    }
-
-    fn draw_legend(&self, canvas: &mut Canvas<'_>) {
         let (places, n_rows) = self.legend_places();
+        let mut top_px = HEAD_PX + LEGEND_ROW_PX * f64::from(n_rows.saturating_sub(2));
+        let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
+        let mut canvas = Canvas::white([WIDTH_PX, top_px + panels_px + BELOW_PX[1] + EDGE_PX]);
+        self.draw_title(&mut canvas);
         // One row is in the middle of the room of two closer ones.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
         for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
@@ -132,8 +120,25 @@ impl Figure {
             let right_px = left_px + LEGEND_LINE_PX;
             canvas.line([[left_px, high_px], [right_px, high_px]], *pen);
             let at = [right_px + 8.0, high_px + MIDDLE_SHARE * NAME_EM_PX];
-            text(canvas, name, at, Anchor::Start, NAME_EM_PX);
+            text(&mut canvas, name, at, Anchor::Start, NAME_EM_PX);
         }
+        for panel in &self.panels {
+            panel.draw(&mut canvas, top_px);
+            top_px += panel.height_px + BELOW_PX[0];
+        }
+        let bottom_px = top_px + BELOW_PX[1] - MIDDLE_SHARE * NAME_EM_PX;
+        let middle = [SIDES_PX[0] + 0.5 * PANEL_WIDTH_PX, bottom_px];
+        text(&mut canvas, self.x_name, middle, Anchor::Middle, NAME_EM_PX);
+        canvas.svg()
+    }
+
+    fn draw_title(&self, canvas: &mut Canvas) {
+        let title = self.title.replace('\n', " / ");
+        // A long word is written smaller, so that it is not cut off.
+        let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
+        let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
+        let at = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
+        text(canvas, &title, at, Anchor::Start, em_px);
     }
 
     /// Where the entries of the legend begin, with their rows; and the number of rows.
@@ -150,53 +155,46 @@ impl Figure {
         };
         (self.legend.iter().map(place).collect(), row + 1)
     }
-
-    /// Height of the title and the legend.
-    fn head_px(&self) -> f64 {
-        HEAD_PX + LEGEND_ROW_PX * f64::from(self.legend_places().1.saturating_sub(2))
-    }
 }
 
 impl Panel {
-    fn draw(&self, canvas: &mut Canvas<'_>, top_px: f64) {
-        let per_px = [(&self.x, PANEL_WIDTH_PX), (&self.y, self.height_px)]
-            .map(|(range, length_px)| (range.end - range.start) / length_px);
-        let place = |(x, y): (f64, f64)| {
-            let [right, down] = [(x - self.x.start) / per_px[0], (self.y.end - y) / per_px[1]];
-            [SIDES_PX[0] + right, top_px + down]
-        };
-        self.draw_axes(canvas, top_px, &place);
+    fn draw(&self, canvas: &mut Canvas, top_px: f64) {
+        let place = |[right, down]: [f64; 2]| [SIDES_PX[0] + right, top_px + down];
+        self.draw_axes(canvas, top_px);
         for curve in &self.curves {
             for piece in &curve.pieces {
-                canvas.line(thinned(piece, per_px).into_iter().map(place), curve.pen);
+                let points = thinned(piece.iter().map(|point| self.px(*point)));
+                canvas.line(points.into_iter().map(place), curve.pen);
             }
         }
-        for (mark, (right_px, down_px)) in self.marks.iter().zip(self.places(per_px)) {
-            let [x, y] = place(mark.at);
+        for (mark, [right_px, down_px]) in self.marks.iter().zip(self.places()) {
+            let [x, y] = place(self.px(mark.at));
             let at = [x + right_px, y + down_px + MIDDLE_SHARE * MARK_EM_PX];
             text(canvas, &mark.text, at, Anchor::Start, MARK_EM_PX);
         }
     }
 
+    /// A point from the panel's upper left corner.
+    fn px(&self, (x, y): (f64, f64)) -> [f64; 2] {
+        let per_px = |range: &Range<f64>, length_px: f64| (range.end - range.start) / length_px;
+        let right = (x - self.x.start) / per_px(&self.x, PANEL_WIDTH_PX);
+        [right, (self.y.end - y) / per_px(&self.y, self.height_px)]
+    }
+
     /// The grid, both axes with their marks and numbers, and the name of the vertical one.
-    fn draw_axes(
-        &self,
-        canvas: &mut Canvas<'_>,
-        top_px: f64,
-        place: &dyn Fn((f64, f64)) -> [f64; 2],
-    ) {
+    fn draw_axes(&self, canvas: &mut Canvas, top_px: f64) {
         let [left, right] = [SIDES_PX[0], SIDES_PX[0] + PANEL_WIDTH_PX];
         let (bottom, middle) = (top_px + self.height_px, top_px + 0.5 * self.height_px);
         let (grid, ink) = (Pen::new(GRID, 1.0), Pen::new(INK, 1.0));
-        let x_places = ticks(&self.x, PANEL_WIDTH_PX).into_iter();
-        let x_places: Vec<_> = x_places.map(|x| (x, place((x, self.y.start))[0])).collect();
-        let y_places = ticks(&self.y, self.height_px).into_iter();
-        let y_places: Vec<_> = y_places.map(|y| (y, place((self.x.start, y))[1])).collect();
-        for (_, x_px) in &x_places {
-            canvas.line([[*x_px, top_px], [*x_px, bottom]], grid);
+        let x_places = ticks(&self.x, PANEL_WIDTH_PX);
+        let x_places = x_places.into_iter().map(|x| (x, left + self.px((x, self.y.start))[0]));
+        let y_places = ticks(&self.y, self.height_px);
+        let y_places = y_places.into_iter().map(|y| (y, top_px + self.px((self.x.start, y))[1]));
+        for (_, x_px) in x_places.clone() {
+            canvas.line([[x_px, top_px], [x_px, bottom]], grid);
         }
-        for (_, y_px) in &y_places {
-            canvas.line([[left, *y_px], [right, *y_px]], grid);
+        for (_, y_px) in y_places.clone() {
+            canvas.line([[left, y_px], [right, y_px]], grid);
         }
         canvas.line([[left, top_px], [left, bottom], [right, bottom]], ink);
         for (x, x_px) in x_places {
@@ -210,46 +208,42 @@ impl Panel {
             text(canvas, &number(y), at, Anchor::End, NUMBER_EM_PX);
         }
         let at = [EDGE_PX + ASCENT_SHARE * NAME_EM_PX, middle];
-        canvas.text_upward(self.y_name, at, CAP_SHARE * NAME_EM_PX, INK);
+        text(canvas, self.y_name, at, Anchor::Upward, NAME_EM_PX);
     }
 
     /// Where the words of the marks begin, right of and below their places: each at the nearest of
     /// several places within the panel that is free of other words, and of curves if there is one.
-    fn places(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f64)> {
-        let drawn = self.drawn_px([x_per_px, y_per_px]);
+    fn places(&self) -> Vec<[f64; 2]> {
+        let drawn = self.drawn_px();
         let mut taken: Vec<[f64; 4]> = Vec::new();
         let place = |mark: &Mark| {
-            let x_px = (mark.at.0 - self.x.start) / x_per_px;
-            let y_px = (self.y.end - mark.at.1) / y_per_px;
+            let [x_px, y_px] = self.px(mark.at);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
             let rows = (1..=6).map(|row| f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX);
-            let sides = [4.0, -4.0 - wide_px, -0.5 * wide_px];
             let around = rows.flat_map(|row| {
-                sides.into_iter().flat_map(move |side| [(side, -row), (side, row)])
+                let sides = [4.0, -4.0 - wide_px, -0.5 * wide_px];
+                sides.into_iter().flat_map(move |side| [[side, -row], [side, row]])
             });
-            let around: Vec<(f64, f64)> = around.collect();
-            let corners = |(right, down): (f64, f64)| {
+            let around: Vec<[f64; 2]> = around.collect();
+            let corners = |[right, down]: [f64; 2]| {
                 let (left, middle) = (x_px + right, y_px + down);
                 [left, middle - 0.55 * MARK_PX, left + wide_px, middle + 0.55 * MARK_PX]
             };
-            let free = |place: &&(f64, f64)| {
+            let is_free = |place: &&[f64; 2]| {
                 let [left, top, right, bottom] = corners(**place);
-                let height_px = self.height_px;
-                let within =
-                    left >= 0.0 && right <= PANEL_WIDTH_PX && top >= 0.0 && bottom <= height_px;
-                within
-                    && taken
-                        .iter()
-                        .all(|[l, t, r, b]| right < *l || *r < left || bottom < *t || *b < top)
+                let beside =
+                    |[l, t, r, b]: &[f64; 4]| right < *l || *r < left || bottom < *t || *b < top;
+                (left >= 0.0 && right <= PANEL_WIDTH_PX && top >= 0.0)
+                    && bottom <= self.height_px
+                    && taken.iter().all(beside)
             };
-            let clear = |place: &&(f64, f64)| {
-                let [left, top, right, bottom] = corners(**place);
-                let across =
-                    |[x, y]: &[f64; 2]| (left..=right).contains(x) && (top..=bottom).contains(y);
-                free(place) && !drawn.iter().any(across)
+            let free: Vec<&[f64; 2]> = around.iter().filter(is_free).collect();
+            let is_clear = |place: &&&[f64; 2]| {
+                let [left, top, right, bottom] = corners(***place);
+                let mut points = drawn.iter();
+                !points.any(|[x, y]| (left..=right).contains(x) && (top..=bottom).contains(y))
             };
-            let clear_label = around.iter().find(clear).or_else(|| around.iter().find(free));
-            let label = clear_label.copied().unwrap_or(around[0]);
+            let label = *free.iter().find(is_clear).or(free.first()).copied().unwrap_or(&around[0]);
             taken.push(corners(label));
             label
         };
@@ -257,14 +251,12 @@ impl Panel {
     }
 
     /// Points of all curves from the panel's upper left corner, a few pixels apart.
-    fn drawn_px(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<[f64; 2]> {
+    fn drawn_px(&self) -> Vec<[f64; 2]> {
         const STEP_PX: f64 = 3.0;
-        let place =
-            |(x, y): (f64, f64)| [(x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px];
-        let lines = self.curves.iter().flat_map(|curve| &curve.pieces).flat_map(|p| p.windows(2));
+        let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
         let mut points = Vec::new();
-        for line in lines {
-            let [from, to] = [line[0], line[1]].map(place);
+        for line in pieces.flat_map(|piece| piece.windows(2)) {
+            let [from, to] = [line[0], line[1]].map(|point| self.px(point));
             let [x, y] = [to[0] - from[0], to[1] - from[1]];
             let n = (libm::hypot(x, y) / STEP_PX).ceil().max(1.0);
             let mut part = 0.0;
@@ -278,25 +270,28 @@ impl Panel {
 }
 
 /// Leaves out points that a pixel cannot tell from the one before.
-fn thinned(points: &[(f64, f64)], [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f64)> {
-    let mut kept: Vec<(f64, f64)> = Vec::new();
+fn thinned(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    let (mut kept, mut end): (Vec<[f64; 2]>, _) = (Vec::new(), None);
     for point in points {
-        let near = kept.last().is_some_and(|last| {
-            let (dx, dy) = ((point.0 - last.0) / x_per_px, (point.1 - last.1) / y_per_px);
-            dx * dx + dy * dy < THINNEST_PX * THINNEST_PX
-        });
-        if !near {
-            kept.push(*point);
+        end = Some(point);
+        if kept.last().is_none_or(|last| distance(*last, point) >= THINNEST_PX) {
+            kept.push(point);
         }
     }
-    if let (Some(end), false) = (points.last(), kept.last() == points.last()) {
-        kept.push(*end);
+    if kept.last() != end.as_ref() {
+        kept.extend(end);
     }
     kept
 }
 
-fn text(canvas: &mut Canvas<'_>, text: &str, at: [f64; 2], anchor: Anchor, em_px: f64) {
+fn text(canvas: &mut Canvas, text: &str, at: [f64; 2], anchor: Anchor, em_px: f64) {
     canvas.text(text, at, anchor, CAP_SHARE * em_px, INK);
+}
+
+/// From the least to the largest value.
+pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
+    let nothing = f64::INFINITY..f64::NEG_INFINITY;
+    values.into_iter().fold(nothing, |range, x| range.start.min(x)..range.end.max(x))
 }
 
 /// Round numbers within a range, as many as there is room for along its axis: multiples of 1, 2 or
@@ -335,13 +330,13 @@ mod tests {
 
     #[test]
     fn thinning_keeps_both_ends_and_every_corner() {
-        let along = (0..=1000).map(|k| (f64::from(k) * 0.01, 0.0));
-        let up = (1..=1000).map(|k| (10.0, f64::from(k) * 0.01));
+        let along = (0..=1000).map(|k| [f64::from(k) * 0.01, 0.0]);
+        let up = (1..=1000).map(|k| [10.0, f64::from(k) * 0.01]);
         let points: Vec<_> = along.chain(up).collect();
-        let thin = thinned(&points, [1.0, 1.0]);
+        let thin = thinned(points.into_iter());
         assert!(thin.len() < 55, "{} points over 20 pixels", thin.len());
-        assert_eq!((thin[0], thin[thin.len() - 1]), ((0.0, 0.0), (10.0, 10.0)));
-        let beside = |p: &(f64, f64)| (p.1.min(10.0 - p.0)).abs();
+        assert_eq!((thin[0], thin[thin.len() - 1]), ([0.0, 0.0], [10.0, 10.0]));
+        let beside = |[x, y]: &[f64; 2]| (y.min(10.0 - x)).abs();
         assert!(thin.iter().all(|p| beside(p) < 1e-9), "on the line");
     }
 
@@ -356,16 +351,12 @@ mod tests {
         let marks = corner.chain(middle).map(|at| Mark { at, text: "12.3 s".to_owned() });
         let marks: Vec<Mark> = marks.collect();
         let panel = Panel { marks: marks.clone(), ..square(Vec::new()) };
-        let per_px = [10.0 / PANEL_WIDTH_PX, 10.0 / 400.0];
-        let boxes: Vec<[f64; 4]> = marks
-            .iter()
-            .zip(panel.places(per_px))
-            .map(|(mark, (right, down))| {
-                let left = mark.at.0 / per_px[0] + right;
-                let middle = (10.0 - mark.at.1) / per_px[1] + down;
-                [left, middle - 6.0, left + 6.0 * 7.2, middle + 6.0]
-            })
-            .collect();
+        let corners = |(mark, [right, down]): (&Mark, [f64; 2])| {
+            let [x, y] = panel.px(mark.at);
+            let (left, middle) = (x + right, y + down);
+            [left, middle - 6.0, left + 6.0 * 7.2, middle + 6.0]
+        };
+        let boxes: Vec<[f64; 4]> = marks.iter().zip(panel.places()).map(corners).collect();
         for (i, [left, top, right, bottom]) in boxes.iter().enumerate() {
             assert!(*left >= 0.0 && *right <= PANEL_WIDTH_PX && *top >= 0.0 && *bottom <= 400.0);
             for [l, t, r, b] in &boxes[..i] {

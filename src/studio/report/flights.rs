@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use super::canvas::Pen;
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, VERMILION};
+use super::figure::{
+    BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, VERMILION, range,
+};
 use noctograph_core::flight::tracking::CORRIDOR_M;
 use noctograph_core::flight::{BATTERY_V, Flight, FlightSample};
 
@@ -32,9 +34,7 @@ const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 #[must_use]
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
-    view.include_y(-1.25 * CORRIDOR_M);
-    view.include_y(1.25 * CORRIDOR_M);
-    let [x, y] = view.ranges();
+    let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
     let line = |y_m: f64| vec![(x.start, y_m), (x.end, y_m)];
     let edges = Curve { pen: CORRIDOR, pieces: vec![line(-CORRIDOR_M), line(CORRIDOR_M)] };
     view.curves.push(edges);
@@ -49,9 +49,7 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
 /// If there is no trace, or one without samples.
 #[must_use]
 pub fn front_view(traces: &[NamedFlight]) -> String {
-    let view = View::new(traces, |p| (p.x, p.z));
-    let ranges = view.ranges();
-    view.svg("Flight from the front", "z (m)", ranges)
+    View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
 /// Flown minus design over time, a panel an axis, each flight against its own design. SVG.
@@ -61,30 +59,38 @@ pub fn front_view(traces: &[NamedFlight]) -> String {
 /// If there is no trace, or one without samples.
 #[must_use]
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
-    let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
-    let x = start_s..ends_s.fold(start_s + 0.1, f64::max);
-    let error = |sample: &FlightSample| sample.position_m - sample.design_m;
-    let curves = |axis: usize| -> Vec<Curve> {
-        let value = |s: &FlightSample| (s.time_s, error(s)[axis]);
-        let zero =
-            Curve { pen: Pen::new(BLACK, 1.0), pieces: vec![vec![(x.start, 0.0), (x.end, 0.0)]] };
-        [zero].into_iter().chain(designed().map(|(t, pen)| t.curve(pen, value))).collect()
+    let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
+    let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
+    let curves = |axis: usize| {
+        let error = |s: &FlightSample| (s.time_s, (s.position_m - s.design_m)[axis]);
+        designed().rev().map(|(trace, pen)| trace.curve(pen, error)).collect()
     };
-    let all = designed().flat_map(|(trace, _)| &trace.samples).map(error);
-    let most_m = all.map(|e| e.amax()).fold(0.05, f64::max) * 1.05;
-    let panels = ["x error (m)", "y error (m)", "z error (m)"].into_iter().enumerate();
-    let panels = panels.map(|(axis, y_name)| {
-        Panel::new([x.clone(), -most_m..most_m], 150.0, y_name, curves(axis))
-    });
     Figure {
         title: "Flown minus design".to_owned(),
-        legend: names(traces, NamedFlight::has_design),
+        legend: designed().map(|(trace, pen)| (trace.name.clone(), pen)).collect(),
         x_name: "time (s)",
-        panels: panels.collect(),
+        panels: error_panels(&time_s, 0.05, curves),
     }
     .svg()
+}
+
+/// A panel an axis of errors over time, about zero, with at least some meters to either side.
+pub(super) fn error_panels(
+    time_s: &Range<f64>,
+    least_m: f64,
+    curves: impl Fn(usize) -> Vec<Curve>,
+) -> Vec<Panel> {
+    let axes = [0, 1, 2].map(curves);
+    let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
+    let most_m = 1.05 * errors_m.fold(least_m, f64::max);
+    let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
+    let panel = |(y_name, mut curves): (&'static str, Vec<Curve>)| {
+        curves.insert(0, zero.clone());
+        Panel::new([time_s.clone(), -most_m..most_m], 150.0, y_name, curves)
+    };
+    ["x error (m)", "y error (m)", "z error (m)"].into_iter().zip(axes).map(panel).collect()
 }
 
 /// Samples of a simulated flight of which the strongest motor is drawn: 50 ms.
@@ -95,70 +101,45 @@ const FULL: f64 = 65_535.0;
 /// The load of drones over time: the command of the strongest motor and, of drones with a battery,
 /// its voltage. SVG.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
-    let name = |(index, _): (usize, &Flight)| (format!("drone {}", index + 1), pen(index));
-    let power = load_curves(flights, |flight, window| {
-        let time_s = flight.samples[window.start].time_s;
-        let motors = flight.samples[window].iter().flat_map(|sample| sample.motors);
-        Some((time_s, 100.0 * motors.fold(0.0, f64::max) / FULL))
-    });
-    let volts = load_curves(flights, |flight, window| {
-        let at = window.start;
-        Some((flight.samples[at].time_s, *flight.extra.get(BATTERY_V)?.get(at)?))
-    });
-    let places = |curves: &[Curve]| -> Vec<(f64, f64)> {
-        curves.iter().flat_map(|curve| curve.pieces.iter().flatten().copied()).collect()
+    let power = |flight: &Flight, at: usize| {
+        let samples = flight.samples[at..].iter().take(LOAD_SAMPLES);
+        let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
+        Some(100.0 * most / FULL)
     };
-    let x = range(places(&power).iter().map(|(time_s, _)| *time_s));
-    let y = range(places(&volts).iter().map(|(_, volts)| *volts));
-    let panel = |y_name, y, curves| Panel::new([x.clone(), y], 150.0, y_name, curves);
+    let volts = |flight: &Flight, at: usize| flight.extra.get(BATTERY_V)?.get(at).copied();
+    let curves = |value: &dyn Fn(&Flight, usize) -> Option<f64>| -> Vec<Curve> {
+        let curve = |(index, flight): (usize, &Flight)| {
+            let samples = flight.samples.iter().enumerate().step_by(LOAD_SAMPLES);
+            let points = samples.filter_map(|(at, s)| Some((s.time_s, value(flight, at)?)));
+            Curve::whole(pen(index), points)
+        };
+        flights.iter().enumerate().map(curve).collect()
+    };
+    let (power, volts) = (curves(&power), curves(&volts));
+    let time_s = range(power.iter().flat_map(Curve::points).map(|(time_s, _)| time_s));
+    let volts_v = range(volts.iter().flat_map(Curve::points).map(|(_, volts_v)| volts_v));
+    let panel = |y_name, y, curves| Panel::new([time_s.clone(), y], 150.0, y_name, curves);
     let mut panels = vec![panel("strongest motor (%)", 0.0..105.0, power)];
-    if y.start <= y.end {
-        panels.push(panel("battery (V)", y.start - 0.05..y.end + 0.05, volts));
+    if volts_v.start <= volts_v.end {
+        panels.push(panel("battery (V)", volts_v.start - 0.05..volts_v.end + 0.05, volts));
     }
+    let legend = (0..flights.len()).map(|index| (format!("drone {}", index + 1), pen(index)));
     Figure {
         title: "Load of motors and battery".to_owned(),
-        legend: flights.iter().enumerate().map(name).collect(),
+        legend: legend.collect(),
         x_name: "time (s)",
         panels,
     }
     .svg()
 }
 
-/// A curve a drone, with a place for each window of its samples.
-fn load_curves(
-    flights: &[Flight],
-    place: impl Fn(&Flight, Range<usize>) -> Option<(f64, f64)>,
-) -> Vec<Curve> {
-    let curve = |(index, flight): (usize, &Flight)| {
-        let n = flight.samples.len();
-        let firsts = (0..n).step_by(LOAD_SAMPLES);
-        let piece = firsts.filter_map(|at| place(flight, at..n.min(at + LOAD_SAMPLES)));
-        Curve { pen: pen(index), pieces: vec![piece.collect()] }
-    };
-    flights.iter().enumerate().map(curve).collect()
-}
-
-/// From the least to the largest value.
-fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let nothing = f64::INFINITY..f64::NEG_INFINITY;
-    values.fold(nothing, |range, value| range.start.min(value)..range.end.max(value))
-}
-
 fn pen(index: usize) -> Pen {
     Pen::new([BLUE, VERMILION][index % 2], 1.75)
 }
 
-/// The last trace first, so that the first lies on top.
-fn pens(traces: &[NamedFlight]) -> impl Iterator<Item = (&NamedFlight, Pen)> {
-    traces.iter().enumerate().map(|(index, trace)| (trace, pen(index))).rev()
-}
-
-/// The legend of the traces of one's choice, the first on top.
-fn names(traces: &[NamedFlight], choice: impl Fn(&NamedFlight) -> bool) -> Vec<(String, Pen)> {
-    let chosen = pens(traces).filter(|(trace, _)| choice(trace));
-    let mut names: Vec<_> = chosen.map(|(trace, pen)| (trace.name.clone(), pen)).collect();
-    names.reverse();
-    names
+/// The traces with their pens. The last is drawn first, so that the first lies on top.
+fn pens(traces: &[NamedFlight]) -> impl DoubleEndedIterator<Item = (&NamedFlight, Pen)> {
+    traces.iter().enumerate().map(|(index, trace)| (trace, pen(index)))
 }
 
 impl NamedFlight {
@@ -174,65 +155,52 @@ impl NamedFlight {
 }
 
 /// A projection of flights, with the same scale on both axes.
+#[derive(Default)]
 pub(super) struct View {
     pub(super) curves: Vec<Curve>,
     pub(super) marks: Vec<Mark>,
     pub(super) legend: Vec<(String, Pen)>,
-    x: Range<f64>,
-    y: Range<f64>,
 }
 
 impl View {
-    /// A view of curves that are there already.
-    pub(super) fn of(curves: Vec<Curve>, legend: Vec<(String, Pen)>, marks: Vec<Mark>) -> Self {
-        let nothing = f64::INFINITY..f64::NEG_INFINITY;
-        let mut view = Self { curves: Vec::new(), marks, legend, x: nothing.clone(), y: nothing };
-        for (x, y) in curves.iter().flat_map(|curve| curve.pieces.iter().flatten()) {
-            view.x = view.x.start.min(*x)..view.x.end.max(*x);
-            view.include_y(*y);
-        }
-        Self { curves, ..view }
-    }
-
     fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
-        let (mut curves, mut legend) = (Vec::new(), Vec::new());
+        let mut view = Self::default();
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
-            curves.push(trace.curve(DESIGN, |sample| project(sample.design_m)));
-            legend.push(("design".to_owned(), DESIGN));
+            view.curves.push(trace.curve(DESIGN, |sample| project(sample.design_m)));
+            view.legend.push(("design".to_owned(), DESIGN));
         }
-        let flown = pens(traces).map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
-        curves.extend(flown);
-        legend.extend(names(traces, |_| true));
-        Self::of(curves, legend, Vec::new())
+        let flown = pens(traces).rev().map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
+        view.curves.extend(flown);
+        view.legend.extend(pens(traces).map(|(trace, pen)| (trace.name.clone(), pen)));
+        view
     }
 
-    fn include_y(&mut self, y: f64) {
-        self.y = self.y.start.min(y)..self.y.end.max(y);
-    }
-
-    /// What both axes cover, with a margin, so that a meter is as long on either.
-    pub(super) fn ranges(&self) -> [Range<f64>; 2] {
-        let [x, y] = [&self.x, &self.y].map(|range| {
+    /// What both axes cover, with a margin and these heights, so that a meter is as long on either.
+    fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
+        let points = || self.curves.iter().flat_map(Curve::points);
+        let with_margin = |range: Range<f64>| {
             let margin = (0.04 * (range.end - range.start)).max(0.02);
             range.start - margin..range.end + margin
-        });
+        };
+        let x = with_margin(range(points().map(|(x, _)| x)));
+        let y = with_margin(range(points().map(|(_, y)| y).chain(heights_m)));
         let per_m = PANEL_WIDTH_PX / (x.end - x.start);
         let [low_px, high_px] = VIEW_PX;
         let y = widened(y, low_px / per_m);
         [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
     }
 
-    pub(super) fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
+    /// The view of x to the right and z up. SVG.
+    pub(super) fn svg_from_front(self, title: &str) -> String {
+        let ranges = self.ranges([]);
+        self.svg(title, "z (m)", ranges)
+    }
+
+    fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
         let height_px = (PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start)).round();
         let panel = Panel::new([x, y], height_px, y_name, self.curves);
-        let panel = Panel { marks: self.marks, ..panel };
-        Figure {
-            title: title.to_owned(),
-            legend: self.legend,
-            x_name: "x (m)",
-            panels: vec![panel],
-        }
-        .svg()
+        let panels = vec![Panel { marks: self.marks, ..panel }];
+        Figure { title: title.to_owned(), legend: self.legend, x_name: "x (m)", panels }.svg()
     }
 }
 

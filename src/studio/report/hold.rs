@@ -22,36 +22,32 @@ const EDGE_SIGMAS: f64 = 5.0;
 /// standard deviations. Bands are two standard deviations; strokes at the edge of the last panel
 /// are ranges that the filter threw away.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
-    let curve = |pen, value: &dyn Fn(&HoldSample) -> f64| Curve {
-        pen,
-        pieces: vec![flight.samples.iter().map(|s| (s.time_s, value(s))).collect()],
+    let curve = |pen, value: &dyn Fn(&HoldSample) -> f64| {
+        Curve::whole(pen, flight.samples.iter().map(|s| (s.time_s, value(s))))
     };
     let state = |index: usize, pen: Pen| {
-        let mut curves = vec![
+        vec![
             curve(BAND, &|s| s.estimate[index] + 2.0 * s.sigma[index]),
             curve(BAND, &|s| s.estimate[index] - 2.0 * s.sigma[index]),
             curve(TRUTH, &|s| s.truth[index]),
-        ];
-        curves.push(curve(pen, &|s| s.estimate[index]));
-        curves
+            curve(pen, &|s| s.estimate[index]),
+        ]
     };
-    let mut innovations = [
-        (AltitudeSensor::Gnss, ESTIMATE),
-        (AltitudeSensor::TimeOfFlight, SECOND),
-        (AltitudeSensor::Barometer, THIRD),
-    ]
-    .map(|(sensor, pen)| innovation(flight, sensor, pen))
-    .to_vec();
-    innovations.extend([2.0, -2.0].map(|sigmas| curve(BAND, &|_| sigmas)));
-    innovations.push(thrown_away(flight));
+    let innovations = vec![
+        innovation(flight, AltitudeSensor::Gnss, ESTIMATE),
+        innovation(flight, AltitudeSensor::TimeOfFlight, SECOND),
+        innovation(flight, AltitudeSensor::Barometer, THIRD),
+        curve(BAND, &|_| 2.0),
+        curve(BAND, &|_| -2.0),
+        thrown_away(flight),
+    ];
     let thrust = vec![
         curve(TRUTH, &|s| s.hover_throttle()[0]),
         curve(ESTIMATE, &|s| s.hover_throttle()[1]),
         curve(SECOND, &|s| 0.01 * s.estimate[3]),
         curve(TRUTH, &|s| 0.01 * s.truth[3]),
     ];
-    let mut altitude = vec![curve(SET, &|_| flight.set_m)];
-    altitude.extend(state(0, ESTIMATE));
+    let altitude = [vec![curve(SET, &|_| flight.set_m)], state(0, ESTIMATE)].concat();
     let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
     let panel = |[low, high]: [f64; 2], y_name, curves| {
         Panel::new([0.0..end_s, low..high], PANEL_PX, y_name, curves)
@@ -81,19 +77,17 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
 /// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was
 /// not.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
-    let mut pieces = vec![Vec::new()];
-    for sample in &flight.samples {
-        let reading = sample.readings.iter().find(|reading| reading.sensor == sensor);
-        match reading.filter(|reading| reading.taken) {
-            Some(reading) => {
-                let point = (sample.time_s, sigmas(reading));
-                pieces.last_mut().expect("never empty").push(point);
-            }
-            None => pieces.push(Vec::new()),
-        }
-    }
-    pieces.retain(|piece| piece.len() > 1);
-    Curve { pen, pieces }
+    let sigmas = |reading: &HeightReading| {
+        let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
+        sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
+    };
+    let point = |sample: &HoldSample| {
+        let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;
+        reading.taken.then(|| (sample.time_s, sigmas(reading)))
+    };
+    let points: Vec<Option<(f64, f64)>> = flight.samples.iter().map(point).collect();
+    let taken = points.split(Option::is_none).filter(|piece| piece.len() > 1);
+    Curve { pen, pieces: taken.map(|piece| piece.iter().copied().flatten().collect()).collect() }
 }
 
 /// A stroke at the edge for each reading that was thrown away.
@@ -105,9 +99,4 @@ fn thrown_away(flight: &Hold) -> Curve {
         vec![(time_s, 0.7 * side), (time_s, side)]
     };
     Curve { pen: THROWN, pieces: thrown.map(stroke).collect() }
-}
-
-fn sigmas(reading: &HeightReading) -> f64 {
-    let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
-    sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
 }

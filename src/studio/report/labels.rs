@@ -1,9 +1,9 @@
 //! Labels on a photo: a name beside what it names, with a line to it.
 
-use super::canvas::{Anchor, Canvas, Pen, right_end};
+use super::canvas::{Pen, Pixels, Surface};
 use noctograph_picture::photo::Photo;
 
-const PEN: Pen = Pen { color: [255, 232, 150], width_px: 1.3, dashed: false };
+const PEN: Pen = Pen::new([255, 232, 150], 1.3);
 /// Height of capitals.
 const CAP_PX: f64 = 11.0;
 /// Radius of the ring about what is named.
@@ -23,29 +23,26 @@ pub struct Label {
 /// The photo with its labels.
 #[must_use]
 pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
-    let mut canvas = Canvas::over(photo);
-    for label in labels {
-        let [left, baseline] = label.text_px;
-        canvas.text(&*label.text, label.text_px, Anchor::Start, CAP_PX, PEN.color);
-        let right = right_end(&label.text, left, CAP_PX);
-        let [x, y] = label.named_px;
+    let mut pixels = Pixels::new(photo);
+    for Label { text, text_px, named_px } in labels {
+        let ([left, baseline], [x, y]) = (*text_px, *named_px);
+        pixels.write(text, *text_px, CAP_PX, PEN.color);
+        let (_, right) = pixels.letters(text, *text_px, CAP_PX);
         // From the nearest place beside the text, over it or below it, to the ring.
-        let above = y > baseline;
-        let foot = if above { baseline + 0.4 * CAP_PX } else { baseline - 1.4 * CAP_PX };
-        let from = if (left..=right).contains(&x) {
-            [x, foot]
-        } else {
-            let end = if x < left { left - 0.5 * CAP_PX } else { right + 0.5 * CAP_PX };
-            [end, baseline - 0.5 * CAP_PX]
+        let [from_x, up] = match x {
+            x if x < left => [left - 0.5 * CAP_PX, 0.5],
+            x if x > right => [right + 0.5 * CAP_PX, 0.5],
+            x => [x, if y > baseline { -0.4 } else { 1.4 }],
         };
-        let away = [from[0] - x, from[1] - y];
-        let far = libm::hypot(away[0], away[1]);
-        if far > RING_PX {
-            canvas.line([from, [x + away[0] * RING_PX / far, y + away[1] * RING_PX / far]], PEN);
+        let from_y = baseline - up * CAP_PX;
+        let part = RING_PX / libm::hypot(from_x - x, from_y - y);
+        if part < 1.0 {
+            let to = [x + (from_x - x) * part, y + (from_y - y) * part];
+            pixels.line([[from_x, from_y], to], PEN);
         }
-        canvas.ring(label.named_px, RING_PX, PEN);
+        pixels.ring(*named_px, RING_PX, PEN);
     }
-    canvas.pixels()
+    pixels.photo()
 }
 
 #[cfg(test)]

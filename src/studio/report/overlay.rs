@@ -1,7 +1,7 @@
 //! A verdict on its photo: intended strokes, what is missing, what is too much, and each letter's
 //! share in the choice, as SVG or as a photo.
 
-use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use super::canvas::{Canvas, Pen, Pixels, Rgb, Surface};
 use noctograph_picture::photo::Photo;
 use noctograph_score::{LetterVerdict, Marks, Verdict};
 
@@ -17,23 +17,28 @@ const LABEL_SHARE: f64 = 0.13;
 /// The overlay as an SVG file's text, with the photo inside and a layer for each kind of mark.
 #[must_use]
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
-    overlay(photo, marks, verdict).svg()
+    let mut canvas = Canvas::over(photo);
+    draw(&mut canvas, photo, marks, verdict);
+    canvas.svg()
 }
 
 /// The marks alone, to be laid over the photo (SVG).
 pub(super) fn marks_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
-    overlay(photo, marks, verdict).svg_of_marks()
+    let mut canvas = Canvas::new([photo.width_px, photo.height_px], "");
+    draw(&mut canvas, photo, marks, verdict);
+    canvas.svg()
 }
 
 /// The overlay as a photo.
 #[must_use]
 pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
-    overlay(photo, marks, verdict).pixels()
+    let mut pixels = Pixels::new(photo);
+    draw(&mut pixels, photo, marks, verdict);
+    pixels.photo()
 }
 
-fn overlay<'a>(photo: &'a Photo, marks: &Marks, verdict: &Verdict) -> Canvas<'a> {
+fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdict) {
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
-    let mut canvas = Canvas::over(photo);
     canvas.layer("cells");
     for corners in &marks.cells {
         let rim = corners.iter().chain(corners.first()).copied();
@@ -54,19 +59,17 @@ fn overlay<'a>(photo: &'a Photo, marks: &Marks, verdict: &Verdict) -> Canvas<'a>
     canvas.layer("labels");
     let seen = verdict.letters.iter().filter(|letter| letter.recall.is_some());
     for (corners, letter) in marks.cells.iter().zip(seen) {
-        label(&mut canvas, corners, letter);
+        label(canvas, corners, letter);
     }
-    canvas
 }
 
 /// Writes above a cell: the letter and its share, over its first rival and its; as narrow as the
 /// cell.
-fn label(canvas: &mut Canvas<'_>, corners: &[[f64; 2]], letter: &LetterVerdict) {
+fn label(canvas: &mut impl Surface, corners: &[[f64; 2]], letter: &LetterVerdict) {
     let (&[[left, top], [right, _], ..], Some(p)) = (corners, letter.p) else { return };
     let cap_px = LABEL_SHARE * (right - left);
     let mut write = |text: String, above: f64, size: f64| {
-        let at = [left, top - above * cap_px];
-        canvas.text(text, at, Anchor::Start, size * cap_px, [255; 3]);
+        canvas.write(&text, [left, top - above * cap_px], size * cap_px, [255; 3]);
     };
     write(format!("{} {p:.2}", letter.expected), 2.0, 1.0);
     if let Some(rival) = letter.rivals.first() {

@@ -9,6 +9,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use super::canvas::escaped;
 
 /// A page, section by section.
+#[must_use]
 #[derive(Clone, Debug, Default)]
 pub struct Page {
     title: String,
@@ -18,34 +19,31 @@ pub struct Page {
 
 impl Page {
     /// A page with a title and the sentence that says most.
-    #[must_use]
     pub fn new(title: &str, lead: &str) -> Self {
         Self { title: escaped(title), lead: escaped(lead), body: String::new() }
     }
 
-    /// Begins a section.
-    #[must_use]
-    pub fn section(mut self, title: &str) -> Self {
-        self.body += &format!("<h2>{}</h2>\n", escaped(title));
+    fn with(mut self, html: &str) -> Self {
+        self.body += html;
         self
+    }
+
+    /// Begins a section.
+    pub fn section(self, title: &str) -> Self {
+        self.with(&format!("<h2>{}</h2>\n", escaped(title)))
     }
 
     /// A paragraph.
-    #[must_use]
-    pub fn text(mut self, text: &str) -> Self {
-        self.body += &format!("<p>{}</p>\n", escaped(text));
-        self
+    pub fn text(self, text: &str) -> Self {
+        self.with(&format!("<p>{}</p>\n", escaped(text)))
     }
 
     /// Text as the terminal shows it.
-    #[must_use]
-    pub fn printed(mut self, text: &str) -> Self {
-        self.body += &format!("<pre>{}</pre>\n", escaped(text));
-        self
+    pub fn printed(self, text: &str) -> Self {
+        self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
     /// A table with a row of names; nothing where it is empty.
-    #[must_use]
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -56,95 +54,80 @@ impl Page {
     }
 
     /// A table of any width; nothing where it is empty.
-    #[must_use]
-    pub fn rows(mut self, names: &[String], rows: &[Vec<String>]) -> Self {
+    pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
         let row = |cell: &str, cells: &[String]| {
             let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
         };
-        if !rows.is_empty() {
-            let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
-            let names = row("th", names);
-            self.body += &format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n");
+        if rows.is_empty() {
+            return self;
         }
-        self
+        let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
+        let names = row("th", names);
+        self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
     }
 
     /// A drawing from a file (SVG), whose scripts do not run.
-    #[must_use]
-    pub fn drawing(mut self, svg: &[u8], shows: &str) -> Self {
+    pub fn drawing(self, svg: &[u8], shows: &str) -> Self {
         let image = image("svg+xml", svg, shows);
-        self.body += &format!("<figure class=\"drawn\">{image}</figure>\n");
-        self
+        self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
     }
 
     /// Drawings (SVG), side by side where there is room.
-    #[must_use]
-    pub fn drawings<T: AsRef<str>>(mut self, drawings: &[T]) -> Self {
+    pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
         let figure = |svg: &T| {
             // An XML declaration has no place inside a page.
             let svg = svg.as_ref();
             format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |at| &svg[at..]))
         };
         let drawings: String = drawings.iter().map(figure).collect();
-        self.body += &format!("<div class=\"drawings\">\n{drawings}</div>\n");
-        self
+        self.with(&format!("<div class=\"drawings\">\n{drawings}</div>\n"))
     }
 
     /// A photo (JPEG), and a drawing of the same size that can be laid over it.
-    #[must_use]
-    pub fn photo(mut self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
+    pub fn photo(self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, shows);
-        self.body += &match over {
+        self.with(&match over {
             None => format!("<figure class=\"photo\">{image}</figure>\n"),
             Some(svg) => format!(
                 "<figure class=\"photo\"><input type=\"checkbox\" id=\"over\">\
                  <label for=\"over\">what the reader sees</label>\
                  <div>{image}{svg}</div></figure>\n"
             ),
-        };
-        self
+        })
     }
 
     /// Photos (JPEG) in a row, with their captions, which play as a film where scripts run.
-    #[must_use]
-    pub fn film(mut self, pictures: &[(Vec<u8>, String)]) -> Self {
+    pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         let frame = |(jpeg, caption): &(Vec<u8>, String)| {
             let caption = escaped(caption);
-            format!(
-                "<figure>{}<figcaption>{caption}</figcaption></figure>\n",
-                image("jpeg", jpeg, &caption)
-            )
+            let image = image("jpeg", jpeg, &caption);
+            format!("<figure>{image}<figcaption>{caption}</figcaption></figure>\n")
         };
         let frames: String = pictures.iter().map(frame).collect();
-        self.body += &format!("<div class=\"film\">\n{frames}</div>\n");
-        self
+        self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 
     /// Paths in space that turn under the pointer: places in millimeters and whether they are lit.
-    #[must_use]
-    pub fn paths(mut self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
-        let place =
-            |([x, y, z], lit): &([i32; 3], bool)| format!("[{x},{y},{z},{}]", u8::from(*lit));
-        let path = |places: &Vec<_>| {
-            format!("[{}]", places.iter().map(place).collect::<Vec<_>>().join(","))
-        };
-        let paths: Vec<String> = paths_mm.iter().map(path).collect();
-        self.body += &format!(
+    pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
+        let place = |([x, y, z], lit): &([i32; 3], bool)| [*x, *y, *z, i32::from(*lit)];
+        let paths = paths_mm.iter().map(|path| path.iter().map(place).collect());
+        self.with(&format!(
             "<canvas class=\"path\" width=\"960\" height=\"480\" tabindex=\"0\" role=\"img\" \
              aria-label=\"the path in space; drag or use the arrow keys to turn it\" \
-             data-paths=\"[{}]\"></canvas>\n",
-            paths.join(",")
-        );
-        self
+             data-paths=\"{}\"></canvas>\n",
+            serde_json::json!(paths.collect::<Vec<Vec<[i32; 4]>>>())
+        ))
     }
 
     /// The file.
     #[must_use]
     pub fn html(&self) -> String {
         let Self { title, lead, body } = self;
-        let lead =
-            if lead.is_empty() { String::new() } else { format!("<p class=\"lead\">{lead}</p>\n") };
+        let lead = match lead.as_str() {
+            "" => String::new(),
+            lead => format!("<p class=\"lead\">{lead}</p>\n"),
+        };
         let (css, js) = (include_str!("page.css"), include_str!("page.js"));
         format!(
             "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\

@@ -1,11 +1,11 @@
 //! The shot plan: where tripod, drones, stations and word stand, from above and from the side, to
 //! scale.
 
-use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use crate::preflight::ShotPlan;
+use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface, Window};
+use super::figure::{BLACK, BLUE};
+use crate::preflight::{ShotPlan, stations};
 use crate::shoot::Shot;
 use noctograph_core::geometry::bounds;
-use noctograph_flying::sensors::Positioning;
 
 /// Longer side of the drawn space, and the margin around it, pixels.
 const SIDE_PX: f64 = 560.0;
@@ -14,10 +14,9 @@ const CAP_PX: f64 = 9.0;
 /// Distance of the audience behind the camera where no room is known, an assumption: place for who
 /// works it.
 const AUDIENCE_M: f64 = 1.0;
-const BLACK: Rgb = [0; 3];
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
-const CAMERA: Rgb = [0, 114, 178];
+const CAMERA: Rgb = BLUE;
 const TRIPOD: Rgb = [86, 180, 233];
 const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
@@ -49,12 +48,8 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     }
     if let Some(strokes) = &shot.strokes {
         let [left, bottom, right, top] = strokes.bounds_m();
-        let corners = vec![[left, 0.0, bottom], [right, 0.0, top]];
-        things.push(thing(
-            format!("word, {:.2} x {:.2} m", right - left, top - bottom),
-            WORD,
-            corners,
-        ));
+        let name = format!("word, {:.2} x {:.2} m", right - left, top - bottom);
+        things.push(thing(name, WORD, vec![[left, 0.0, bottom], [right, 0.0, top]]));
     }
     let starts = shot.flights.iter().filter_map(|flight| flight.samples.first());
     for (index, start) in starts.enumerate() {
@@ -66,9 +61,8 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let [x, y, z] = rounded(shot.camera.position_m.into());
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
     things.push(thing(name, CAMERA, vec![[x, y, z]]));
-    let audience = |name: &str, from: [f64; 2], to: [f64; 2]| {
-        let [low, high] = [[from[0], from[1], 0.0], [to[0], to[1], 1.7]];
-        thing(name.to_owned(), GRAY, vec![low, high])
+    let audience = |name: &str, [left, from]: [f64; 2], [right, to]: [f64; 2]| {
+        thing(name.to_owned(), GRAY, vec![[left, from, 0.0], [right, to, 1.7]])
     };
     match placement {
         None => {
@@ -76,10 +70,8 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
             things.push(audience("audience, behind the camera", [-1.0, behind], [1.0, behind]));
         }
         Some(ShotPlan { room_m: [w, d, _], audience_y_m, cameras, .. }) => {
-            if let Some(audience_y_m) = audience_y_m {
-                let wall = [-0.5 * w, -0.5 * d];
-                things.push(audience("audience", wall, [0.5 * w, *audience_y_m]));
-            }
+            let wall = [-0.5 * w, -0.5 * d];
+            things.extend(audience_y_m.map(|y_m| audience("audience", wall, [0.5 * w, y_m])));
             let mut tripods: Vec<([f64; 3], usize)> = Vec::new();
             for at in cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded)) {
                 match tripods.iter_mut().find(|(place, _)| *place == at) {
@@ -93,15 +85,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
             }
         }
     }
-    let sensors = &shot.scene.sensors;
-    let (what, places_m): (_, Vec<[f64; 3]>) = match sensors.positioning {
-        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-            let stations = &sensors.lighthouse.stations;
-            ("station", stations.iter().map(|station| station.position_m).collect())
-        }
-        Positioning::UwbTwr | Positioning::UwbTdoa => ("anchor", sensors.uwb.anchors_m.clone()),
-        Positioning::Gnss => ("", Vec::new()),
-    };
+    let (what, places_m) = stations(&shot.scene);
     for (index, [x, y, z]) in places_m.into_iter().enumerate() {
         let name = format!("{what} {} ({x:.1}, {y:.1}, {z:.1})", index + 1);
         things.push(thing(name, STATION, vec![[x, y, z]]));
@@ -118,45 +102,41 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     let flat = |place: &[f64; 3]| axes.map(|axis| place[axis]);
     let places = things.iter().flat_map(|thing| thing.places_m.iter().map(flat));
     let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
-    let (low, high) = ([left, bottom], [right, top]);
-    let [width_m, height_m] = [high[0] - low[0] + 1.0, high[1] - low[1] + 1.0];
-    let px_per_m = SIDE_PX / width_m.max(height_m);
-    let px = |[a, b]: [f64; 2]| {
-        let (right, up) = (a - low[0] + 0.5, b - low[1] + 0.5);
-        [MARGIN_PX + right * px_per_m, MARGIN_PX + (height_m - up) * px_per_m]
-    };
+    // Half a meter of air on each side.
+    let (low, high) = ([left - 0.5, bottom - 0.5], [right + 0.5, top + 0.5]);
+    let sides_m = [high[0] - low[0], high[1] - low[1]];
+    let longest_m = sides_m[0].max(sides_m[1]);
+    let (corner_m, px_per_m) = ([low[0], high[1]], SIDE_PX / longest_m);
+    let window = Window { corner_px: [MARGIN_PX; 2], corner_m, px_per_m };
     let mut grid_m = 1.0;
-    while width_m.max(height_m) > 20.0 * grid_m {
+    while longest_m > 20.0 * grid_m {
         grid_m *= 10.0;
     }
-    let size_px = [width_m, height_m].map(|side_m| 2.0 * MARGIN_PX + side_m * px_per_m);
+    let size_px = sides_m.map(|side_m| 2.0 * MARGIN_PX + side_m * px_per_m);
     let legend_px = 18.0 * (things.len() as f64 + 1.0);
     let mut canvas = Canvas::white([size_px[0].max(420.0), size_px[1] + legend_px]);
     canvas.text(format!("Shot plan {from}"), [MARGIN_PX, 26.0], Anchor::Start, 11.0, BLACK);
     for axis in 0..2 {
-        let mut at = ((low[axis] - 0.5) / grid_m).ceil() * grid_m + 0.0; // never -0
-        while at <= high[axis] + 0.5 {
-            let ends = match axis {
-                0 => [[at, low[1] - 0.5], [at, high[1] + 0.5]],
-                _ => [[low[0] - 0.5, at], [high[0] + 0.5, at]],
-            };
-            let pen = Pen { color: GRAY, width_px: 0.5, dashed: at != 0.0 };
-            let [[x, y], end] = ends.map(px);
-            canvas.line([[x, y], end], pen);
+        let mut at = (low[axis] / grid_m).ceil() * grid_m + 0.0; // never -0
+        while at <= high[axis] {
+            let mut ends = [low, high];
+            ends.iter_mut().for_each(|end| end[axis] = at);
+            let [[x, y], end] = ends.map(|end| window.px(end));
+            canvas.line([[x, y], end], Pen { color: GRAY, width_px: 0.5, dashed: at != 0.0 });
             let (place, anchor) = match axis {
                 0 => ([x, y + 16.0], Anchor::Middle),
                 _ => ([x - 6.0, y + 4.0], Anchor::End),
             };
-            canvas.text(format!("{at}"), place, anchor, CAP_PX, BLACK);
+            canvas.text(at.to_string(), place, anchor, CAP_PX, BLACK);
             at += grid_m;
         }
     }
-    let [x, y] = px([high[0] + 0.5, low[1] - 0.5]);
+    let [x, y] = window.px([high[0], low[1]]);
     canvas.text(format!("{} (m)", names[0]), [x, y + 32.0], Anchor::End, CAP_PX, BLACK);
-    let [x, y] = px([low[0] - 0.5, high[1] + 0.5]);
+    let [x, y] = window.px([low[0], high[1]]);
     canvas.text(format!("{} (m)", names[1]), [x - 6.0, y - 8.0], Anchor::End, CAP_PX, BLACK);
     for (index, Thing { name, color, places_m }) in things.iter().enumerate() {
-        match &*places_m.iter().map(|place| px(flat(place))).collect::<Vec<_>>() {
+        match &*places_m.iter().map(|place| window.px(flat(place))).collect::<Vec<_>>() {
             [a, b] => {
                 let sides = [a[0].min(b[0]), a[1].min(b[1]), a[0].max(b[0]), a[1].max(b[1])];
                 canvas.frame(sides, Pen::new(*color, 3.0));
@@ -165,7 +145,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
         }
         let y = size_px[1] + 18.0 * index as f64;
         canvas.dot([MARGIN_PX + 5.0, y - 4.0], 5.0, *color);
-        canvas.text(name.clone(), [MARGIN_PX + 18.0, y], Anchor::Start, CAP_PX, BLACK);
+        canvas.text(name, [MARGIN_PX + 18.0, y], Anchor::Start, CAP_PX, BLACK);
     }
     canvas.svg()
 }

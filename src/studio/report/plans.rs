@@ -46,10 +46,9 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
             continue;
         }
         let pen = Pen::new(color, LIT_PX);
-        let name = if to.is_finite() {
-            format!("below {to:.2} m/s")
-        } else {
-            format!("to {fastest_m_s:.2} m/s")
+        let name = match to.is_finite() {
+            true => format!("below {to:.2} m/s"),
+            false => format!("to {fastest_m_s:.2} m/s"),
         };
         legend.push((name, pen));
         curves.push(Curve { pen, pieces });
@@ -59,9 +58,14 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
     let shown = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
     let number =
         |(number, [x, y]): &(usize, [f64; 2])| Mark { at: (*x, *y), text: format!("no. {number}") };
-    let view = View::of(curves, legend, marks.chain(shown.iter().map(number)).collect());
-    let ranges = view.ranges();
-    view.svg(&format!("{word}, planned: {longest_s:.1} s"), "z (m)", ranges)
+    let marks = marks.chain(shown.iter().map(number)).collect();
+    View { curves, marks, legend }.svg_from_front(&format!("{word}, planned: {longest_s:.1} s"))
+}
+
+/// Where a plan's setpoint is seen from the front.
+fn place(plan: &Plan, row: usize) -> (f64, f64) {
+    let position_m = plan.setpoints[row].position_m;
+    (position_m.x, position_m.z)
 }
 
 /// Length of the line that shows a point of light, and largest extent of one.
@@ -81,46 +85,32 @@ fn lines(plan: &Plan) -> Vec<Line> {
     let lit = plan.lit();
     let mut lines: Vec<Line> = Vec::new();
     let mut along_m = 0.0;
-    for (pair, lit) in plan.setpoints.windows(2).zip(&lit) {
-        let [from, to] = [&pair[0], &pair[1]].map(|s| (s.position_m.x, s.position_m.z));
+    for (row, pair) in plan.setpoints.windows(2).enumerate() {
+        let (from, to, lit) = (place(plan, row), place(plan, row + 1), lit[row] > 0.0);
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);
-        let n = if *lit > 0.0 { 1.0 } else { (length_m / DASH_M * 2.0).ceil() };
+        let speed_m_s = length_m / (pair[1].time_s - pair[0].time_s);
+        let n = if lit { 1.0 } else { (length_m / DASH_M * 2.0).ceil() };
         let at = |part: f64| (from.0 + (to.0 - from.0) * part, from.1 + (to.1 - from.1) * part);
         let mut part = 0.0;
         while part < n && length_m > 1e-9 {
-            lines.push(Line {
-                from: at(part / n),
-                to: at((part + 1.0) / n),
-                lit: *lit > 0.0,
-                speed_m_s: length_m / (pair[1].time_s - pair[0].time_s),
-                along_m: along_m + length_m * part / n,
-            });
+            let (from, to) = (at(part / n), at((part + 1.0) / n));
+            let along_m = along_m + length_m * part / n;
+            lines.push(Line { from, to, lit, speed_m_s, along_m });
             part += 1.0;
         }
         along_m += length_m;
     }
-    lines.extend(dots(plan, &lit));
-    lines
-}
-
-/// A short line for each stroke that has no length to be seen: a point of light.
-fn dots<'a>(plan: &'a Plan, lit: &'a [f64]) -> impl Iterator<Item = Line> + 'a {
+    // A short line for each stroke that has no length to be seen: a point of light.
     let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
-    let runs: Vec<Vec<usize>> = rows.chunk_by(|a, b| a + 1 == *b).map(<[usize]>::to_vec).collect();
-    runs.into_iter().filter_map(|run| {
-        let place =
-            |row: &usize| (plan.setpoints[*row].position_m.x, plan.setpoints[*row].position_m.z);
-        let (x, z) = place(&run[0]);
-        let is_still = |row: &usize| libm::hypot(place(row).0 - x, place(row).1 - z) < DOT_M;
-        let (half, speed_m_s) = (0.5 * DOT_M, 1e-6);
-        run.iter().all(is_still).then_some(Line {
-            from: (x - half, z),
-            to: (x + half, z),
-            lit: true,
-            speed_m_s,
-            along_m: 0.0,
-        })
-    })
+    for stroke in rows.chunk_by(|a, b| a + 1 == *b) {
+        let (x, z) = place(plan, stroke[0]);
+        let is_near = |(other_x, other_z)| libm::hypot(other_x - x, other_z - z) < DOT_M;
+        if stroke.iter().all(|row| is_near(place(plan, *row))) {
+            let (from, to) = ((x - 0.5 * DOT_M, z), (x + 0.5 * DOT_M, z));
+            lines.push(Line { from, to, lit: true, speed_m_s: 1e-6, along_m: 0.0 });
+        }
+    }
+    lines
 }
 
 /// Lines that follow each other, as pieces of a curve.
@@ -138,23 +128,17 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
 /// When each stroke begins, and where the drone starts and lands.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
-    let at = |row: usize| (plan.setpoints[row].position_m.x, plan.setpoints[row].position_m.z);
+    let mark = |row: usize, text: String| Mark { at: place(plan, row), text };
     let whose = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };
     let begins = (0..lit.len()).filter(|row| lit[*row] > 0.0 && (*row == 0 || lit[row - 1] == 0.0));
-    let begins: Vec<usize> = begins.collect();
-    let mut marks = Vec::new();
-    if begins.len() <= MOST_TIMES {
-        marks.extend(
-            begins.into_iter().map(|row| Mark {
-                at: at(row),
-                text: format!("{:.1} s", plan.setpoints[row].time_s),
-            }),
-        );
+    let times = begins.map(|row| mark(row, format!("{:.1} s", plan.setpoints[row].time_s)));
+    let mut marks: Vec<Mark> = times.collect();
+    if marks.len() > MOST_TIMES {
+        marks.clear();
     }
     if let Some(last) = plan.setpoints.len().checked_sub(1) {
-        let end_s = plan.duration_s();
-        marks.push(Mark { at: at(0), text: format!("{whose}start") });
-        marks.push(Mark { at: at(last), text: format!("{whose}end {end_s:.1} s") });
+        marks.push(mark(0, format!("{whose}start")));
+        marks.push(mark(last, format!("{whose}end {:.1} s", plan.duration_s())));
     }
     marks
 }

@@ -36,127 +36,96 @@ pub fn study_sheet(
     ranking: &Ranking,
     records: &[Record],
 ) -> Result<Photo> {
-    Ok(contact_sheet(&study_rows(study, ready, ranking, records)?))
+    let trials: Vec<_> = study.trials().collect();
+    let row = |measures: &Measures| {
+        let p = measures.legibility.value;
+        let title = format!("{}: read with probability {p:.3}", measures.contender);
+        let mut photos = Vec::new();
+        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
+            let (trial, Record { word, outcome, .. }) = (trials[at], &records[at]);
+            if outcome.flown.is_some() {
+                let ready = &ready[trial.contender * study.words.len() + trial.word];
+                let (read, p) = (&outcome.read, outcome.probability);
+                let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
+                photos.push((photo, format!("{name}: {word} as {read}, {p:.2}")));
+            }
+        }
+        Ok((title, photos))
+    };
+    let rows: Vec<_> = ranking.measures.iter().map(row).collect::<Result<_>>()?;
+    Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
 }
 
 /// Photos with their captions, in rows of a few.
 #[must_use]
-pub fn spread_sheet(title: &str, photos: Vec<(Photo, String)>) -> Photo {
-    let mut photos = photos.into_iter().peekable();
-    let mut rows = Vec::new();
-    while photos.peek().is_some() {
-        let title = if rows.is_empty() { title.to_owned() } else { String::new() };
-        rows.push(SheetRow { title, photos: photos.by_ref().take(ROW_PHOTOS).collect() });
-    }
-    contact_sheet(&rows)
+pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
+    let titles = std::iter::once(title).chain(std::iter::repeat(""));
+    contact_sheet(titles.zip(photos.chunks(ROW_PHOTOS)))
 }
 
-/// A row for each scene: its median and its worst photo.
-fn study_rows(
-    study: &Study,
-    ready: &[Prepared],
-    ranking: &Ranking,
-    records: &[Record],
-) -> Result<Vec<SheetRow>> {
-    let trials: Vec<_> = study.trials().collect();
-    let row = |measures: &Measures| {
-        let p = measures.legibility.value;
-        let mut row = SheetRow {
-            title: format!("{}: read with probability {p:.3}", measures.contender),
-            photos: Vec::new(),
-        };
-        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
-            let (trial, record) = (trials[at], &records[at]);
-            if record.outcome.flown.is_none() {
-                continue;
-            }
-            let ready = &ready[trial.contender * study.words.len() + trial.word];
-            let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
-            let read = &record.outcome.read;
-            let p = record.outcome.probability;
-            row.photos.push((photo, format!("{name}: {} as {read}, {p:.2}", record.word)));
-        }
-        Ok(row)
-    };
-    ranking.measures.iter().map(row).collect()
-}
-
-/// A row of a sheet.
-#[derive(Clone, Debug)]
-struct SheetRow {
-    /// Text above the photos.
-    title: String,
-    /// Photos, each with its caption.
-    photos: Vec<(Photo, String)>,
-}
-
-/// Lays out photos in rows, each at its own size, from the left.
-fn contact_sheet(rows: &[SheetRow]) -> Photo {
+/// Lays out photos with their captions in rows below their titles, each at its own size, from the
+/// left.
+fn contact_sheet<'a>(rows: impl Iterator<Item = (&'a str, &'a [(Photo, String)])>) -> Photo {
+    let rows: Vec<_> = rows.collect();
     let side = |px: u32| px as usize;
-    let widths = rows.iter().map(|row| {
-        row.photos.iter().map(|(photo, _)| side(photo.width_px) + GAP_PX).sum::<usize>()
-    });
-    let heights = rows
-        .iter()
-        .map(|row| row.photos.iter().map(|(photo, _)| side(photo.height_px)).max().unwrap_or(0));
-    let width = GAP_PX + widths.max().unwrap_or(0).max(400);
-    let heights: Vec<usize> = heights.collect();
-    let height = GAP_PX + heights.iter().map(|row| row + 2 * LINE_PX + GAP_PX).sum::<usize>();
-    let mut sheet = Sheet { width, rgb8: vec![GROUND; 3 * width * height] };
+    let width_of = |photos: &[(Photo, String)]| {
+        photos.iter().map(|(photo, _)| side(photo.width_px) + GAP_PX).sum::<usize>()
+    };
+    let height_of = |photos: &[(Photo, String)]| {
+        photos.iter().map(|(photo, _)| side(photo.height_px)).max().unwrap_or(0)
+    };
+    let width =
+        GAP_PX + rows.iter().map(|(_, photos)| width_of(photos)).max().unwrap_or(0).max(400);
+    let heights = rows.iter().map(|(_, photos)| height_of(photos) + 2 * LINE_PX + GAP_PX);
+    let height = GAP_PX + heights.sum::<usize>();
+    let px = |side: usize| u32::try_from(side).expect("a sheet of photos");
+    let rgb8 = vec![GROUND; 3 * width * height];
+    let mut sheet = Photo { width_px: px(width), height_px: px(height), rgb8, scene_toml: None };
     let mut top = GAP_PX;
-    for (row, height) in rows.iter().zip(heights) {
-        sheet.write(&row.title, [GAP_PX, top]);
-        let mut left = GAP_PX;
-        for (photo, caption) in &row.photos {
-            sheet.paste(photo, [left, top + LINE_PX]);
-            sheet.write(caption, [left, top + LINE_PX + height]);
+    for (title, photos) in rows {
+        write(&mut sheet, title, [GAP_PX, top]);
+        let (mut left, height) = (GAP_PX, height_of(photos));
+        for (photo, caption) in photos {
+            paste(&mut sheet, photo, [left, top + LINE_PX]);
+            write(&mut sheet, caption, [left, top + LINE_PX + height]);
             left += side(photo.width_px) + GAP_PX;
         }
         top += height + 2 * LINE_PX + GAP_PX;
     }
-    let px = |side: usize| u32::try_from(side).expect("a sheet of photos");
-    Photo { width_px: px(width), height_px: px(height), rgb8: sheet.rgb8, scene_toml: None }
+    sheet
 }
 
-struct Sheet {
-    width: usize,
-    rgb8: Vec<u8>,
-}
-
-impl Sheet {
-    fn paste(&mut self, photo: &Photo, [left, top]: [usize; 2]) {
-        let row_bytes = 3 * photo.width_px as usize;
-        for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
-            let start = 3 * ((top + y) * self.width + left);
-            self.rgb8[start..start + row_bytes].copy_from_slice(row);
-        }
+fn paste(sheet: &mut Photo, photo: &Photo, [left, top]: [usize; 2]) {
+    let [width, row_bytes] = [sheet.width_px as usize, 3 * photo.width_px as usize];
+    for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
+        let start = 3 * ((top + y) * width + left);
+        sheet.rgb8[start..start + row_bytes].copy_from_slice(row);
     }
+}
 
-    /// One line of text with its upper left corner at a pixel; what does not fit is cut off.
-    fn write(&mut self, text: &str, [left, top]: [usize; 2]) {
-        let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
-        let scaled = font.as_scaled(TEXT_PX);
-        let mut pen = point(left as f32, top as f32 + scaled.ascent() + 2.0);
-        for character in text.chars() {
-            let id = font.glyph_id(character);
-            let glyph = id.with_scale_and_position(TEXT_PX, pen);
-            pen.x += scaled.h_advance(id);
-            let Some(outline) = font.outline_glyph(glyph) else { continue };
-            let corner = outline.px_bounds().min;
-            outline.draw(|x, y, cover| {
-                #[expect(clippy::cast_possible_truncation, reason = "pixels of a sheet")]
-                let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
-                let at = 3 * (y * self.width + x);
-                if x < self.width && at + 3 <= self.rgb8.len() {
-                    #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
-                    // Thin strokes cover half a pixel: they are drawn twice as strong.
-                    let level = (f32::from(GROUND)
-                        + (2.0 * cover).min(1.0) * f32::from(INK - GROUND))
-                        as u8;
-                    self.rgb8[at..at + 3].fill(level);
-                }
-            });
-        }
+/// Writes one line of text with its upper left corner at a pixel; what does not fit is cut off.
+fn write(sheet: &mut Photo, text: &str, [left, top]: [usize; 2]) {
+    let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
+    let scaled = font.as_scaled(TEXT_PX);
+    let width = sheet.width_px as usize;
+    let mut pen = point(left as f32, top as f32 + scaled.ascent() + 2.0);
+    for character in text.chars() {
+        let id = font.glyph_id(character);
+        let glyph = id.with_scale_and_position(TEXT_PX, pen);
+        pen.x += scaled.h_advance(id);
+        let Some(outline) = font.outline_glyph(glyph) else { continue };
+        let corner = outline.px_bounds().min;
+        outline.draw(|x, y, cover| {
+            #[expect(clippy::cast_possible_truncation, reason = "pixels of a sheet")]
+            let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
+            let at = 3 * (y * width + x);
+            if x < width && at + 3 <= sheet.rgb8.len() {
+                // Thin strokes cover half a pixel: they are drawn twice as strong.
+                let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
+                #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
+                sheet.rgb8[at..at + 3].fill((f32::from(GROUND) + ink) as u8);
+            }
+        });
     }
 }
 
@@ -172,11 +141,11 @@ mod tests {
             rgb8: vec![level; 60 * width_px as usize],
             scene_toml: None,
         };
-        let row = |title: &str, level| SheetRow {
-            title: title.into(),
-            photos: vec![(photo(300, level), "median".into()), (photo(200, level), "worst".into())],
+        let row = |level| {
+            vec![(photo(300, level), "median".to_owned()), (photo(200, level), "worst".to_owned())]
         };
-        let sheet = contact_sheet(&[row("team", 100), row("tuned", 200)]);
+        let (team, tuned) = (row(100), row(200));
+        let sheet = contact_sheet([("team", &team[..]), ("tuned", &tuned[..])].into_iter());
         assert_eq!((sheet.width_px, sheet.height_px), (12 + 312 + 212, 12 + 2 * (20 + 64 + 12)));
         let at = |x: usize, y: usize| sheet.rgb8[3 * (y * 536 + x)];
         assert_eq!([at(12, 44), at(311, 63), at(312, 50), at(324, 44)], [100, 100, GROUND, 100]);

@@ -29,6 +29,7 @@ const JPEG_QUALITY: [u8; 2] = [85, 80];
 pub const LEAST_SHARE: f64 = 0.01;
 
 /// What the page shows beside the shot.
+#[derive(Debug)]
 pub struct ShotNotes<'a> {
     /// The verdict in a sentence; empty where there is none.
     pub lead: &'a str,
@@ -41,17 +42,11 @@ pub struct ShotNotes<'a> {
     /// Changes of settings with their gain in readability, as one types them.
     pub remedies: &'a [(f64, String)],
     /// A change in the words of the program that makes the page.
-    pub typed: &'a dyn Fn(&Change) -> String,
+    pub typed: fn(&Change) -> String,
     /// The command that makes the shot again.
     pub command: &'a str,
     /// Further drawings of the flight, such as its band over many flights (SVG).
     pub drawings: &'a [String],
-}
-
-impl std::fmt::Debug for ShotNotes<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ShotNotes").field("command", &self.command).finish_non_exhaustive()
-    }
 }
 
 /// The report of a shot.
@@ -72,12 +67,23 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let shows = format!("simulated long-exposure photograph of {subject}");
     let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
     page = verdict_section(page, shot.verdict.as_ref(), notes);
-    page = page.section("The exposure as it accumulates").film(&film(shot)?);
+    let mut moments = Vec::new();
+    shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
+        moments.push((photo::jpeg(&photo, JPEG_QUALITY[1]), format!("{time_s:.1} s")));
+        Ok(())
+    })?;
+    page = page.section("The exposure as it accumulates").film(&moments);
     page = flight_section(page, shot, notes);
     if !notes.findings.is_empty() {
         page = page.section("Safety sheet").table(
             ["", "check", "found"],
-            notes.findings.iter().map(|checked| finding(checked, notes.typed)),
+            notes.findings.iter().map(|checked| {
+                let [mark, check, mut found, wanted, change] = checked.cells(notes.typed);
+                if !wanted.is_empty() {
+                    found += &format!("; wanted: {wanted}; change: {change}");
+                }
+                [mark, check, found]
+            }),
         );
     }
     page = page.section("Camera").table(["setting", "value"], camera(shot));
@@ -135,21 +141,16 @@ pub fn rivals(letter: &LetterVerdict) -> String {
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
 }
 
-fn film(shot: &Shot) -> Result<Vec<(Vec<u8>, String)>> {
-    let mut moments = Vec::new();
-    shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
-        moments.push((photo::jpeg(&photo, JPEG_QUALITY[1]), format!("{time_s:.1} s")));
-        Ok(())
-    })?;
-    Ok(moments)
-}
-
 fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
         let numbers = shot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word, numbers)]);
     }
+    let trace = |(index, flight): (usize, &Flight)| NamedFlight {
+        name: format!("drone {}", index + 1),
+        samples: flight.samples.clone(),
+    };
     let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
     if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
         return page;
@@ -162,22 +163,17 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-fn trace((index, flight): (usize, &Flight)) -> NamedFlight {
-    NamedFlight { name: format!("drone {}", index + 1), samples: flight.samples.clone() }
-}
-
 /// The way of all drones; a place is lit where a lamp of its drone writes.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
-        let own = |lamp: &&Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
-        let lamps: Vec<&Lamp> = lamps.iter().copied().filter(own).collect();
+        let own = |lamp: &Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
         let place = |sample: &FlightSample| {
             #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
             let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
-            (place_mm, lamps.iter().any(|lamp| is_lit(lamp, sample.time_s)))
+            (place_mm, lamps.iter().any(|lamp| own(lamp) && is_lit(lamp, sample.time_s)))
         };
         flight.samples.iter().step_by(step).map(place).collect()
     };
@@ -189,48 +185,25 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
     next > 0 && lamp.samples[next - 1].level > 0.0
 }
 
-fn finding(checked: &Checked, typed: &dyn Fn(&Change) -> String) -> [String; 3] {
-    let [mark, check, mut found, wanted, change] = checked.cells(typed);
-    if !wanted.is_empty() {
-        found += &format!("; wanted: {wanted}; change: {change}");
-    }
-    [mark, check, found]
-}
-
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
-    let distance_m = camera.position_m.y.abs();
-    let focus_m = camera.focus_m.unwrap_or(distance_m);
-    let open_s = camera.shutter_close_s - camera.shutter_open_s;
-    let row = |name: &str, value: String| [name.to_owned(), value];
+    let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
+    let focus = match focus_m < INFINITY_M {
+        true => format!("{focus_m:.2} m, by hand"),
+        false => "infinity, by hand".to_owned(),
+    };
+    let [focal_mm, sensor_mm] = [camera.focal_length_m, camera.sensor_width_m].map(|m| 1e3 * m);
+    let (opens_s, open_s) = (camera.shutter_open_s, camera.shutter_close_s - camera.shutter_open_s);
     let adds_up = shot.metered.is_some_and(|metered| metered.longest_s.is_some());
     let mode = if adds_up { "night or light-trail mode" } else { "bulb" };
-    let mut rows = vec![
-        row(
-            "lens",
-            format!(
-                "{:.0} mm on a sensor {:.1} mm wide",
-                1e3 * camera.focal_length_m,
-                1e3 * camera.sensor_width_m
-            ),
-        ),
-        row("aperture", format!("f/{}", camera.f_number)),
-        row("sensitivity", format!("ISO {}", camera.iso)),
-        row(
-            "shutter",
-            format!("{mode}, {open_s:.0} s, from {:.1} s of the flight on", camera.shutter_open_s),
-        ),
-        row(
-            "focus",
-            match focus_m < INFINITY_M {
-                true => format!("{focus_m:.2} m, by hand"),
-                false => "infinity, by hand".to_owned(),
-            },
-        ),
-        row("picture", format!("{} x {}", camera.width_px, camera.height_px)),
+    let rows = [
+        ("lens", format!("{focal_mm:.0} mm on a sensor {sensor_mm:.1} mm wide")),
+        ("aperture", format!("f/{}", camera.f_number)),
+        ("sensitivity", format!("ISO {}", camera.iso)),
+        ("shutter", format!("{mode}, {open_s:.0} s, from {opens_s:.1} s of the flight on")),
+        ("focus", focus),
+        ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
-    if let Some(metered) = shot.metered {
-        rows.push(row("trail", in_stops(metered.trail_stops)));
-    }
-    rows
+    let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
+    rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::canvas::{Pen, Rgb};
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION, range};
 
 const ORANGE: Rgb = [230, 159, 0];
 
@@ -23,30 +23,27 @@ pub fn pareto(
     front: &[(f64, f64)],
     start: Option<(f64, f64)>,
 ) -> String {
-    let all = || within.iter().chain(others).chain(front).chain(&start);
+    let start = start.as_slice();
+    let all = || within.iter().chain(others).chain(front).chain(start);
     let x = around(all().map(|point| point.0), 1.0);
-    let probabilities = all().map(|point| point.1);
-    let y = around(probabilities, 0.02);
+    let y = around(all().map(|point| point.1), 0.02);
     let [wide, high] = [(x.end - x.start) / 150.0, (y.end - y.start) / 75.0];
-    let cross = |&(s, p): &(f64, f64), size: f64| {
+    let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
+    let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
+    let crosses = |pen, points: &[(f64, f64)], size: f64| {
         let [dx, dy] = [wide * size, high * size];
-        [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
+        let cross = |&(s, p): &(f64, f64)| {
+            [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
+        };
+        Curve { pen, pieces: points.iter().flat_map(cross).collect() }
     };
-    let gray = Pen::new(GRAY, 1.5);
-    let orange = Pen::new(ORANGE, 1.0);
-    let blue = Pen::new(BLUE, 2.0);
-    let vermilion = Pen::new(VERMILION, 3.0);
-    let crosses = |points: &[(f64, f64)], size| -> Vec<_> {
-        points.iter().flat_map(|point| cross(point, size)).collect()
-    };
-    let mut curves = vec![
-        Curve { pen: orange, pieces: crosses(others, 0.4) },
-        Curve { pen: gray, pieces: crosses(within, 0.6) },
-        Curve { pen: blue, pieces: vec![front.to_vec()] },
-        Curve { pen: blue, pieces: crosses(front, 0.8) },
+    let curves = vec![
+        crosses(orange, others, 0.4),
+        crosses(gray, within, 0.6),
+        Curve::whole(blue, front.iter().copied()),
+        crosses(blue, front, 0.8),
+        crosses(vermilion, start, 1.0),
     ];
-    let start: Vec<_> = start.into_iter().collect();
-    curves.push(Curve { pen: vermilion, pieces: crosses(&start, 1.0) });
     Figure {
         title: format!(
             "P(read) against flight time, {} candidates",
@@ -73,30 +70,25 @@ pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     let pens = widths.flat_map(|width_px| COLORS.map(|color| Pen::new(color, width_px)));
     let named: Vec<_> = curves.iter().zip(pens).collect();
     let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
-    let curve = |((_, points), pen): &(&(String, Vec<_>), _)| Curve {
-        pen: *pen,
-        pieces: vec![points.clone()],
-    };
-    let curves = named.iter().map(curve).collect();
+    let lines = named.iter().map(|((_, points), pen)| Curve::whole(*pen, points.iter().copied()));
+    let lines = lines.collect();
     Figure {
         title: title.to_owned(),
         legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
         x_name: "multiple of the usual disturbance",
-        panels: vec![Panel::new([x, 0.0..1.0], HEIGHT_PX, "fraction legible", curves)],
+        panels: vec![Panel::new([x, 0.0..1.0], HEIGHT_PX, "fraction legible", lines)],
     }
     .svg()
 }
 
 /// What holds all values, with a margin.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-        (low.min(value), high.max(value))
-    });
-    if low > high {
+    let Range { start, end } = range(values);
+    if start > end {
         return 0.0..1.0;
     }
-    let margin = (0.05 * (high - low)).max(0.5 * least);
-    low - margin..high + margin
+    let margin = (0.05 * (end - start)).max(0.5 * least);
+    start - margin..end + margin
 }
 
 #[cfg(test)]
@@ -118,12 +110,9 @@ mod tests {
         assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
         let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
         let svg = endurance("team", &[curve("mass"), curve("gusts")]);
-        assert!(
-            svg.contains("mass")
-                && svg.contains("gusts")
-                && svg.contains("multiple of the usual disturbance")
-                && svg.contains("fraction legible")
-                && !svg.contains("P(read)")
-        );
+        for text in ["mass", "gusts", "multiple of the usual disturbance", "fraction legible"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(!svg.contains("P(read)"));
     }
 }

@@ -126,7 +126,7 @@ pub enum Factor {
     Battery,
 }
 
-/// Each factor with its name in tables and its conditions.
+/// Each factor, in their order, with its name in tables and its conditions.
 const FACTORS: [(Factor, &str, &[&str]); 11] = [
     (Factor::Mass, "mass", &["mass_frac", "inertia_frac"]),
     (Factor::CenterOfMass, "center of mass", &["center_of_mass_m"]),
@@ -147,14 +147,10 @@ impl Factor {
         FACTORS.into_iter().map(|(factor, ..)| factor)
     }
 
-    fn row(self) -> &'static (Self, &'static str, &'static [&'static str]) {
-        FACTORS.iter().find(|(factor, ..)| *factor == self).expect("it is in the table")
-    }
-
     /// Its name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
-        self.row().1
+        FACTORS[self as usize].1
     }
 }
 
@@ -198,7 +194,7 @@ impl Conditions {
             name => {
                 let known = ["room", "drone", "evening", "still"];
                 let hint = suggestion(name, known, || "name a file that exists".into());
-                let wanted = "room, drone, evening, still, or a TOML file";
+                let wanted = known.join(", ") + ", or a TOML file";
                 Err(Error::input("conditions", name, wanted, hint))
             }
         }
@@ -219,7 +215,7 @@ impl Conditions {
     /// Of these conditions, one factor alone.
     #[must_use]
     pub fn only(&self, factor: Factor) -> Self {
-        self.each_times(|key| if factor.row().2.contains(&key) { 1.0 } else { 0.0 })
+        self.each_times(|key| f64::from(FACTORS[factor as usize].2.contains(&key)))
     }
 
     /// Each condition so many times as wide; of what there is only once, at most all.
@@ -253,10 +249,9 @@ impl Conditions {
         let keys = || Self::SHAPE.settings().iter().map(|setting| setting.key);
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys().any(|known| known == key.as_str())) {
-            let found = format!("the unknown key {unknown}");
             let all = || format!("the keys are {}", keys().collect::<Vec<_>>().join(", "));
-            let hint = suggestion(unknown, keys(), all);
-            return Err(Error::input(file, found, "a key of conditions", hint));
+            let (found, wanted) = (format!("the unknown key {unknown}"), "a key of conditions");
+            return Err(Error::input(file, found, wanted, suggestion(unknown, keys(), all)));
         }
         let conditions: Self = toml::from_str(toml).map_err(|error| {
             let found = error.message().lines().next().unwrap_or_default().to_owned();
@@ -304,9 +299,7 @@ impl Conditions {
                     GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() }
                 }
             };
-            for own in &mut gusts.sigma_m_s {
-                *own = own.max(self.gust_m_s);
-            }
+            gusts.sigma_m_s = gusts.sigma_m_s.map(|own_m_s| own_m_s.max(self.gust_m_s));
             sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {
                 // Faint gusts bring little drag, so that none change nothing.
@@ -366,6 +359,7 @@ impl Chance {
 mod tests {
     use super::*;
     use crate::scene::Preset;
+    use crate::study::statistics::mean;
 
     #[test]
     fn still_conditions_fly_the_scene_itself() {
@@ -417,12 +411,9 @@ mod tests {
             (0..n).map(|seed| Conditions::default().draw(&scene, seed.into(), 0).sim.vehicle);
         let draws: Vec<_> =
             draws.map(|v| (v.mass_kg / scene.vehicle.mass_kg, v.motor_rise_s)).collect();
-        let mean = |value: &dyn Fn(&(f64, f64)) -> f64| {
-            draws.iter().map(value).sum::<f64>() / f64::from(n)
-        };
-        let sigma = mean(&|(mass, _)| (mass - 1.0) * (mass - 1.0)).sqrt();
+        let sigma = mean(draws.iter().map(|(mass, _)| (mass - 1.0) * (mass - 1.0))).sqrt();
         assert!((sigma / 0.015 - 1.0).abs() < 0.05, "{sigma}");
-        assert!((mean(&|(_, lag_s)| *lag_s) / 0.025 - 1.0).abs() < 0.05);
+        assert!((mean(draws.iter().map(|(_, lag_s)| lag_s)) / 0.025 - 1.0).abs() < 0.05);
         assert!(draws.iter().all(|(_, lag_s)| (0.0..0.05).contains(lag_s)));
     }
 

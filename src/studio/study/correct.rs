@@ -60,7 +60,7 @@ pub fn correct(
     assert!(!flights.is_empty(), "something to learn from");
     let seen = repeating(flights);
     let limited: Vec<_> = seen.iter().map(limited).collect();
-    let [seen, limited] = [&seen, &limited].map(|errors| smoothed(errors, options.smooth_s));
+    let [seen, limited] = [seen, limited].map(|errors| smoothed(&errors, options.smooth_s));
     let at = |errors: &[Vector3<f64>], time_s: f64| {
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         let index = (time_s / STEP_S).round().max(0.0) as usize;
@@ -90,6 +90,8 @@ pub fn correct(
 
 /// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
 const MAX_APART_M: f64 = 0.2;
+
+const WHICH_PLAN: &str = "name the plan that was sent, and the word that it wrote";
 
 /// Largest mean distance of a word's strokes from the setpoints of a plan that writes it, relative
 /// to the height of its letters.
@@ -121,8 +123,7 @@ pub fn check_writes(sent: &Plan, ready: &Prepared, file: &str) -> Result<()> {
     let is_beyond = written(strokes.glyphs.len()).next().is_some();
     if off_m > most_m || is_beyond {
         let found = format!("a plan {off_m:.2} m from the strokes of {}", strokes.word);
-        let hint = "name the plan that was sent, and the word that it wrote";
-        return Err(Error::input(file, found, "a plan that writes this word", hint));
+        return Err(Error::input(file, found, "a plan that writes this word", WHICH_PLAN));
     }
     Ok(())
 }
@@ -154,7 +155,7 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
             let writes = sent.setpoints[row_at(sample.time_s + offset_s)].letter.is_some();
             writes.then(|| (sample.design_m - of_plan.design_m).norm())
         });
-        Ok((mean(&apart_m.collect::<Vec<_>>()), offset_s))
+        Ok((mean(apart_m), offset_s))
     };
     let (apart_m, offset_s) = match (clock(&as_sent), clock(&planned)) {
         (Ok(log), Ok(own)) if log.0 <= own.0 => log,
@@ -168,8 +169,7 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
     }
     if apart_m > MAX_APART_M {
         let found = format!("setpoints {apart_m:.2} m from those of the plan");
-        let hint = "name the plan that was sent, and the word that it wrote";
-        return Err(Error::input(file, found, "a flight of this plan", hint));
+        return Err(Error::input(file, found, "a flight of this plan", WHICH_PLAN));
     }
     Ok(flight)
 }
@@ -198,9 +198,6 @@ fn repeating(flights: &[Flight]) -> Vec<Vector3<f64>> {
 
 /// The mean of errors, shrunk by its uncertainty; of one error, the error itself.
 fn shrunk(errors: &[Vector3<f64>]) -> Vector3<f64> {
-    if errors.is_empty() {
-        return Vector3::zeros();
-    }
     Vector3::from_fn(|axis, _| {
         let values: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
         let (middle, error) = (mean(&values), standard_error(&values));
@@ -219,11 +216,8 @@ fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
     let sigma = (sigma_s / STEP_S).max(1e-3);
     #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
     let reach = (3.0 * sigma).ceil() as isize;
-    let weight = |tap: isize| {
-        let z = tap as f64 / sigma;
-        libm::exp(-0.5 * z * z)
-    };
-    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
+    let z = (-reach..=reach).map(|tap| tap as f64 / sigma);
+    let weights: Vec<f64> = z.map(|z| libm::exp(-0.5 * z * z)).collect();
     let sum: f64 = weights.iter().sum();
     let last = values.len().cast_signed() - 1;
     let at = |index: isize| values[index.clamp(0, last).cast_unsigned()];

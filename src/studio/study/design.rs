@@ -46,27 +46,25 @@ impl Study {
     ///
     /// [`Error::Input`] with the missing part.
     pub fn check(&self) -> Result<()> {
-        let hint = "name scenes and words, such as NOOR with 50 seeds";
-        if self.contenders.is_empty() || self.words.iter().all(|(_, n)| *n == 0) {
-            let found = format!("{} scenes, {} words", self.contenders.len(), self.words.len());
+        let (contenders, n_trials) = (&self.contenders, self.n_trials());
+        if n_trials == 0 {
+            let found = format!("{} scenes, {} words", contenders.len(), self.words.len());
+            let hint = "name scenes and words, such as NOOR with 50 seeds";
             return Err(Error::input("study", found, "at least one of each, and a seed", hint));
         }
-        for (index, contender) in self.contenders.iter().enumerate() {
-            if self.contenders[..index].iter().any(|other| other.name == contender.name) {
-                let wanted = "scenes of different names";
-                return Err(Error::input("study", &contender.name, wanted, "rename the file"));
-            }
+        let mut names = HashSet::new();
+        if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
+            let wanted = "scenes of different names";
+            return Err(Error::input("study", &again.name, wanted, "rename the file"));
         }
-        let mut known = HashSet::new();
-        for (word, _) in &self.words {
-            if !known.insert(word) {
-                let hint = "name each word once, with its number of seeds: NOOR:200";
-                return Err(Error::input("words", word, "each word once", hint));
-            }
+        let mut words = HashSet::new();
+        if let Some((again, _)) = self.words.iter().find(|(word, _)| !words.insert(word)) {
+            let hint = "name each word once, with its number of seeds: NOOR:200";
+            return Err(Error::input("words", again, "each word once", hint));
         }
-        if self.n_trials() > MAX_TRIALS {
+        if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
-            return Err(Error::input("study", self.n_trials(), wanted, "fewer words or seeds"));
+            return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
         }
         self.conditions.check()
     }
@@ -101,11 +99,11 @@ impl Study {
     ///
     /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
-        let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
-        let both: Vec<_> = both.collect();
-        both.into_par_iter()
-            .map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
-            .collect()
+        let of_contender = |contender| {
+            let words = self.words.par_iter();
+            words.map(move |(word, _)| Prepared::new(contender, word, &self.conditions))
+        };
+        self.contenders.par_iter().flat_map(of_contender).collect()
     }
 }
 
@@ -126,7 +124,7 @@ pub fn evaluate(
     stop: &Stop,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
-    let finished = AtomicUsize::new(0);
+    let count = counter(done);
     let record = |trial: &Trial| {
         stop.check()?;
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
@@ -139,10 +137,16 @@ pub fn evaluate(
                 record
             }
         };
-        done(finished.fetch_add(1, Ordering::Relaxed) + 1);
+        count();
         Ok(record)
     };
     trials.par_iter().map(record).collect()
+}
+
+/// Tells, from any thread, how often it was called.
+pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
+    let finished = AtomicUsize::new(0);
+    move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)
 }
 
 #[cfg(test)]

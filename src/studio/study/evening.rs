@@ -16,12 +16,14 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::conditions::ROOM_GUST_M_S;
+use super::conditions::{OUTAGE_EVERY_S, ROOM_GUST_M_S};
+use super::design::counter;
+use super::statistics::mean;
 use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
 use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
-use noctograph_core::flight::{Flight, Quantity, Warning, airborne, saturated_s};
+use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning, airborne, saturated_s};
 use noctograph_core::settings::Described;
 use noctograph_flying::vehicle::GustOptions;
 use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
@@ -47,8 +49,6 @@ const LOGS: Limit = Limit {
 /// Logs that are read at once: each may take 240 MiB of its
 /// [`Budget`](noctograph_core::files::Budget).
 const AT_ONCE: usize = 3;
-/// Time from one outage of the radio to the next, as conditions have it.
-const OUTAGE_EVERY_S: f64 = super::conditions::OUTAGE_EVERY_S;
 
 /// The logs of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -164,8 +164,7 @@ impl Evening {
         options.check("import", None)?;
         let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
-        let counted = std::sync::atomic::AtomicUsize::new(0);
-        let logs = logs_in(folder)?;
+        let (logs, count) = (logs_in(folder)?, counter(done));
         LOGS.check_all(logs.iter().map(|log| &log.path))?;
         // A file that links lead to again is no other flight, and is read once.
         let mut firsts = HashMap::new();
@@ -175,10 +174,12 @@ impl Evening {
         let first = |log: &GatheredLog| firsts.get(&log.path.canonicalize().ok()?).copied();
         let row = |log: &GatheredLog| {
             let row = match first(log).filter(|first| *first != log.name) {
-                Some(first) => EveningLog::flawed(log, Flaw::Again(first.to_owned())),
+                Some(first) => {
+                    EveningLog::of(log, vec![Flaw::Again(first.to_owned())], None, Vec::new())
+                }
                 None => EveningLog::new(log, import(&log.path, options), scene),
             };
-            done(1 + counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
+            count();
             row
         };
         let at_once = logs.chunks(AT_ONCE);
@@ -203,11 +204,13 @@ impl Evening {
     /// The mean of the sound flights; `None` where there are none.
     #[must_use]
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
-        let mean = |of: &dyn Fn(&LogFigures) -> Option<f64>| mean(self.sound().filter_map(of));
+        self.sound().next()?;
+        let of = |figure: fn(&LogFigures) -> f64| mean(self.sound().map(figure));
+        let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
         Some(MeanDrone {
-            k_f_n: scene.vehicle.k_f_n * mean(&|f| Some(f.thrust_frac))?,
-            center_of_mass_m: [mean(&|f| Some(f.trim_m[0]))?, mean(&|f| Some(f.trim_m[1]))?],
-            lag_s: mean(&|f| f.lag_s),
+            k_f_n: scene.vehicle.k_f_n * of(|f| f.thrust_frac),
+            center_of_mass_m: [of(|f| f.trim_m[0]), of(|f| f.trim_m[1])],
+            lag_s: (!lags_s.is_empty()).then(|| mean(&lags_s)),
         })
     }
 
@@ -216,48 +219,37 @@ impl Evening {
     #[must_use]
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
-        let mut conditions = Vec::new();
-        let mut add = |key, value: Option<f64>, from: String| {
-            conditions.extend(value.map(|value| FoundCondition { key, value, from }));
-        };
         let n = figures.len();
-        let enough = n >= LEAST_FLIGHTS;
-        let thrust = || spread(figures.iter().map(|f| (f.thrust_frac, 0.0)));
-        add("mass_frac", enough.then(thrust), format!("thrust over weight, {n} flights"));
-        let trim = || {
-            let axis =
-                |axis: usize| {
-                    spread(figures.iter().map(|f| {
-                        (f.trim_m[axis], f.trim_sigma_m.map_or(0.0, |sigma_m| sigma_m[axis]))
-                    }))
-                };
-            libm::hypot(axis(0), axis(1)) / std::f64::consts::SQRT_2
+        let spread_of = |value: &dyn Fn(&LogFigures) -> (f64, f64)| {
+            spread(&figures.iter().map(|figures| value(figures)).collect::<Vec<_>>())
         };
-        let from = format!("trim beyond what gusts explain, {n} flights");
-        add("center_of_mass_m", enough.then(trim), from);
-        let lags_s: Vec<(f64, f64)> =
-            figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
+        let thrust = spread_of(&|f| (f.thrust_frac, 0.0));
+        let trims_m = [0, 1].map(|axis: usize| {
+            spread_of(&|f| (f.trim_m[axis], f.trim_sigma_m.map_or(0.0, |sigma_m| sigma_m[axis])))
+        });
+        let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
         // The spread of a uniform number is its largest over the root of twelve. The mean is no
         // use: it has the errors that all logs of an evening share.
-        let lag_s = || 12_f64.sqrt() * spread(lags_s.iter().copied());
-        let from = format!("spread of the rotors' lag, {} flights", lags_s.len());
-        add("motor_lag_s", (lags_s.len() >= LEAST_FLIGHTS).then(lag_s), from);
+        let lags_s: Vec<(f64, f64)> =
+            figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
+        let lag_s = 12_f64.sqrt() * spread(&lags_s);
         let gusts: Vec<f64> = figures.iter().filter_map(|f| f.gust_m_s).collect();
-        let gust = mean(gusts.iter().map(|gust| gust * gust)).map(f64::sqrt);
-        add("gust_m_s", gust, format!("torque of uneven air, {} flights", gusts.len()));
-        let outages_s = figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| {
-            // The longest of n exponential times is 1 + 1/2 + … + 1/n times their mean.
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "at least 1"
-            )]
-            let n = (f.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
-            f.longest_gap_s / (1..=n).map(|k| 1.0 / f64::from(k)).sum::<f64>()
-        });
-        let outage_s = mean(outages_s);
-        add("radio_outage_s", outage_s, "longest gaps, of one in 10 s".into());
-        conditions
+        let gust_m_s = mean(gusts.iter().map(|gust| gust * gust)).sqrt();
+        let outages_s: Vec<f64> =
+            figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| f.mean_outage_s()).collect();
+        let enough = |n: usize| n >= LEAST_FLIGHTS;
+        let flights = |n: usize, what: &str| format!("{what}, {n} flights");
+        let (n_lags, n_gusts, n_gaps) = (lags_s.len(), gusts.len(), outages_s.len());
+        let (lags, gaps) = ("spread of the rotors' lag", "longest gaps, of one in 10 s");
+        let found = [
+            ("mass_frac", enough(n), thrust, flights(n, "thrust over weight")),
+            ("center_of_mass_m", enough(n), trim_m, flights(n, "trim beyond what gusts explain")),
+            ("motor_lag_s", enough(n_lags), lag_s, flights(n_lags, lags)),
+            ("gust_m_s", n_gusts > 0, gust_m_s, flights(n_gusts, "torque of uneven air")),
+            ("radio_outage_s", n_gaps > 0, mean(&outages_s), gaps.to_owned()),
+        ];
+        let shown = found.into_iter().filter(|(_, is_shown, ..)| *is_shown);
+        shown.map(|(key, _, value, from)| FoundCondition { key, value, from }).collect()
     }
 
     /// A conditions file (TOML) with what was found.
@@ -276,76 +268,85 @@ impl Evening {
     }
 }
 
-impl EveningLog {
-    fn flawed(log: &GatheredLog, flaw: Flaw) -> Self {
-        let (drone, log) = (log.drone.clone(), log.name.clone());
-        Self { drone, log, flaws: vec![flaw], figures: None, warnings: Vec::new() }
-    }
-
-    fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
-        let read = flight.as_ref().map_or(&[][..], |flight| &flight.warnings);
-        // Figures need the motors and the body's rates: what else is not logged is not missed.
-        let read = read.iter().filter(|warning| !matches!(warning, Warning::Unlogged(_)));
-        let warnings: Vec<String> = read.map(ToString::to_string).collect();
-        let row = |flaws, figures| Self {
-            drone: log.drone.clone(),
-            log: log.name.clone(),
-            flaws,
-            figures,
-            warnings: warnings.clone(),
-        };
-        let flight = match flight {
-            Ok(flight) => flight,
-            Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
-        };
-        let air = airborne(&flight).unwrap_or_default();
-        let has_motors = !flight.unlogged.contains(&Quantity::Motors);
-        if has_motors && !air.is_empty() && is_frozen(&flight.samples[air.clone()]) {
-            return row(vec![Flaw::Frozen], None);
-        }
-        let mut figures = match figures(&flight, scene) {
-            Ok(figures) => figures,
-            Err(error) => return row(vec![Flaw::Silent(error.to_string())], None),
-        };
-        let samples = &flight.samples[air];
-        let [from_s, to_s] = [samples[0].time_s, samples[samples.len() - 1].time_s];
-        let within = flight.gaps.iter().filter(|gap| from_s <= gap[0] && gap[1] <= to_s);
-        let lengths_s: Vec<f64> = within.map(|gap| gap[1] - gap[0]).collect();
-        figures.longest_gap_s = lengths_s.iter().copied().fold(0.0, f64::max);
-        let unknown = lengths_s.iter().sum::<f64>() / figures.air_s;
-        let saturated_s = saturated_s(samples, scene.vehicle.motor_max);
-        let flaws = [
-            (figures.air_s < LEAST_AIR_S).then_some(Flaw::Short(figures.air_s)),
-            (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
-            (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
-            figures.gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
-        ];
-        let mut row = row(flaws.into_iter().flatten().collect(), Some(figures));
-        if !samples.windows(2).any(|pair| pair[0].design_m.xy() != pair[1].design_m.xy()) {
-            row.warnings.push(
-                "its setpoints stay at one place, or are not logged: it does not show the rotors' \
-                 lag"
-                .into(),
-            );
-        }
-        row
+impl LogFigures {
+    /// The mean of its outages by the longest, which of n exponential times is
+    /// 1 + 1/2 + … + 1/n times their mean.
+    fn mean_outage_s(&self) -> f64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
+        let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
+        self.longest_gap_s / (1..=n).map(|k| 1.0 / f64::from(k)).sum::<f64>()
     }
 }
 
-fn figures(flight: &Flight, scene: &Scene) -> Result<LogFigures> {
+impl EveningLog {
+    fn of(
+        log: &GatheredLog,
+        flaws: Vec<Flaw>,
+        figures: Option<LogFigures>,
+        warnings: Vec<String>,
+    ) -> Self {
+        Self { drone: log.drone.clone(), log: log.name.clone(), flaws, figures, warnings }
+    }
+
+    fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
+        let flight = match flight {
+            Ok(flight) => flight,
+            Err(error) => {
+                let flaw = Flaw::Unreadable(error.to_string());
+                return Self::of(log, vec![flaw], None, Vec::new());
+            }
+        };
+        // Figures need the motors and the body's rates: what else is not logged is not missed.
+        let read = flight.warnings.iter().filter(|it| !matches!(it, Warning::Unlogged(_)));
+        let mut warnings: Vec<String> = read.map(ToString::to_string).collect();
+        let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
+        let figures = match figures(&flight, samples, scene) {
+            Ok(figures) => figures,
+            Err(flaw) => return Self::of(log, vec![flaw], None, warnings),
+        };
+        let LogFigures { air_s, gust_m_s, .. } = figures;
+        let unknown = gaps_s(&flight, samples).iter().sum::<f64>() / air_s;
+        let saturated_s = saturated_s(samples, scene.vehicle.motor_max);
+        let flaws = [
+            (air_s < LEAST_AIR_S).then_some(Flaw::Short(air_s)),
+            (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
+            (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
+            gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
+        ];
+        if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
+            let lagless = "its setpoints stay at one place, or are not logged: it does not show \
+                           the rotors' lag";
+            warnings.push(lagless.to_owned());
+        }
+        Self::of(log, flaws.into_iter().flatten().collect(), Some(figures), warnings)
+    }
+}
+
+/// Times in the air of which a log knows nothing.
+fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
+    let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
+    let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);
+    within.map(|[start_s, end_s]| end_s - start_s).collect()
+}
+
+/// The figures of a flight by its samples in the air; or why it has none.
+fn figures(
+    flight: &Flight,
+    air: &[FlightSample],
+    scene: &Scene,
+) -> std::result::Result<LogFigures, Flaw> {
+    if !flight.unlogged.contains(&Quantity::Motors) && !air.is_empty() && is_frozen(air) {
+        return Err(Flaw::Frozen);
+    }
     let vehicle = &scene.vehicle;
-    let identified = identify(flight, &Assumed::of(vehicle))?;
-    let air = airborne(flight).unwrap_or_default();
+    let identified =
+        identify(flight, &Assumed::of(vehicle)).map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);
     let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
     let room = GustOptions::default().torque_sigma_n_m;
-    let gust = identified.air.map(|air| {
-        let share = |axis: usize| air.torque_sigma_n_m[axis] / room[axis];
-        ROOM_GUST_M_S * 0.5 * (share(0) + share(1))
-    });
     Ok(LogFigures {
-        air_s: flight.samples[air.end - 1].time_s - flight.samples[air.start].time_s,
-        longest_gap_s: 0.0,
+        air_s: air[air.len() - 1].time_s - air[0].time_s,
+        longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
         // A torque about y is a center of mass off in x, and the other way around.
@@ -354,23 +355,19 @@ fn figures(flight: &Flight, scene: &Scene) -> Result<LogFigures> {
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
         lag_s: lag.map(|lag| lag.lag_s),
         lag_sigma_s: lag.map(|lag| lag.half_width_s / T_95),
-        gust_m_s: gust,
+        gust_m_s: identified.air.map(|air| {
+            let [x, y] = [0, 1].map(|axis: usize| air.torque_sigma_n_m[axis] / room[axis]);
+            ROOM_GUST_M_S * 0.5 * (x + y)
+        }),
     })
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
-    (n > 0.0).then(|| sum / n)
-}
-
-/// Standard deviation of values beyond that which each one has by itself.
-fn spread(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
-    let Some(middle) = mean(values.clone().map(|(value, _)| value)) else { return 0.0 };
-    let squares = values.map(|(value, own)| {
-        let off = value - middle;
-        [1.0, off * off, own * own]
-    });
-    let [n, square, own] = squares.fold([0.0; 3], |sum, part| [0, 1, 2].map(|k| sum[k] + part[k]));
+/// Standard deviation of values beyond that which each one has by itself; 0 of fewer than two.
+fn spread(values: &[(f64, f64)]) -> f64 {
+    let n = values.len() as f64;
+    let middle = mean(values.iter().map(|(value, _)| value));
+    let square: f64 = values.iter().map(|(value, _)| (value - middle) * (value - middle)).sum();
+    let own: f64 = values.iter().map(|(_, own)| own * own).sum();
     (square / (n - 1.0) - own / n).max(0.0).sqrt()
 }
 

@@ -27,76 +27,58 @@ pub enum Turn {
     Choice(Vec<String>),
 }
 
+/// The usual knobs of controllers by regulators, without a gain of one's own.
+const LQR: &str = "
+    controller.kind=lqr|lqr-feedforward|lqr-integral
+    controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
+    controller.lqr.q[2]*=0.1..10
+    controller.lqr.q[4]+controller.lqr.q[5]=0.001..10
+    controller.lqr.q[6]+controller.lqr.q[7]*=0.03..30
+    controller.lqr.q[8]*=0.1..10
+    controller.lqr.q[9]+controller.lqr.q[10]*=0.001..3
+    controller.lqr.q_integral[0]+controller.lqr.q_integral[1]+controller.lqr.q_integral[2]=1..300
+    controller.lqr.r[0]+controller.lqr.r[1]*=0.1..30
+    controller.lqr.r[3]*=0.1..10";
+const ALTITUDE: &str = "
+    controller.altitude.error_m*=0.3..3
+    controller.altitude.acceleration_m_s2*=0.3..3
+    controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
+    controller.lqr.r[0]+controller.lqr.r[1]*=0.1..30";
+const GEOMETRIC: &str = "
+    controller.geometric.k_position*=0.3..3
+    controller.geometric.k_velocity*=0.3..3
+    controller.geometric.k_position_integral=0.1..20
+    controller.geometric.k_attitude[0]+controller.geometric.k_attitude[1]*=0.3..3
+    controller.geometric.k_rate[0]+controller.geometric.k_rate[1]*=0.3..3";
+const PID: &str = "
+    controller.pid.pos_x[0]+controller.pid.pos_y[0]*=0.3..3
+    controller.pid.pos_z[0]*=0.3..3
+    controller.pid.vel_x[0]+controller.pid.vel_y[0]*=0.3..3
+    controller.pid.vel_z[0]*=0.3..3
+    controller.pid.vel_z[1]*=0.1..10
+    controller.pid.roll[0]+controller.pid.pitch[0]*=0.5..2";
+/// Those of the filter and of the plan.
+const TRUST_AND_SPEED: &str = "
+    observer.luenberger.q[0]+observer.luenberger.q[1]+observer.luenberger.q[2]*=0.05..5
+    plan.stroke_speed_m_s=0.12..0.4";
+
 impl Knob {
-    fn times(keys: &[&str], least: f64, most: f64) -> Self {
-        let keys = keys.iter().map(|key| (*key).to_owned()).collect();
-        Self { keys, turn: Turn::Times([least, most]) }
-    }
-
-    fn to(keys: &[&str], least: f64, most: f64) -> Self {
-        Self { turn: Turn::To([least, most]), ..Self::times(keys, 1.0, 1.0) }
-    }
-
     /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
     /// the measured position, speed; of these, what has an effect in it.
     #[must_use]
     pub fn usual(scene: &Scene) -> Vec<Self> {
-        let trust = Self::times(
-            &["observer.luenberger.q[0]", "observer.luenberger.q[1]", "observer.luenberger.q[2]"],
-            0.05,
-            5.0,
-        );
-        let speed = Self::to(&["plan.stroke_speed_m_s"], 0.12, 0.4);
-        let mut knobs = match scene.controller.kind {
-            _ if scene.controller.lqr.k.is_some() => Vec::new(),
+        let of_controller = match scene.controller.kind {
+            _ if scene.controller.lqr.k.is_some() => "",
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
-                let kinds = ["lqr", "lqr-feedforward", "lqr-integral"].map(str::to_owned);
-                let integral =
-                    ["[0]", "[1]", "[2]"].map(|i| format!("controller.lqr.q_integral{i}"));
-                vec![
-                    Self { keys: vec!["controller.kind".into()], turn: Turn::Choice(kinds.into()) },
-                    Self::times(&["controller.lqr.q[0]", "controller.lqr.q[1]"], 0.1, 10.0),
-                    Self::times(&["controller.lqr.q[2]"], 0.1, 10.0),
-                    Self::to(&["controller.lqr.q[4]", "controller.lqr.q[5]"], 1e-3, 10.0),
-                    Self::times(&["controller.lqr.q[6]", "controller.lqr.q[7]"], 0.03, 30.0),
-                    Self::times(&["controller.lqr.q[8]"], 0.1, 10.0),
-                    Self::times(&["controller.lqr.q[9]", "controller.lqr.q[10]"], 1e-3, 3.0),
-                    Self { keys: integral.into(), turn: Turn::To([1.0, 300.0]) },
-                    Self::times(&["controller.lqr.r[0]", "controller.lqr.r[1]"], 0.1, 30.0),
-                    Self::times(&["controller.lqr.r[3]"], 0.1, 10.0),
-                ]
+                LQR
             }
-            ControllerKind::Altitude => vec![
-                Self::times(&["controller.altitude.error_m"], 0.3, 3.0),
-                Self::times(&["controller.altitude.acceleration_m_s2"], 0.3, 3.0),
-                Self::times(&["controller.lqr.q[0]", "controller.lqr.q[1]"], 0.1, 10.0),
-                Self::times(&["controller.lqr.r[0]", "controller.lqr.r[1]"], 0.1, 30.0),
-            ],
-            ControllerKind::Geometric => vec![
-                Self::times(&["controller.geometric.k_position"], 0.3, 3.0),
-                Self::times(&["controller.geometric.k_velocity"], 0.3, 3.0),
-                Self::to(&["controller.geometric.k_position_integral"], 0.1, 20.0),
-                Self::times(
-                    &["controller.geometric.k_attitude[0]", "controller.geometric.k_attitude[1]"],
-                    0.3,
-                    3.0,
-                ),
-                Self::times(
-                    &["controller.geometric.k_rate[0]", "controller.geometric.k_rate[1]"],
-                    0.3,
-                    3.0,
-                ),
-            ],
-            ControllerKind::Pid => vec![
-                Self::times(&["controller.pid.pos_x[0]", "controller.pid.pos_y[0]"], 0.3, 3.0),
-                Self::times(&["controller.pid.pos_z[0]"], 0.3, 3.0),
-                Self::times(&["controller.pid.vel_x[0]", "controller.pid.vel_y[0]"], 0.3, 3.0),
-                Self::times(&["controller.pid.vel_z[0]"], 0.3, 3.0),
-                Self::times(&["controller.pid.vel_z[1]"], 0.1, 10.0),
-                Self::times(&["controller.pid.roll[0]", "controller.pid.pitch[0]"], 0.5, 2.0),
-            ],
+            ControllerKind::Altitude => ALTITUDE,
+            ControllerKind::Geometric => GEOMETRIC,
+            ControllerKind::Pid => PID,
         };
-        knobs.extend([trust, speed]);
+        let texts = [of_controller, TRUST_AND_SPEED].map(str::split_whitespace);
+        let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a knob of ours"));
+        let mut knobs: Vec<Self> = knobs.collect();
         let idle = without_effect(scene, &knobs);
         knobs.retain(|knob| !idle.iter().any(|(key, _why)| knob.keys.contains(key)));
         knobs
@@ -104,11 +86,13 @@ impl Knob {
 
     /// Sets the knob in a scene to `at`, 0 to 1.
     fn set(&self, scene: &mut toml::Value, at: f64) -> Result<()> {
+        let between =
+            |[least, most]: [f64; 2]| libm::exp(libm::log(least) + at * libm::log(most / least));
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
-                (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range, at)),
-                (Turn::To(range), Some(_)) => toml::Value::Float(between(*range, at)),
+                (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range)),
+                (Turn::To(range), Some(_)) => toml::Value::Float(between(*range)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
                     let index = (at * words.len() as f64) as usize;
@@ -152,14 +136,11 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     let mut scenes = vec![scene.clone()];
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
-        let steps = 0..u32::try_from(words.len()).unwrap_or(0);
-        let at = steps.map(|step| (f64::from(step) + 0.5) / words.len() as f64);
-        let chosen: Vec<Scene> = at
-            .flat_map(|at| {
-                scenes.iter().filter_map(move |s| turned(s, std::slice::from_ref(knob), &[at]).ok())
-            })
-            .collect();
-        scenes.extend(chosen);
+        let unchosen = scenes.clone();
+        for at in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
+            let turn = |scene| turned(scene, std::slice::from_ref(knob), &[at]).ok();
+            scenes.extend(unchosen.iter().filter_map(turn));
+        }
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     keys.filter_map(|key| {
@@ -194,11 +175,6 @@ fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value
         .ok_or_else(|| Error::input("knob", key, "a key of the scene", HINT))
 }
 
-/// Between two positive numbers, evenly in the logarithm.
-fn between([least, most]: [f64; 2], at: f64) -> f64 {
-    libm::exp(libm::log(least) + at * libm::log(most / least))
-}
-
 impl FromStr for Knob {
     type Err = Error;
 
@@ -207,23 +183,21 @@ impl FromStr for Knob {
         let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
         let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
         let keys = keys.split('+').map(str::to_owned).collect();
-        if let Some((low, high)) = turn.split_once("..") {
-            let number = |text: &str| text.parse::<f64>().ok().filter(|x| *x > 0.0);
-            let [low, high] = [number(low), number(high)].map(|x| x.ok_or_else(broken));
-            let range = [low?, high?];
-            if !(range[0] < range[1] && range[1].is_finite()) {
+        let turn = if let Some((low, high)) = turn.split_once("..") {
+            let number = |text: &str| text.parse::<f64>().map_err(|_not_a_number| broken());
+            let range @ [low, high] = [number(low)?, number(high)?];
+            if !(0.0 < low && low < high && high.is_finite()) {
                 return Err(broken());
             }
-            return Ok(Self {
-                keys,
-                turn: if times { Turn::Times(range) } else { Turn::To(range) },
-            });
-        }
-        let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
-        if times || words.len() < 2 || words.iter().any(String::is_empty) {
-            return Err(broken());
-        }
-        Ok(Self { keys, turn: Turn::Choice(words) })
+            if times { Turn::Times(range) } else { Turn::To(range) }
+        } else {
+            let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
+            if times || words.len() < 2 || words.iter().any(String::is_empty) {
+                return Err(broken());
+            }
+            Turn::Choice(words)
+        };
+        Ok(Self { keys, turn })
     }
 }
 

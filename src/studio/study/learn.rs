@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use super::correct::{LearnOptions, correct};
 use super::statistics::{Estimate, mean, mean_of_strata, share};
+use super::trial::or_lost;
 use super::{Outcome, Prepared, Store};
 use noctograph_core::digest::fnv_1a;
 use noctograph_core::error::{Error, Result};
@@ -34,9 +35,6 @@ pub struct Round {
     pub legibility: f64,
     /// Share of flights whose photo is legible.
     pub legible: Estimate,
-    /// Mean merit.
-    #[serde(skip)]
-    pub merit: f64,
     /// Mean distance from the path, m.
     pub contour_m: f64,
     /// Root mean square error in the word's plane, m.
@@ -116,11 +114,11 @@ pub fn learn(
         }
         let gain = options.gain / f64::from(1 + failed * failed);
         let options = LearnOptions { gain, ..options.clone() };
-        let corrected = from.iter().enumerate().map(|(drone, plan)| {
-            let of_drone = flights.iter().map(|flights| flights[drone].clone());
-            correct(plan, ready.scene(), &of_drone.collect::<Vec<_>>(), &options)
-        });
-        sent = corrected.collect::<Result<_>>()?;
+        let corrected = |(drone, plan): (usize, &Plan)| {
+            let of_drone: Vec<_> = flights.iter().map(|flights| flights[drone].clone()).collect();
+            correct(plan, ready.scene(), &of_drone, &options)
+        };
+        sent = from.iter().enumerate().map(corrected).collect::<Result<_>>()?;
     }
     let (plans, _, outcomes) = best.expect("the first round is kept");
     if outcomes.iter().all(|outcome| outcome.lost.is_some()) {
@@ -139,9 +137,9 @@ fn seed(options: &LearnOptions, index: u32) -> u64 {
 
 /// Flights of a seed and their outcome; no flights where a drone was lost.
 fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Vec<Flight>, Outcome)> {
-    let flights = match ready.fly(seed) {
+    let flights = match or_lost(ready.fly(seed))? {
         Ok(flights) => flights,
-        Err(error) => return Ok((Vec::new(), ready.lost(error)?)),
+        Err(how) => return Ok((Vec::new(), Outcome::lost(ready.word(), how))),
     };
     if let Some(known) = store.and_then(|store| store.get(ready.digest(), seed)) {
         return Ok((flights, known));
@@ -179,12 +177,10 @@ fn lower_limit(values: &[f64]) -> f64 {
 /// The figures of a round.
 fn round(outcomes: &[Outcome]) -> Round {
     let flown: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.flown).collect();
-    let of = |value: fn(&super::Flown) -> f64| mean(&flown.iter().map(value).collect::<Vec<_>>());
-    let read = |value: fn(&Outcome) -> f64| mean(&outcomes.iter().map(value).collect::<Vec<_>>());
+    let of = |value: fn(&super::Flown) -> f64| mean(flown.iter().map(value));
     Round {
-        legibility: read(|outcome| outcome.probability),
+        legibility: mean(outcomes.iter().map(|outcome| outcome.probability)),
         legible: share(outcomes.iter().map(|outcome| outcome.legible)),
-        merit: read(Outcome::merit),
         contour_m: of(|f| f.contour_m),
         rmse_m: of(|f| libm::hypot(f.rmse_x_m, f.rmse_z_m)),
         lag_s: of(|f| f.lag_s),
@@ -217,7 +213,7 @@ mod tests {
         assert!(learned.helped());
         assert!(best.contour_m < 0.6 * first.contour_m, "{first:?} became {best:?}");
         assert!(best.rmse_m < 0.7 * first.rmse_m, "{first:?} became {best:?}");
-        assert!(best.merit >= first.merit - 0.05, "{first:?} became {best:?}");
+        assert!(best.legibility >= first.legibility - 0.05, "{first:?} became {best:?}");
         let mut csv = Vec::new();
         learned.plans[0].write_csv(&mut csv).unwrap();
         assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plans[0], "as a file");

@@ -56,4 +56,4 @@ pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, Spr
 pub use store::{Record, Store};
 pub use tables::{candidates_csv, flights_csv, ranking_csv, robustness_csv};
 pub use trial::Prepared;
-pub use tune::{Candidate, Limits, TuneOptions, Tuned, tune};
+pub use tune::{Candidate, TuneOptions, Tuned, tune};

@@ -114,28 +114,25 @@ impl Outcome {
             .into_iter()
             .flat_map(|flown| Flown::<f64>::NAMES.into_iter().zip(flown.values()));
         let figures = figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE));
-        match scores.into_iter().chain(figures).find(|(_, value, range)| !range.contains(value)) {
-            None => Ok(()),
-            Some((name, value, range)) => {
+        for (name, value, range) in scores.into_iter().chain(figures) {
+            if !range.contains(&value) {
                 let wanted = format!("a number from {} to {}", range.start(), range.end());
                 let hint = "take the line out, or name another folder";
-                Err(Error::input(format!("{place}: {name}"), value, wanted, hint))
+                return Err(Error::input(format!("{place}: {name}"), value, wanted, hint));
             }
         }
+        Ok(())
     }
 
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
-        let p = verdict.read_probability();
-        let letters = &verdict.letters;
-        let shares: Vec<f64> = letters.iter().filter_map(|letter| letter.p).collect();
-        let n = shares.len().max(1) as f64;
+        let (p, letters) = (verdict.read_probability(), &verdict.letters);
         Self {
             read: verdict.read.clone(),
             all_read: letters.iter().all(|letter| letter.best == Some(letter.expected)),
             legible: verdict.legible,
             probability: p,
             log_odds: libm::log(p / (1.0 - p)).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
-            similarity: shares.iter().sum::<f64>() / n,
+            similarity: mean(letters.iter().filter_map(|letter| letter.p)),
             flown: Some(flown),
             lost: None,
         }
@@ -177,15 +174,14 @@ impl Outcome {
 impl Flown {
     /// Figures of the flights of one photo.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
-        let each = flights.iter().map(|flight| Self::from_flight(flight, believed));
-        let each: Vec<[f64; 10]> =
-            each.map(|figures| Ok(figures?.values())).collect::<Result<_>>()?;
+        let each = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
+        let each: Vec<[f64; 10]> = each.collect::<Result<_>>()?;
         let figure = |index: usize| {
             let of_drones = each.iter().map(|values| values[index]);
             match Self::NAMES[index] {
                 "drift_y_m" | "tilt_rad" | "duration_s" => of_drones.fold(0.0, f64::max),
                 "energy_j" => of_drones.sum(),
-                _ => mean(&of_drones.collect::<Vec<_>>()),
+                _ => mean(of_drones),
             }
         };
         Ok(Self::from_values(std::array::from_fn(figure)))
@@ -205,7 +201,10 @@ impl Flown {
             tilt_rad,
             saturated_frac: saturated_frac(flight),
             duration_s: flight.samples.last().map_or(0.0, |last| last.time_s),
-            energy_j: energy_j(flight, believed),
+            // Where the scene has no battery, that of a full one.
+            energy_j: flight
+                .at_end(ENERGY_J)
+                .unwrap_or_else(|| modeled_energy_j(&flight.samples, believed)),
         })
     }
 }
@@ -221,11 +220,6 @@ fn saturated_frac(flight: &Flight) -> f64 {
         }
     }
     if written_s > 0.0 { saturated_s / written_s } else { 0.0 }
-}
-
-/// Energy drawn from the battery; where the scene has none, that of a full one.
-fn energy_j(flight: &Flight, options: &SimOptions) -> f64 {
-    flight.at_end(ENERGY_J).unwrap_or_else(|| modeled_energy_j(&flight.samples, options))
 }
 
 /// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.

@@ -3,13 +3,10 @@
 use serde::Serialize;
 
 use super::statistics::{
-    Estimate, bootstrap, center, least_for_center, mean, mean_of_probabilities, mean_of_strata,
-    share, worst_decile,
+    Estimate, LEVEL, bootstrap, center, least_for_center, mean, mean_of_probabilities,
+    mean_of_strata, share, worst_decile,
 };
 use super::{Flown, Record, Study};
-
-/// Level of all intervals.
-const LEVEL: f64 = 0.95;
 
 /// Contenders in order of their mean probability of being read, the best first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,9 +41,6 @@ pub struct Measures {
     pub all_read: Estimate,
     /// Mean of the figures of the flights that were not lost; `None` where all were.
     pub flown: Option<Flown<Estimate>>,
-    /// Index among the study's contenders.
-    #[serde(skip)]
-    pub index: usize,
     /// Trials whose photo is the median and the worst, as indices into the records.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
@@ -74,31 +68,20 @@ pub struct Pair {
 #[must_use]
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
-    let per_contender = records.len() / study.contenders.len().max(1);
-    let of = |contender: usize| &records[contender * per_contender..][..per_contender];
-    let probabilities = |contender: usize| -> Vec<f64> {
-        of(contender).iter().map(|record| record.outcome.probability).collect()
-    };
-
-    let mut measures: Vec<Measures> = (0..study.contenders.len())
-        .map(|index| measure(study, index, of(index), index * per_contender))
-        .collect();
+    let n_each = (records.len() / study.contenders.len().max(1)).max(1);
+    let of_contenders = records.chunks(n_each).enumerate();
+    let mut measures: Vec<Measures> =
+        of_contenders.map(|(index, records)| measure(study, records, index * n_each)).collect();
     measures.sort_by(|a, b| b.legibility.value.total_cmp(&a.legibility.value));
-
-    let lists: Vec<(&str, Vec<f64>)> = measures
-        .iter()
-        .map(|measures| (measures.contender.as_str(), probabilities(measures.index)))
-        .collect();
-    let (pairs, least_flights) = pairs(&lists);
-    for index in 0..measures.len() {
-        let surely_worse = |better: &Measures| {
-            let of_both = |pair: &&Pair| {
-                pair.better == better.contender && pair.worse == measures[index].contender
-            };
-            pairs.iter().find(of_both).is_some_and(|pair| pair.distinguishable)
-        };
-        measures[index].place =
-            1 + measures[..index].iter().filter(|better| surely_worse(better)).count();
+    let probabilities = |contender: &str| {
+        let records = records.iter().filter(|record| record.contender == contender);
+        records.map(|record| record.outcome.probability).collect()
+    };
+    let names = measures.iter().map(|measures| measures.contender.as_str());
+    let (pairs, least_flights) = pairs(&names.map(|n| (n, probabilities(n))).collect::<Vec<_>>());
+    for measures in &mut measures {
+        let worse = pairs.iter().filter(|pair| pair.worse == measures.contender);
+        measures.place += worse.filter(|pair| pair.distinguishable).count();
     }
     Ranking { measures, pairs, least_flights }
 }
@@ -118,60 +101,53 @@ fn pairs(contenders: &[(&str, Vec<f64>)]) -> (Vec<Pair>, u32) {
                 better: (*better).to_owned(),
                 worse: (*worse).to_owned(),
                 difference,
-                distinguishable: difference.is_not_zero(),
+                distinguishable: difference.low > 0.0 || difference.high < 0.0,
             });
         }
     }
     (pairs, least_for_center(level))
 }
 
-/// The values of one contender's records, word by word.
-fn strata<T>(study: &Study, records: &[Record], value: impl Fn(&Record) -> T) -> Vec<Vec<T>> {
-    let mut rest = records;
-    let words = study.words.iter().map(|(_, n)| {
-        let (of_word, others) = rest.split_at(*n as usize);
-        rest = others;
-        of_word.iter().map(&value).collect()
-    });
-    words.collect()
+/// The values of one contender's records that have one, word by word.
+fn strata(
+    study: &Study,
+    mut records: &[Record],
+    value: impl Fn(&Record) -> Option<f64>,
+) -> Vec<Vec<f64>> {
+    let of_word = |(_, n): &(String, u32)| {
+        let of_word = records.split_off(..*n as usize).unwrap_or_default();
+        of_word.iter().filter_map(&value).collect()
+    };
+    study.words.iter().map(of_word).collect()
 }
 
-fn measure(study: &Study, index: usize, records: &[Record], first: usize) -> Measures {
-    let probabilities = strata(study, records, |r| r.outcome.probability);
-    let mut order: Vec<usize> = (0..records.len()).collect();
-    let outcome = |at: usize| &records[at].outcome;
-    order.sort_by(|a, b| {
-        let legible = outcome(*a).probability.total_cmp(&outcome(*b).probability);
-        legible.then(outcome(*a).similarity.total_cmp(&outcome(*b).similarity))
-    });
+/// Measures of the best place, of one contender's records; `first` is the number of its first.
+fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
+    let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // A lost drone leaves no photo.
-    order.retain(|at| outcome(*at).flown.is_some());
-    let photo = |at: usize| order.get(at).map_or(first, |at| first + at);
+    let mut photos: Vec<usize> =
+        (0..records.len()).filter(|at| records[*at].outcome.flown.is_some()).collect();
+    photos.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|at| &records[*at].outcome);
+        a.probability.total_cmp(&b.probability).then(a.similarity.total_cmp(&b.similarity))
+    });
+    let photo = |at: usize| first + photos.get(at).copied().unwrap_or(0);
+    let figure = |index: usize| {
+        let value = |record: &Record| Some(record.outcome.flown?.values()[index]);
+        mean_of_strata(&strata(study, records, value))
+    };
     Measures {
-        contender: study.contenders[index].name.clone(),
-        place: 0,
+        contender: records[0].contender.clone(),
+        place: 1,
         n_flights: records.len(),
         n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
         legibility: mean_of_probabilities(&probabilities),
         legible: share(records.iter().map(|record| record.outcome.legible)),
-        worst_decile: bootstrap(&probabilities, LEVEL, worst_decile),
+        worst_decile: bootstrap(&probabilities, worst_decile),
         all_read: share(records.iter().map(|record| record.outcome.all_read)),
-        flown: flown(study, records),
-        index,
-        median_and_worst: [photo(order.len() / 2), photo(0)],
+        flown: (!photos.is_empty()).then(|| Flown::from_values(std::array::from_fn(figure))),
+        median_and_worst: [photo(photos.len() / 2), photo(0)],
     }
-}
-
-fn flown(study: &Study, records: &[Record]) -> Option<Flown<Estimate>> {
-    records.iter().find(|record| record.outcome.flown.is_some())?;
-    let values = strata(study, records, |r| r.outcome.flown.map(|flown| flown.values()));
-    let figure = |index: usize| {
-        let of_word = |word: &Vec<Option<[f64; 10]>>| {
-            word.iter().flatten().map(|values| values[index]).collect()
-        };
-        mean_of_strata(&values.iter().map(of_word).collect::<Vec<_>>())
-    };
-    Some(Flown::from_values(std::array::from_fn(figure)))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::statistics::mean;
 use crate::scene::{Change, Scene};
 use crate::shoot::{Judging, Shoot};
 use noctograph_core::camera::{CameraOptions, Framing, Metering};
@@ -49,7 +50,9 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
         let after = read_probability(&scene, scene.seed).ok()?;
         (after - own >= LEAST_GAIN).then_some((after - own, changes, scene))
     };
-    let candidates = candidates(shoot)?;
+    let wanted = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
+    let candidates = wanted.map(|(_, changes)| Ok((changes.clone(), changed(scene, &changes)?)));
+    let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
     let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
     gains.sort_by(|a, b| b.0.total_cmp(&a.0));
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
@@ -61,7 +64,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
         let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         gains.push(first);
-        let gain = gains.iter().sum::<f64>() / gains.len() as f64;
+        let gain = mean(&gains);
         if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
             remedies.push(Remedy { changes, gain });
         }
@@ -79,13 +82,6 @@ fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
     let verdict = shoot.take(&|_, _| {})?.verdict;
     Ok(verdict.map_or(0.0, |verdict| verdict.read_probability()))
-}
-
-/// Changes that may help, each with its scene.
-fn candidates(shoot: &Shoot) -> Result<Vec<(Vec<Change>, Scene)>> {
-    let all = writing(&shoot.scene).into_iter().chain(pictures(shoot)?);
-    let changes = all.filter_map(|(wanted, changes)| wanted.then_some(changes));
-    changes.map(|changes| Ok((changes.clone(), changed(&shoot.scene, &changes)?))).collect()
 }
 
 /// A scene after some changes. A style of flying brings its own defaults, and leaves the lamps.
@@ -132,8 +128,8 @@ fn writing(scene: &Scene) -> Vec<Candidate> {
 fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
-    let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
-    let end_s = end_s.ceil();
+    let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
+    let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
     let away_m = (100.0 * away_m).round() / 100.0;
@@ -187,11 +183,8 @@ mod tests {
     fn a_scene_that_reads_needs_none() {
         let found = of(|_| {});
         assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
-        let own = read_probability(
-            &Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) },
-            1,
-        )
-        .unwrap();
+        let scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
+        let own = read_probability(&scene, 1).unwrap();
         assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
     }
 }

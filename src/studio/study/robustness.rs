@@ -71,8 +71,8 @@ impl RobustnessOptions {
         let rises = self.times.windows(2).all(|pair| pair[0] < pair[1]);
         if self.times.len() < 2 || !rises || self.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
             let wanted = "at least two numbers from 0 to 1000, each above the one before";
-            let hint = "for example 0, 1, 2, 4, 8";
-            return Err(Error::input("times", format!("{:?}", self.times), wanted, hint));
+            let found = format!("{:?}", self.times);
+            return Err(Error::input("times", found, wanted, "for example 0, 1, 2, 4, 8"));
         }
         self.usual.times(self.times[self.times.len() - 1]).check()?;
         if self.n_flights() > MAX_TRIALS {
@@ -89,7 +89,8 @@ impl RobustnessOptions {
     /// Those of [`Self::check`] and [`Study::prepare`].
     pub fn prepare(&self) -> Result<()> {
         self.check()?;
-        self.study(&self.usual).prepare().map(|_prepared| ())
+        self.study(&self.usual).prepare()?;
+        Ok(())
     }
 
     /// Flights of all factors and multiples; equal ones are flown once.
@@ -122,8 +123,7 @@ pub fn robustness(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Endurance>> {
     options.check()?;
-    let mut before = 0;
-    let mut endurances = Vec::new();
+    let (mut before, mut endurances) = (0, Vec::new());
     // Without disturbance, and where the usual one of a factor is zero, conditions are equal.
     let mut flown: Vec<(Conditions, Level)> = Vec::new();
     for factor in Factor::all().map(Some).chain([None]) {
@@ -133,32 +133,31 @@ pub fn robustness(
             let study = options.study(&widest.times(times));
             let trials: Vec<Trial> = study.trials().collect();
             let equal = flown.iter().find(|(conditions, _)| *conditions == study.conditions);
-            let level = if let Some((_, level)) = equal {
-                done(before + trials.len());
-                Level { times, ..*level }
-            } else {
-                let done = |n| done(before + n);
-                let (ready, stop) = (study.prepare()?, Stop::default());
-                let records = evaluate(&study, &ready, &trials, store, &stop, &done)?;
-                level(times, &records)
+            let level = match equal {
+                Some((_, level)) => Level { times, ..*level },
+                None => {
+                    let done = |n| done(before + n);
+                    let (ready, stop) = (study.prepare()?, Stop::default());
+                    level(times, &evaluate(&study, &ready, &trials, store, &stop, &done)?)
+                }
             };
             before += trials.len();
+            done(before);
             flown.push((study.conditions, level));
             levels.push(level);
         }
         endurances.push(endurance(factor, levels));
     }
-    let order = |e: &Endurance| {
-        let last = e.levels.last().map_or(0.0, |level| level.legible.value);
-        (e.breaks_at.unwrap_or(f64::INFINITY), last)
-    };
     endurances.sort_by(|a, b| {
-        let ((a_at, a_last), (b_at, b_last)) = (order(a), order(b));
+        let [(a_at, a_last), (b_at, b_last)] = [a, b].map(|endurance: &Endurance| {
+            let last = endurance.levels.last().map_or(0.0, |level| level.legible.value);
+            (endurance.breaks_at.unwrap_or(f64::INFINITY), last)
+        });
         a_at.total_cmp(&b_at).then(a_last.total_cmp(&b_last))
     });
     for index in 0..endurances.len() {
-        endurances[index].place =
-            1 + endurances.iter().filter(|e| breaks_before(e, &endurances[index])).count();
+        let earlier = endurances.iter().filter(|other| breaks_before(other, &endurances[index]));
+        endurances[index].place = 1 + earlier.count();
     }
     Ok(endurances)
 }
@@ -167,10 +166,8 @@ fn endurance(factor: Option<Factor>, levels: Vec<Level>) -> Endurance {
     Endurance {
         factor,
         breaks_at: breaks_at(&levels, |share| share.value),
-        breaks_between: [
-            breaks_at(&levels, |share| share.low),
-            breaks_at(&levels, |share| share.high),
-        ],
+        breaks_between: [|share: &Estimate| share.low, |share: &Estimate| share.high]
+            .map(|end| breaks_at(&levels, end)),
         place: 1,
         levels,
     }
@@ -201,9 +198,9 @@ fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
     if legible(first) <= HALF {
         return Some(first.times);
     }
-    let fall = levels.windows(2).find(|pair| legible(&pair[1]) <= HALF)?;
-    let [from, to] = [fall[0], fall[1]];
-    let share = (legible(&from) - HALF) / (legible(&from) - legible(&to));
+    let mut pairs = levels.iter().zip(&levels[1..]);
+    let (from, to) = pairs.find(|(_, to)| legible(to) <= HALF)?;
+    let share = (legible(from) - HALF) / (legible(from) - legible(to));
     Some(from.times + share * (to.times - from.times))
 }
 
@@ -236,11 +233,8 @@ mod tests {
             (of(&[20, 6, 0, 0]), of(&[20, 12, 4, 0]), of(&[20, 20, 20, 19]));
         let [early, late] = weak.breaks_between.map(Option::unwrap);
         assert!(early < weak.breaks_at.unwrap() && weak.breaks_at.unwrap() < late, "{weak:?}");
-        assert!(
-            breaks_before(&weak, &strong)
-                && breaks_before(&middling, &strong)
-                && !breaks_before(&strong, &weak)
-        );
+        let is_first = [(&weak, &strong), (&middling, &strong), (&strong, &weak)];
+        assert_eq!(is_first.map(|(one, other)| breaks_before(one, other)), [true, true, false]);
         assert!(!breaks_before(&weak, &middling), "{weak:?} and {middling:?} overlap");
         assert_eq!(strong.breaks_between, [None, None]);
     }

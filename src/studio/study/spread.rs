@@ -10,8 +10,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Conditions;
-use super::trial::{reader, shrink};
-use crate::shoot::{Judging, Shoot};
+use super::design::counter;
+use super::statistics::mean;
+use super::trial::{or_lost, reader, shrink};
+use crate::shoot::{Judging, Shoot, Shot};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_picture::expose::BackendChoice;
@@ -134,30 +136,21 @@ impl Band {
         let mut shares: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
             let after = samples.partition_point(|sample| sample.time_s < *time_s);
+            let off_s = |sample: &&FlightSample| (sample.time_s - time_s).abs();
             let near = samples[after.saturating_sub(1)..].iter().take(2);
-            let near =
-                near.min_by(|a, b| (a.time_s - time_s).abs().total_cmp(&(b.time_s - time_s).abs()));
-            let Some(sample) = near.filter(|near| (near.time_s - time_s).abs() <= NEAR_S) else {
-                continue;
-            };
+            let near = near.min_by(|a, b| off_s(a).total_cmp(&off_s(b)));
+            let Some(sample) = near.filter(|sample| off_s(sample) <= NEAR_S) else { continue };
             for (axis, shares) in shares.iter_mut().enumerate() {
                 let off_m = sample.position_m[axis] - middle[axis];
                 let end_m = if off_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
                 shares.push((off_m / end_m).max(0.0));
             }
         }
-        let inside = |shares: &Vec<f64>| {
-            let n_inside = shares.iter().filter(|share| **share <= 1.0).count();
-            n_inside as f64 / shares.len().max(1) as f64
-        };
-        let width = |shares: &Vec<f64>| {
-            let mut sorted = shares.clone();
-            sorted.sort_by(f64::total_cmp);
-            1.0 / quantile(&sorted, BAND_FRAC)
-        };
+        shares.iter_mut().for_each(|shares| shares.sort_by(f64::total_cmp));
+        let shares = shares.each_ref();
         Held {
-            inside: Vector3::from(shares.each_ref().map(inside)),
-            width: Vector3::from(shares.each_ref().map(width)),
+            inside: shares.map(|all| mean(all.iter().map(|s| f64::from(*s <= 1.0)))).into(),
+            width: shares.map(|sorted| 1.0 / quantile(sorted, BAND_FRAC)).into(),
         }
     }
 }
@@ -208,33 +201,24 @@ pub fn spread(
         shoot.scene.seed = seed;
         shoot
     };
-    let counted = std::sync::atomic::AtomicUsize::new(0);
-    let count = || done(1 + counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
+    let count = counter(done);
     let seeds: Vec<u64> = (first..).take(n).collect();
     let one = |seed: &u64| {
-        let shot = drawn(*seed, *seed).take(&|_, _| {});
+        let shot = or_lost(drawn(*seed, *seed).take(&|_, _| {}));
         count();
-        let shot = kept(shot)?.map(|shot| SpreadShot {
-            flights: shot.flights,
-            photo: shot.photo,
-            verdict: shot.verdict,
-        });
-        Ok(SpreadFlight { seed: *seed, shot })
+        let kept = |Shot { flights, photo, verdict, .. }| SpreadShot { flights, photo, verdict };
+        Ok(SpreadFlight { seed: *seed, shot: shot?.map(kept) })
     };
     let flights: Vec<SpreadFlight> = seeds.par_iter().map(one).collect::<Result<_>>()?;
     let again = |seed: &u64| {
-        let flown = drawn(*seed, first).fly(&|_, _| {});
+        let flown = or_lost(drawn(*seed, first).fly(&|_, _| {}));
         count();
-        kept(flown)
+        flown
     };
     let again: Vec<_> = seeds.par_iter().map(again).collect::<Result<_>>()?;
-    let of_drone = |drone: usize, flown: &[&Vec<Flight>]| {
-        let flights: Vec<&Flight> = flown.iter().map(|flights| &flights[drone]).collect();
-        Band::new(&flights, |sample| sample.position_m)
-    };
-    let flown: Vec<_> = flights.iter().filter_map(|f| f.shot.as_ref().ok()).collect();
-    let flown: Vec<&Vec<Flight>> = flown.into_iter().map(|shot| &shot.flights).collect();
-    let again: Vec<&Vec<Flight>> = again.iter().filter_map(|flown| flown.as_ref().ok()).collect();
+    let flown: Vec<&Vec<Flight>> =
+        flights.iter().filter_map(|flight| Some(&flight.shot.as_ref().ok()?.flights)).collect();
+    let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
     if flown.is_empty() || again.is_empty() {
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
         return Err(Error::Infeasible {
@@ -242,19 +226,14 @@ pub fn spread(
             hint: "fly the scene without its spread, or under milder conditions".into(),
         });
     }
-    let drones = 0..base.plans.len();
-    let all = drones.clone().map(|drone| of_drone(drone, &flown)).collect();
-    let within = drones.map(|drone| of_drone(drone, &again)).collect();
-    Ok(Spread { flights, all, within })
-}
-
-/// A result, or how a drone was lost.
-fn kept<T>(result: Result<T>) -> Result<std::result::Result<T, String>> {
-    match result {
-        Ok(flown) => Ok(Ok(flown)),
-        Err(Error::Infeasible { what, .. }) => Ok(Err(what)),
-        Err(error) => Err(error),
-    }
+    let bands = |flown: &[&Vec<Flight>]| {
+        let of_drone = |drone: usize| {
+            let flights: Vec<&Flight> = flown.iter().map(|flights| &flights[drone]).collect();
+            Band::new(&flights, |sample| sample.position_m)
+        };
+        (0..base.plans.len()).map(of_drone).collect()
+    };
+    Ok(Spread { all: bands(&flown), within: bands(&again), flights })
 }
 
 #[cfg(test)]

@@ -15,6 +15,8 @@
 //! few values, and the randomization test of Fisher and Pitman in one. Too few values have none: at
 //! a level of 95 % six are needed.
 
+use std::borrow::Borrow;
+
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
@@ -33,7 +35,7 @@ const ALL_SUBSETS_OF: usize = 14;
 const PRIOR_VALUES: f64 = 0.5;
 
 /// A figure and the interval in which it lies at a stated level.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
     /// The figure of all values.
     pub value: f64,
@@ -43,38 +45,25 @@ pub struct Estimate {
     pub high: f64,
 }
 
-impl Estimate {
-    /// The same within limits.
-    fn within(self, low: f64, high: f64) -> Self {
-        Self { low: self.low.max(low), high: self.high.min(high), ..self }
-    }
-
-    /// Whether nothing lies in the interval.
-    #[must_use]
-    pub fn is_not_zero(&self) -> bool {
-        self.low > 0.0 || self.high < 0.0
-    }
-}
+/// Level of all intervals but those of `center`.
+pub(super) const LEVEL: f64 = 0.95;
 
 /// Mean; 0 of nothing.
-#[must_use]
-pub fn mean(values: &[f64]) -> f64 {
-    let n = values.len().max(1) as f64;
-    values.iter().sum::<f64>() / n
+pub(super) fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let mut n = 0.0_f64;
+    let sum: f64 = values.into_iter().inspect(|_| n += 1.0).map(|value| *value.borrow()).sum();
+    sum / n.max(1.0)
 }
 
 /// Standard error of the mean; 0 of fewer than two values.
-#[must_use]
 pub(super) fn standard_error(values: &[f64]) -> f64 {
-    let middle = mean(values);
-    let squares: Vec<f64> = values.iter().map(|v| (v - middle) * (v - middle)).collect();
-    let n = values.len() as f64;
-    if n < 2.0 { 0.0 } else { (mean(&squares) / (n - 1.0)).sqrt() }
+    let (n, middle) = (values.len() as f64, mean(values));
+    let variance = mean(values.iter().map(|value| (value - middle) * (value - middle)));
+    if n < 2.0 { 0.0 } else { (variance / (n - 1.0)).sqrt() }
 }
 
 /// Mean of the lowest tenth, at least of one value; 0 of nothing. Sorts the values.
-#[must_use]
-pub fn worst_decile(values: &mut [f64]) -> f64 {
+pub(super) fn worst_decile(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     mean(&values[..values.len().div_ceil(10)])
 }
@@ -89,10 +78,9 @@ pub fn median(values: &mut [f64]) -> f64 {
 
 /// Mean of all values with its 95 % interval by Student's t: of the values within strata, or of all
 /// of them where a stratum has fewer than two; from `-infinity` to `infinity` of a single value.
-#[must_use]
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
-    let value = mean(&strata.concat());
-    let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
+    let value = mean(strata.iter().flatten());
+    let Some((n, freedom, variance)) = spread(strata) else {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
     };
     let reach = student_t(freedom) * (variance / n).sqrt();
@@ -109,10 +97,9 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
 /// holds the mean in 94 to 99.8 % of cases, that of `mean_of_strata` in 79 to 95 %; a bootstrap-t
 /// one holds it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as
 /// failures in one of ten flights, it cannot know: 87 % at 20 values.
-#[must_use]
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
-    let value = mean(&strata.concat());
-    let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
+    let value = mean(strata.iter().flatten());
+    let Some((n, freedom, variance)) = spread(strata) else {
         return Estimate { value, low: 0.0, high: 1.0 };
     };
     let middle = (n * value + PRIOR_VALUES * 0.5) / (n + PRIOR_VALUES);
@@ -125,55 +112,44 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     Estimate { value, low: low.min(value), high: high.max(value) }
 }
 
-/// Spread of values within their strata, or of all of them where a stratum has fewer than two.
-struct Spread {
-    /// Number of values.
-    n: f64,
-    /// Its degrees of freedom.
-    freedom: f64,
-    /// Variance of a value: that of their mean times `n`.
-    variance: f64,
+/// Number of values within their strata, the degrees of freedom, and the variance of a value: that
+/// of their mean times the number. `None` of fewer than two values.
+fn spread(strata: &[Vec<f64>]) -> Option<(f64, f64, f64)> {
+    let (mut n, mut freedom, mut squares) = (0.0, 0.0, 0.0);
+    for values in pooled(strata).iter().filter(|values| values.len() > 1) {
+        let n_values = values.len() as f64;
+        let error = n_values * standard_error(values);
+        n += n_values;
+        freedom += n_values - 1.0;
+        squares += error * error;
+    }
+    (n > 0.0).then(|| (n, freedom, squares / n))
 }
 
-impl Spread {
-    /// `None` of fewer than two values.
-    fn of(strata: &[Vec<f64>]) -> Option<Self> {
-        let pooled = [strata.concat()];
-        let strata = if strata.iter().any(|values| values.len() == 1) { &pooled } else { strata };
-        let (mut n, mut freedom, mut squares) = (0.0, 0.0, 0.0);
-        for values in strata.iter().filter(|values| values.len() > 1) {
-            let n_values = values.len() as f64;
-            let error = n_values * standard_error(values);
-            n += n_values;
-            freedom += n_values - 1.0;
-            squares += error * error;
-        }
-        (n > 0.0).then(|| Self { n, freedom, variance: squares / n })
+/// The strata, or all their values as one where a stratum has a single one.
+fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    match strata.iter().any(|values| values.len() == 1) {
+        true => vec![strata.concat()],
+        false => strata.to_vec(),
     }
 }
 
 /// Share of true values with its 95 % interval: Wilson's.
-#[must_use]
-pub fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
+pub(super) fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
     const Z: f64 = 1.959_964;
-    let (mut n, mut hits) = (0.0, 0.0);
-    for value in values {
-        n += 1.0;
-        hits += f64::from(u8::from(value));
-    }
-    if n == 0.0 {
+    let hits: Vec<f64> = values.into_iter().map(f64::from).collect();
+    if hits.is_empty() {
         return Estimate { value: 0.0, low: 0.0, high: 1.0 };
     }
-    let (value, z2) = (hits / n, Z * Z / n);
+    let (value, z2) = (mean(&hits), Z * Z / hits.len() as f64);
     let middle = (value + 0.5 * z2) / (1.0 + z2);
     let reach = (value * (1.0 - value) * z2 + 0.25 * z2 * z2).sqrt() / (1.0 + z2);
-    Estimate { value, low: middle - reach, high: middle + reach }.within(0.0, 1.0)
+    Estimate { value, low: (middle - reach).max(0.0), high: (middle + reach).min(1.0) }
 }
 
 /// Mean of differences with the interval of their law's center at `level`; `None` where they are
 /// too few for any at that level.
-#[must_use]
-pub fn center(differences: &[f64], level: f64) -> Option<Estimate> {
+pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let mut means = subset_means(differences);
     #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]
     let beyond = (0.5 * (1.0 - level) * (means.len() + 1) as f64 + 1e-9) as usize;
@@ -184,7 +160,6 @@ pub fn center(differences: &[f64], level: f64) -> Option<Estimate> {
 }
 
 /// Least number of differences that [`center`] needs at `level`.
-#[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "small")]
 pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
@@ -250,17 +225,9 @@ fn student_t(freedom: f64) -> f64 {
     (freedom * y).sqrt()
 }
 
-/// A statistic of all values together, with its interval at `level` (0.95: two and a half percent
-/// lie beyond either end).
-#[must_use]
-pub(super) fn bootstrap(
-    strata: &[Vec<f64>],
-    level: f64,
-    statistic: impl Fn(&mut [f64]) -> f64,
-) -> Estimate {
-    let mut values: Vec<f64> = strata.concat();
-    let pooled = [values.clone()];
-    let strata = if strata.iter().any(|values| values.len() == 1) { &pooled } else { strata };
+/// A statistic of all values together, with its 95 % interval.
+pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f64) -> Estimate {
+    let (mut values, strata) = (strata.concat(), pooled(strata));
     let value = statistic(&mut values);
     if values.len() < 2 {
         return Estimate { value, low: value, high: value };
@@ -269,7 +236,7 @@ pub(super) fn bootstrap(
     let mut drawn: Vec<f64> = (0..RESAMPLES)
         .map(|_| {
             values.clear();
-            for stratum in strata {
+            for stratum in &strata {
                 values.extend(stratum.iter().map(|_| stratum[rng.random_range(0..stratum.len())]));
             }
             statistic(&mut values)
@@ -278,7 +245,7 @@ pub(super) fn bootstrap(
     drawn.sort_unstable_by(f64::total_cmp);
     #[expect(clippy::cast_possible_truncation, reason = "within the samples")]
     let at = |share: f64| drawn[((share * RESAMPLES as f64) as usize).min(RESAMPLES - 1)];
-    let beyond = 0.5 * (1.0 - level);
+    let beyond = 0.5 * (1.0 - LEVEL);
     Estimate { value, low: at(beyond), high: at(1.0 - beyond) }
 }
 
@@ -291,7 +258,7 @@ mod tests {
     fn tails_and_middles_are_those_of_the_values() {
         let mut values: Vec<f64> = (1..=20).map(f64::from).rev().collect();
         assert_eq!((worst_decile(&mut values), median(&mut values)), (1.5, 10.5));
-        assert_eq!((mean(&values), mean(&[]), median(&mut [])), (10.5, 0.0, 0.0));
+        assert_eq!((mean(&values), mean([0.0; 0]), median(&mut [])), (10.5, 0.0, 0.0));
         assert_eq!(worst_decile(&mut [3.0]), 3.0);
     }
 
@@ -301,7 +268,7 @@ mod tests {
         let values: Vec<f64> = (0..400).map(f64::from).collect();
         let by_t = mean_of_strata(std::slice::from_ref(&values));
         assert!((by_t.high - by_t.value - 11.365).abs() < 0.01, "{by_t:?}");
-        let found = bootstrap(std::slice::from_ref(&values), 0.95, |v| mean(v));
+        let found = bootstrap(std::slice::from_ref(&values), |v| mean(&*v));
         assert_eq!(found.value, 199.5);
         for found in [found, center(&values, 0.95).unwrap()] {
             assert!((found.high - found.value - 11.3).abs() < 0.7, "{found:?}");

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::fmt::Display;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -18,11 +19,12 @@ use super::Outcome;
 use super::design::MAX_TRIALS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output};
+use noctograph_core::input_error;
 
 /// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
 const FORMAT: u32 = 2;
-/// Records between two syncs to disk. Killing the program loses none of
-/// them; pulling the plug loses at most so many.
+/// Records between two syncs to disk. Killing the program loses none of them; pulling the plug
+/// loses at most so many.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
@@ -77,16 +79,18 @@ type Known = BTreeMap<String, BTreeMap<u64, Outcome>>;
 fn add(known: &mut Known, record: Record, path: &Path) -> Result<bool> {
     let Record { scene, seed, outcome, word, .. } = record;
     match known.entry(scene).or_default().entry(seed) {
-        Entry::Vacant(place) => place.insert(outcome),
-        Entry::Occupied(known) if *known.get() == outcome => return Ok(false),
-        Entry::Occupied(_) => {
-            let (place, wanted) = (path.display().to_string(), "one outcome of each flight");
-            let found = format!("two outcomes of {word} with seed {seed}");
-            let hint = "take out the line that is wrong, or name another folder";
-            return Err(Error::input(place, found, wanted, hint));
+        Entry::Vacant(place) => {
+            place.insert(outcome);
+            Ok(true)
         }
-    };
-    Ok(true)
+        Entry::Occupied(known) if *known.get() == outcome => Ok(false),
+        Entry::Occupied(_) => Err(input_error!(
+            path.display(),
+            "two outcomes of {word} with seed {seed}",
+            "one outcome of each flight",
+            "take out the line that is wrong, or name another folder",
+        )),
+    }
 }
 
 /// The end of `flights.jsonl`.
@@ -96,7 +100,6 @@ struct Log {
     /// Bytes of whole lines.
     length: u64,
     n_flights: usize,
-    unsynced: usize,
 }
 
 impl Store {
@@ -113,7 +116,11 @@ impl Store {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         let path = folder.join(Self::FLIGHTS);
         for file in [&path, &folder.join(LOCK), &folder.join(HEADER_FILE)] {
-            check_file(file)?;
+            // A pipe would keep the program waiting.
+            if file.exists() && !file.is_file() {
+                let wanted = "a file, or nothing yet";
+                return Err(Error::input(file.display(), "no regular file", wanted, ANOTHER));
+            }
         }
         let lock = lock(folder)?;
         check_header(folder)?;
@@ -130,7 +137,7 @@ impl Store {
             file.set_len(length).map_err(unwritable)?;
         }
         file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
-        let log = Mutex::new(Log { file, length, n_flights, unsynced: 0 });
+        let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
 
@@ -173,7 +180,7 @@ impl Store {
         let mut log = self.log.lock().expect("no writer panics");
         log.n_flights += 1;
         if log.n_flights > MAX_TRIALS {
-            return Err(too_many(self.path.display().to_string()));
+            return Err(too_many(self.path.display()));
         }
         log.append(&line).map_err(|source| Error::write(&self.path, source))
     }
@@ -200,9 +207,9 @@ impl Store {
     ///
     /// [`Error::Io`]; then nothing is left.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
-        let lines = || records.iter().map(line_of);
+        let mut lines = records.iter().map(line_of);
         Output::create(path)?
-            .keep_on_disk(|out| lines().try_for_each(|line| out.write_all(&line)))?;
+            .keep_on_disk(|out| lines.try_for_each(|line| out.write_all(&line)))?;
         Ok(())
     }
 }
@@ -225,12 +232,7 @@ impl Log {
             return Err(error);
         }
         self.length += line.len() as u64;
-        self.unsynced += 1;
-        if self.unsynced >= SYNC_EVERY {
-            self.unsynced = 0;
-            self.file.sync_data()?;
-        }
-        Ok(())
+        if self.n_flights.is_multiple_of(SYNC_EVERY) { self.file.sync_data() } else { Ok(()) }
     }
 }
 
@@ -238,17 +240,6 @@ fn line_of(record: &Record) -> Vec<u8> {
     let mut line = serde_json::to_vec(record).expect("a record is plain data");
     line.push(b'\n');
     line
-}
-
-/// Checks that what has a store's file name is a file: a pipe would keep the program waiting.
-fn check_file(path: &Path) -> Result<()> {
-    match std::fs::metadata(path) {
-        Ok(there) if !there.is_file() => {
-            let wanted = "a file, or nothing yet";
-            Err(Error::input(path.display(), "no regular file", wanted, ANOTHER))
-        }
-        _ => Ok(()),
-    }
 }
 
 /// Takes the folder for this process, until the file is closed.
@@ -276,29 +267,31 @@ fn check_header(folder: &Path) -> Result<()> {
         Output::create(&path)?.keep_on_disk(|out| out.write_all(text.as_bytes()))?;
         return Ok(());
     }
-    let text = HEADER.read_text(&path)?;
-    if text.trim().is_empty() {
+    let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
+    let text = text.trim();
+    if text.is_empty() {
         let hint = "remove it (a power failure may leave it so); the flights beside it stay";
-        let place = path.display().to_string();
-        return Err(Error::input(place, "an empty file", "the header of a store", hint));
+        return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
-    let header: Header = serde_json::from_str(&text).map_err(|_broken| {
-        let found: String = text.trim().chars().take(60).collect();
-        let hint = "name another folder: this one holds no study";
-        Error::input(path.display(), found, "the header of a store", hint)
+    let header: Header = serde_json::from_str(text).map_err(|_broken| {
+        let found: String = text.chars().take(60).collect();
+        Error::input(path.display(), found, wanted, "name another folder: this one holds no study")
     })?;
     if header != ours {
-        let hint = "name another folder: flights of two versions cannot be compared";
-        let found =
-            format!("flights of noctograph {} (format {})", header.noctograph, header.format);
-        let wanted = format!("{} (format {FORMAT})", ours.noctograph);
-        return Err(Error::input(path.display(), found, wanted, hint));
+        let (theirs, ours) = (header.noctograph, ours.noctograph);
+        let format = header.format;
+        return Err(input_error!(
+            path.display(),
+            "flights of noctograph {theirs} (format {format})",
+            "{ours} (format {FORMAT})",
+            "name another folder: flights of two versions cannot be compared",
+        ));
     }
     Ok(())
 }
 
 /// More flights than the largest study has.
-fn too_many(place: String) -> Error {
+fn too_many(place: impl Display) -> Error {
     let found = format!("more than {MAX_TRIALS} flights");
     Error::input(place, found, "at most those of the largest study", ANOTHER)
 }
@@ -326,9 +319,8 @@ fn each_line(
             return Err(too_many(place()));
         }
         let hint = "take the line out, or name another folder";
-        let record: Record = serde_json::from_slice(&line).map_err(|error| {
-            Error::input(place(), error.to_string(), "a flight as one JSON object", hint)
-        })?;
+        let record: Record = serde_json::from_slice(&line)
+            .map_err(|error| Error::input(place(), error, "a flight as one JSON object", hint))?;
         record.outcome.check(&place())?;
         each(record)?;
         length += n as u64;

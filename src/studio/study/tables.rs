@@ -1,7 +1,7 @@
 //! Results of studies as CSV: a row for each flight, scene, level of disturbance or candidate.
 
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{Endurance, Factor, Flown, Knob, Ranking, Record, Tuned};
 
@@ -11,84 +11,70 @@ type Column = (String, String);
 /// A row for each flight, in the order of the study.
 #[must_use]
 pub fn flights_csv(records: &[Record]) -> String {
-    let verdict = "contender word seed read all_read legible probability log_odds similarity";
-    let names = verdict.split(' ').chain(Flown::<f64>::NAMES).chain(["lost"]);
-    let columns: Vec<Column> = names.map(|name| column(name, name)).collect();
-    table(&columns, records.iter().map(value))
+    let verdict =
+        columns("contender word seed read all_read legible probability log_odds similarity");
+    let flown = Flown::<f64>::NAMES.map(|name| column(name, name));
+    let all = verdict.chain(flown).chain(columns("lost"));
+    table(all, records.iter().map(value))
 }
 
 /// A row for each scene, the best first; intervals of 95 %.
 #[must_use]
 pub fn ranking_csv(ranking: &Ranking) -> String {
-    let mut columns = vec![
-        column("place", "place"),
-        column("contender", "contender"),
-        column("flights", "n_flights"),
-        column("lost", "n_lost"),
-    ];
-    for name in ["legibility", "legible", "worst_decile", "all_read"] {
-        columns.extend(estimate(name, name));
-    }
-    for name in Flown::<f64>::NAMES {
-        columns.extend(estimate(name, &format!("flown/{name}")));
-    }
-    table(&columns, ranking.measures.iter().map(value))
+    let read = ["legibility", "legible", "worst_decile", "all_read"];
+    let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
+    let all = columns("place contender flights=n_flights lost=n_lost")
+        .chain(read.into_iter().flat_map(|name| estimate(name, name)))
+        .chain(flown.into_iter().flatten());
+    table(all, ranking.measures.iter().map(value))
 }
 
 /// A row for each factor and level.
 #[must_use]
 pub fn robustness_csv(endurances: &[Endurance]) -> String {
-    let mut columns = vec![column("factor", "factor"), column("times", "level/times")];
-    for name in ["legible", "all_read", "legibility"] {
-        columns.extend(estimate(name, &format!("level/{name}")));
-    }
-    columns.extend([
-        column("breaks_at", "breaks_at"),
-        column("breaks_from", "breaks_between/0"),
-        column("breaks_to", "breaks_between/1"),
-        column("place", "place"),
-    ]);
+    let read = ["legible", "all_read", "legibility"];
+    let breaks = "breaks_at breaks_from=breaks_between/0 breaks_to=breaks_between/1 place";
+    let all = columns("factor times=level/times")
+        .chain(read.into_iter().flat_map(|name| estimate(name, &format!("level/{name}"))))
+        .chain(columns(breaks));
     let rows = endurances.iter().flat_map(|endurance| {
-        let name = endurance.factor.map_or("all together", Factor::name);
-        let row = move |level| {
-            json!({
-                "factor": name,
-                "level": level,
-                "breaks_at": endurance.breaks_at,
-                "breaks_between": endurance.breaks_between,
-                "place": endurance.place,
-            })
-        };
-        endurance.levels.iter().map(row)
+        let mut row = value(endurance);
+        row["factor"] = endurance.factor.map_or("all together", Factor::name).into();
+        endurance.levels.iter().map(move |level| {
+            row["level"] = value(level);
+            row.clone()
+        })
     });
-    table(&columns, rows)
+    table(all, rows)
 }
 
 /// A row for each candidate, in the order of the search, with the scene's value of each key that a
 /// knob turns.
 #[must_use]
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
-    let mut columns = vec![
-        column("number", "number"),
-        column("flights", "n_flights"),
-        column("given_up", "given_up"),
-        column("merit", "merit"),
-        column("legibility", "legibility"),
-    ];
-    columns.extend(estimate("legible", "legible"));
-    columns.extend(["duration_s", "broken", "on_front"].map(|name| column(name, name)));
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
-    columns.extend(keys.map(|key| column(key, &format!("settings/{key}"))));
+    let all = columns("number flights=n_flights given_up merit legibility")
+        .chain(estimate("legible", "legible"))
+        .chain(columns("duration_s broken on_front"))
+        .chain(keys.map(|key| column(key, &format!("settings/{key}"))));
     let rows = tuned.candidates.iter().map(|candidate| {
         let mut row = value(candidate);
         row["on_front"] = tuned.front.contains(&candidate.number).into();
         row
     });
-    table(&columns, rows)
+    table(all, rows)
 }
 
 fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
+}
+
+/// Columns by their names, each with its path where that is another.
+fn columns(names: &str) -> impl Iterator<Item = Column> {
+    names.split(' ').map(|name| {
+        let (name, path) = name.split_once('=').unwrap_or((name, name));
+        column(name, path)
+    })
 }
 
 /// The columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of its
@@ -102,13 +88,13 @@ fn value(row: &impl Serialize) -> Value {
     serde_json::to_value(row).expect("results are plain data")
 }
 
-fn table(columns: &[Column], rows: impl Iterator<Item = Value>) -> String {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
+    let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
     let cells = |row: Value| {
-        columns.iter().map(|(_, path)| row.pointer(path).map_or(String::new(), cell)).collect()
+        paths.iter().map(|path| row.pointer(path).map_or(String::new(), cell)).collect()
     };
-    for row in std::iter::once(header).chain(rows.map(cells)) {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    for row in std::iter::once(names).chain(rows.map(cells)) {
         out.write_record(row).expect("writing into memory");
     }
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
@@ -118,9 +104,8 @@ fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),
-        Value::Number(number) if number.is_f64() => {
-            number.as_f64().map_or(String::new(), |number| number.to_string())
-        }
+        // As Rust prints it: without an exponent.
+        Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
         other => other.to_string(),
     }
 }

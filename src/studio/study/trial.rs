@@ -9,7 +9,6 @@ use super::outcome::{Flown, Outcome};
 use super::{Conditions, Record};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Judging, Planned, Recording, Shoot};
-use noctograph_core::camera::Camera;
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -134,9 +133,9 @@ impl Prepared {
     ///
     /// Those of the stages, except that of a lost drone: that is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
-        match self.fly(seed) {
+        match or_lost(self.fly(seed))? {
             Ok(flights) => Ok(self.judge(flights, seed)?.0),
-            Err(error) => self.lost(error),
+            Err(how) => Ok(Outcome::lost(self.word(), how)),
         }
     }
 
@@ -163,14 +162,6 @@ impl Prepared {
         Ok((Outcome::new(&verdict, flown), shot.flights))
     }
 
-    /// The outcome of a drone that was lost.
-    pub(super) fn lost(&self, error: Error) -> Result<Outcome> {
-        match error {
-            Error::Infeasible { what, .. } => Ok(Outcome::lost(self.word(), what)),
-            error => Err(error),
-        }
-    }
-
     /// An outcome as a line of a store.
     #[must_use]
     pub(super) fn record(&self, contender: &str, seed: u64, outcome: Outcome) -> Record {
@@ -193,17 +184,27 @@ impl Prepared {
     }
 }
 
+/// What was flown, or how a drone was lost.
+pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
+    match flown {
+        Ok(flown) => Ok(Ok(flown)),
+        Err(Error::Infeasible { what, .. }) => Ok(Err(what)),
+        Err(error) => Err(error),
+    }
+}
+
 /// Takes pixels from the camera until capitals are as high as wanted. A pixel is then the mean of
 /// many, which leaves no noise of the sensor: it is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
-    let (bounds_m, scene) = (strokes.bounds_m(), &mut shoot.scene);
+    let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
-    let Some(found_px) = cap_height(&scene.camera.camera(bounds_m, end_s)?, bounds_m) else {
-        return Ok(());
-    };
-    let factor = cap_height_px / found_px;
+    let camera = scene.camera.camera(bounds_m, end_s)?;
+    let pixel = |z_m| camera.image_from_world(Vector3::new(0.5 * (left + right), 0.0, z_m));
+    // Out of sight there is nothing to shrink.
+    let (Some(low), Some(high)) = (pixel(bottom), pixel(top)) else { return Ok(()) };
+    let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {
         return Ok(());
     }
@@ -213,13 +214,6 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     (camera.width_px, camera.height_px) = (smaller(camera.width_px), smaller(camera.height_px));
     scene.photo.noise = Noise::Off;
     Ok(())
-}
-
-/// Height of the word in the camera's picture, in pixels; `None` where it is out of sight.
-fn cap_height(camera: &Camera, [left, bottom, right, top]: [f64; 4]) -> Option<f64> {
-    let at = |z| camera.image_from_world(Vector3::new(0.5 * (left + right), 0.0, z));
-    let (low, high) = (at(bottom)?, at(top)?);
-    Some(libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px))
 }
 
 /// Readers that are kept for the next scene: preparing one takes as long as reading ten photos.

@@ -1,7 +1,7 @@
 //! Tuning: a scene's knobs are turned until its words read as surely as they can.
 //!
 //! A candidate flies the training words with the training seeds; its mean merit
-//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken [`Limits`], is the
+//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits, is the
 //! objective. Half of its flights come first: a candidate that is then below the median of the
 //! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
 //! to the promising. At last the best few and the scene as it was fly again with fresh seeds, and
@@ -15,11 +15,12 @@ use super::design::evaluate;
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
-use super::{Conditions, Prepared, Record, Store, Study, Trial};
+use super::{Conditions, Flown, Record, Store, Study, Trial};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::Stop;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::tracking::CORRIDOR_M;
+use noctograph_core::input_error;
 use noctograph_flying::sim::ControllerKind;
 use noctograph_flying::sim::design::{MOTOR_LAG_S, design};
 
@@ -32,6 +33,16 @@ const LEAST_CANDIDATES: usize = 10;
 /// Penalty for exceeding a limit by its own size, in merit.
 const PENALTY: f64 = 20.0;
 
+/// Limits of a candidate, for the mean of its flights. Error against the design along x, y, z, root
+/// mean square: twice the team's Table 1.
+const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
+/// Farthest from the word's plane: the team's corridor, for visitors.
+const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
+/// Largest tilt: that at which the Lighthouse deck still sees its stations.
+const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
+/// Share of the time with a motor at its limit.
+const MAX_SATURATED_FRAC: f64 = 0.05;
+
 /// How to tune.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuneOptions {
@@ -41,8 +52,8 @@ pub struct TuneOptions {
     pub words: Vec<(String, u32)>,
     /// Flights in all, finals included.
     pub budget: usize,
-    /// Limits of a candidate.
-    pub limits: Limits,
+    /// Longest flight of a candidate; `None`: as long as the scene's that it begins from.
+    pub longest_s: Option<f64>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
     /// Seed of the search and of all seeds.
@@ -72,55 +83,23 @@ impl TuneOptions {
     ///
     /// [`Error::Input`] with the least budget for these words and seeds.
     pub fn check(&self) -> Result<()> {
-        let (n_each, least) = (self.n_each(), self.least_budget());
-        if n_each > 0 && !self.knobs.is_empty() && self.budget >= least {
+        let (n_each, least, n_knobs) = (self.n_each(), self.least_budget(), self.knobs.len());
+        if n_each > 0 && n_knobs > 0 && self.budget >= least {
             return Ok(());
         }
-        let found = format!("{} flights, {} knobs", self.budget, self.knobs.len());
-        let wanted = format!(
+        let (budget, n_final) = (self.budget, n_each * FINAL_TIMES as usize);
+        Err(input_error!(
+            "budget",
+            "{budget} flights, {n_knobs} knobs",
             "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates of {n_each} flights, \
-             and {FINALISTS} finalists of {}",
-            n_each * FINAL_TIMES as usize
-        );
-        let hint = "raise the budget, or train on fewer words and seeds";
-        Err(Error::input("budget", found, wanted, hint))
-    }
-}
-
-/// Limits of a candidate, for the mean of its flights.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Limits {
-    /// Root mean square error against the design along x, y, z, m.
-    pub rmse_m: [f64; 3],
-    /// Farthest from the word's plane, m.
-    pub drift_y_m: f64,
-    /// Largest tilt, rad.
-    pub tilt_rad: f64,
-    /// Share of the time with a motor at its limit.
-    pub saturated_frac: f64,
-    /// Time of a flight; `None`: that of the scene it begins from, s.
-    pub duration_s: Option<f64>,
-    /// Motor lag that a regulator must stand on paper, s.
-    pub motor_lag_s: f64,
-}
-
-impl Default for Limits {
-    /// RMSE: twice the team's Table 1. Corridor: theirs, for visitors. Tilt: 30 degrees, at which
-    /// the Lighthouse deck still sees its stations. Motor lag: a Crazyflie's, see [`MOTOR_LAG_S`].
-    fn default() -> Self {
-        Self {
-            rmse_m: [0.166, 0.116, 0.136],
-            drift_y_m: CORRIDOR_M,
-            tilt_rad: 30.0_f64.to_radians(),
-            saturated_frac: 0.05,
-            duration_s: None,
-            motor_lag_s: MOTOR_LAG_S,
-        }
+             and {FINALISTS} finalists of {n_final}",
+            "raise the budget, or train on fewer words and seeds",
+        ))
     }
 }
 
 /// One setting of the knobs with its figures.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Candidate {
     /// Its number, in the order of asking.
     pub number: usize,
@@ -197,22 +176,19 @@ pub fn tune(
         let (found, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
         return Err(Error::input("knob", found, "a key that has one in this scene", hint));
     }
-    let (n_each, finals) = (options.n_each(), options.finals());
+    let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
     let mut tuning =
-        Tuning { base, options, store, limits: options.limits.clone(), stop, n_flights: 0 };
-    let as_it_is = tuning.candidate(0, &[], f64::INFINITY)?;
-    if tuning.limits.duration_s.is_none() {
-        tuning.limits.duration_s = as_it_is.duration_s;
-    }
+        Tuning { base, options, store, longest_s: options.longest_s, stop, n_flights: 0 };
+    let as_it_is = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
+    tuning.longest_s = tuning.longest_s.or(as_it_is.duration_s);
     let mut search = Search::new(options.knobs.len(), options.seed);
-    let mut candidates = vec![as_it_is];
-    let mut best = 0;
+    let (mut candidates, mut best) = (vec![as_it_is], 0);
     while tuning.n_flights + n_each + finals <= options.budget {
         let point = search.ask();
         let mut costs: Vec<f64> =
             candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
         let bar = if costs.len() < 5 { f64::INFINITY } else { median(&mut costs) };
-        let candidate = tuning.candidate(candidates.len(), &point, bar)?;
+        let candidate = tuning.candidate(candidates.len(), &point, training, Some(bar))?;
         search.tell(&point, candidate.cost());
         if !candidate.given_up && candidate.cost() < candidates[best].cost() {
             best = candidates.len();
@@ -223,8 +199,7 @@ pub fn tune(
         }
     }
     let [before, best] = tuning.finals(&candidates)?;
-    let scene = tuning.scene(&best.point)?;
-    let front = front(&candidates);
+    let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
     Ok(Tuned { scene, best, before, front, n_flights: tuning.n_flights, candidates })
 }
 
@@ -234,35 +209,51 @@ struct Tuning<'a> {
     options: &'a TuneOptions,
     store: Option<&'a Store>,
     stop: &'a Stop,
-    limits: Limits,
+    longest_s: Option<f64>,
     n_flights: usize,
 }
 
 impl Tuning<'_> {
-    /// The scene of a point; the base itself of none.
-    fn scene(&self, point: &[f64]) -> Result<Scene> {
-        turned(self.base, &self.options.knobs, point)
-    }
-
-    /// Flies a candidate; gives it up after half of its flights if it costs more than `bar` by
-    /// then.
-    fn candidate(&mut self, number: usize, point: &[f64], bar: f64) -> Result<Candidate> {
-        let study = self.study(point, self.options.seed, 1)?;
+    /// Flies a candidate with a seed of all its seeds, so many `times` the training flights. With a
+    /// bar, half of its flights come first; it is given up where it then costs more.
+    fn candidate(
+        &mut self,
+        number: usize,
+        point: &[f64],
+        (seed, times): (u64, u32),
+        bar: Option<f64>,
+    ) -> Result<Candidate> {
+        let TuneOptions { knobs, words, conditions, .. } = self.options;
+        let scene = turned(self.base, knobs, point)?;
+        let unflown = Candidate {
+            number,
+            point: point.to_vec(),
+            settings: settings(&scene, knobs)?,
+            broken: margin_broken(&scene),
+            ..Candidate::default()
+        };
+        let words = words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
+        let contenders = vec![NamedScene::new("candidate", scene)];
+        let study = Study { contenders, words, conditions: conditions.clone(), seed };
+        study.check()?;
         let prepared = study.prepare()?;
-        let margin = self.margin_broken(point)?;
+        let fly =
+            |trials: &[Trial]| evaluate(&study, &prepared, trials, self.store, self.stop, &|_| {});
         let trials: Vec<Trial> = study.trials().collect();
         // Every other flight, so that each word has its share.
-        let [first, rest] = [0, 1].map(|odd| {
-            let every_other = trials.iter().skip(odd).step_by(2);
-            every_other.copied().collect::<Vec<_>>()
-        });
-        let mut records = self.fly(&study, &prepared, &first)?;
-        let halfway = self.judge(number, point, margin, &records)?;
-        if halfway.cost() > bar || rest.is_empty() {
-            return Ok(Candidate { given_up: halfway.cost() > bar, ..halfway });
+        let [first, rest] = match bar {
+            Some(_) => [0, 1].map(|odd| trials.iter().skip(odd).step_by(2).copied().collect()),
+            None => [trials, Vec::new()],
+        };
+        let mut records = fly(&first)?;
+        let mut candidate = self.judged(&unflown, &records);
+        candidate.given_up = bar.is_some_and(|bar| candidate.cost() > bar);
+        if !candidate.given_up && !rest.is_empty() {
+            records.extend(fly(&rest)?);
+            candidate = self.judged(&unflown, &records);
         }
-        records.extend(self.fly(&study, &prepared, &rest)?);
-        self.judge(number, point, margin, &records)
+        self.n_flights += records.len();
+        Ok(candidate)
     }
 
     /// The scene as it was and the best of all candidates: fresh seeds, more of them.
@@ -271,12 +262,11 @@ impl Tuning<'_> {
         let mut order: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
         order.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         let mut finalists = Vec::new();
-        for candidate in std::iter::once(as_it_was).chain(order).take(FINALISTS) {
-            let study = self.study(&candidate.point, !self.options.seed, FINAL_TIMES)?;
-            let trials: Vec<Trial> = study.trials().collect();
-            let records = self.fly(&study, &study.prepare()?, &trials)?;
-            let margin = self.margin_broken(&candidate.point)?;
-            finalists.push(self.judge(candidate.number, &candidate.point, margin, &records)?);
+        for Candidate { number, point, .. } in
+            std::iter::once(as_it_was).chain(order).take(FINALISTS)
+        {
+            let flights = (!self.options.seed, FINAL_TIMES);
+            finalists.push(self.candidate(*number, point, flights, None)?);
         }
         // Of equals the first: the scene as it was.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
@@ -284,76 +274,43 @@ impl Tuning<'_> {
         Ok([finalists.swap_remove(0), best])
     }
 
-    fn study(&self, point: &[f64], seed: u64, times: u32) -> Result<Study> {
-        let words = self.options.words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
-        let contenders = vec![NamedScene::new("candidate", self.scene(point)?)];
-        let study = Study { contenders, words, conditions: self.options.conditions.clone(), seed };
-        study.check()?;
-        Ok(study)
-    }
-
-    fn fly(
-        &mut self,
-        study: &Study,
-        prepared: &[Prepared],
-        trials: &[Trial],
-    ) -> Result<Vec<Record>> {
-        self.n_flights += trials.len();
-        evaluate(study, prepared, trials, self.store, self.stop, &|_| {})
-    }
-
-    /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.
-    fn judge(
-        &self,
-        number: usize,
-        point: &[f64],
-        margin: f64,
-        records: &[Record],
-    ) -> Result<Candidate> {
-        let of = |value: fn(&Record) -> f64| mean(&records.iter().map(value).collect::<Vec<_>>());
-        let flown: Vec<_> = records.iter().filter_map(|record| record.outcome.flown).collect();
-        let figures =
-            |value: fn(&super::Flown) -> f64| mean(&flown.iter().map(value).collect::<Vec<_>>());
-        let limits = &self.limits;
-        let lost = of(|record| f64::from(u8::from(record.outcome.lost.is_some())));
+    /// A candidate with the figures of its flights.
+    fn judged(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
+        let of = |value: fn(&Record) -> f64| mean(records.iter().map(value));
+        let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
+        let figure = |value: fn(&Flown) -> f64| mean(flown.iter().map(value));
         let beyond = |found: f64, limit: f64| (found / limit - 1.0).max(0.0);
-        let broken = lost
-            + beyond(figures(|f| f.rmse_x_m), limits.rmse_m[0])
-            + beyond(figures(|f| f.rmse_y_m), limits.rmse_m[1])
-            + beyond(figures(|f| f.rmse_z_m), limits.rmse_m[2])
-            + beyond(figures(|f| f.drift_y_m), limits.drift_y_m)
-            + beyond(figures(|f| f.tilt_rad), limits.tilt_rad)
-            + beyond(figures(|f| f.saturated_frac), limits.saturated_frac)
-            + limits.duration_s.map_or(0.0, |s| beyond(figures(|f| f.duration_s), s))
-            + margin;
-        Ok(Candidate {
-            number,
-            point: point.to_vec(),
-            settings: settings(&self.scene(point)?, &self.options.knobs)?,
+        let broken = of(|record| record.outcome.lost.is_some().into())
+            + beyond(figure(|f| f.rmse_x_m), MAX_RMSE_M[0])
+            + beyond(figure(|f| f.rmse_y_m), MAX_RMSE_M[1])
+            + beyond(figure(|f| f.rmse_z_m), MAX_RMSE_M[2])
+            + beyond(figure(|f| f.drift_y_m), MAX_DRIFT_Y_M)
+            + beyond(figure(|f| f.tilt_rad), MAX_TILT_RAD)
+            + beyond(figure(|f| f.saturated_frac), MAX_SATURATED_FRAC)
+            + self.longest_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
+            + candidate.broken;
+        Candidate {
             n_flights: records.len(),
             merit: of(|record| record.outcome.merit()),
             legibility: of(|record| record.outcome.probability),
             legible: share(records.iter().map(|record| record.outcome.legible)),
-            duration_s: (!flown.is_empty()).then(|| figures(|f| f.duration_s)),
+            duration_s: (!flown.is_empty()).then(|| figure(|f| f.duration_s)),
             broken,
-            given_up: false,
-        })
-    }
-
-    /// How much of the motor lag that a regulator must stand it does not.
-    fn margin_broken(&self, point: &[f64]) -> Result<f64> {
-        let options = self.scene(point)?.sim();
-        let regulates =
-            !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
-        if !regulates || self.limits.motor_lag_s <= 0.0 {
-            return Ok(0.0);
+            ..candidate.clone()
         }
-        let stood_s = match design(&options, self.limits.motor_lag_s) {
-            Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
-            Err(_no_gain) => 0.0,
-        };
-        Ok((1.0 - stood_s / self.limits.motor_lag_s).max(0.0))
     }
+}
+
+/// How much of the motor lag that a regulator must stand on paper, a Crazyflie's, it does not.
+fn margin_broken(scene: &Scene) -> f64 {
+    if matches!(scene.controller.kind, ControllerKind::Pid | ControllerKind::Geometric) {
+        return 0.0;
+    }
+    let stood_s = match design(&scene.sim(), MOTOR_LAG_S) {
+        Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
+        Err(_no_gain) => 0.0,
+    };
+    (1.0 - stood_s / MOTOR_LAG_S).max(0.0)
 }
 
 /// Candidates that keep to the limits and that no other beats in both time and legibility.
@@ -385,10 +342,14 @@ mod tests {
             knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
             words: vec![("L".to_owned(), 2)],
             budget,
-            limits: Limits::default(),
+            longest_s: None,
             conditions: Conditions::default(),
             seed: 3,
         }
+    }
+
+    fn tuned(scene: &Scene, options: &TuneOptions) -> Result<Tuned> {
+        tune(scene, options, None, &Stop::default(), &mut |_, _| true)
     }
 
     #[test]
@@ -396,7 +357,7 @@ mod tests {
         let mut base = Scene::preset(Preset::Ae4832022);
         base.plan.stroke_speed_m_s = 1.5;
         let (mut heard, mut options) = (0, options(48 + 40));
-        options.limits.duration_s = Some(60.0);
+        options.longest_s = Some(60.0);
         let tuned = tune(&base, &options, None, &Stop::default(), &mut |n_flights, _| {
             heard = n_flights;
             true
@@ -414,30 +375,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let run = |n: usize| {
             let store = Store::open(folder.path()).unwrap();
-            let mut left = n;
-            let tuned = tune(
-                &Scene::preset(Preset::Ae4832022),
-                &options(70),
-                Some(&store),
-                &Stop::default(),
-                &mut |_, _| {
-                    left -= 1;
-                    left > 0
-                },
-            );
+            let (scene, mut left) = (Scene::preset(Preset::Ae4832022), n);
+            let mut watch = |_, _: &Candidate| {
+                left -= 1;
+                left > 0
+            };
+            let tuned = tune(&scene, &options(70), Some(&store), &Stop::default(), &mut watch);
             (tuned.unwrap(), store.n_known())
         };
         let _interrupted = run(3);
         let (resumed, known) = run(1000);
         assert!(known > 20, "{known} flights were known");
-        let alone = tune(
-            &Scene::preset(Preset::Ae4832022),
-            &options(70),
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap();
+        let alone = tuned(&Scene::preset(Preset::Ae4832022), &options(70)).unwrap();
         assert_eq!(resumed.candidates, alone.candidates);
         assert_eq!(resumed.scene, alone.scene);
     }
@@ -446,15 +395,10 @@ mod tests {
     fn the_front_holds_what_nothing_beats() {
         let candidate = |number: usize, duration_s: f64, legibility: f64, broken: f64| Candidate {
             number,
-            point: Vec::new(),
-            settings: BTreeMap::new(),
-            n_flights: 1,
-            merit: 0.0,
             legibility,
-            legible: share([]),
             duration_s: Some(duration_s),
             broken,
-            given_up: false,
+            ..Candidate::default()
         };
         let all = [
             candidate(0, 60.0, 0.8, 0.0),
@@ -470,28 +414,13 @@ mod tests {
     fn a_knob_without_effect_is_refused() {
         let knobs = vec!["observer.luenberger.q[0]*=0.1..10".parse().unwrap()];
         let options = TuneOptions { knobs, ..options(88) };
-        let error = tune(
-            &Scene::preset(Preset::default()),
-            &options,
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap_err()
-        .to_string();
+        let error = tuned(&Scene::preset(Preset::default()), &options).unwrap_err().to_string();
         assert!(error.contains("observer.luenberger.q[0], which has no effect"), "{error}");
     }
 
     #[test]
     fn a_budget_without_room_for_a_final_is_refused() {
-        let error = tune(
-            &Scene::preset(Preset::Ae4832022),
-            &options(20),
-            None,
-            &Stop::default(),
-            &mut |_, _| true,
-        )
-        .unwrap_err();
+        let error = tuned(&Scene::preset(Preset::Ae4832022), &options(20)).unwrap_err();
         assert!(error.to_string().contains("at least 68 flights"), "{error}");
     }
 }

@@ -3,7 +3,6 @@ use std::fmt::Write;
 use super::*;
 use crate::scene::Preset;
 use crate::study::Conditions;
-use noctograph_core::flight::FlightSample;
 use noctograph_core::random::{Noise, Normals};
 use noctograph_flying::plan::plan;
 use noctograph_flying::sim::{Drone, fly};
@@ -30,28 +29,15 @@ fn log(flight: &Flight, seed: u64) -> String {
             continue;
         }
         due_s = sample.time_s + 0.01;
-        let (p, v, a, m) =
-            (sample.estimate_m, sample.velocity_body_m_s, sample.attitude, sample.motors);
-        let w = sample.rate_body_rad_s.map(|w| w + 0.003 * noise.next());
-        let numbers = [
-            sample.time_s,
-            p.x,
-            p.y,
-            p.z,
-            a.yaw_rad,
-            a.pitch_rad,
-            a.roll_rad,
-            w.x,
-            w.y,
-            w.z,
-            v.x,
-            v.y,
-            v.z,
-            sample.design_m.x,
-            sample.design_m.y,
-            sample.design_m.z,
-        ];
-        let cells = numbers.iter().chain(&m).map(|number| format!("{number:.5}"));
+        let attitude = <[f64; 3]>::from(sample.attitude);
+        let rate_rad_s = sample.rate_body_rad_s.map(|w| w + 0.003 * noise.next());
+        let vectors = [rate_rad_s, sample.velocity_body_m_s, sample.design_m];
+        let numbers = std::iter::once(&sample.time_s)
+            .chain(&sample.estimate_m)
+            .chain(&attitude)
+            .chain(vectors.iter().flatten())
+            .chain(&sample.motors);
+        let cells = numbers.map(|number| format!("{number:.5}"));
         writeln!(text, "{}", cells.collect::<Vec<_>>().join(",")).unwrap();
     }
     text
@@ -71,11 +57,8 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
         ..Conditions::still()
     };
     let folder = tempfile::tempdir().unwrap();
-    let strokes = write(
-        "NO",
-        &LetterOptions { font: scene.letters.font.clone(), ..LetterOptions::default() },
-    )
-    .unwrap();
+    let font = scene.letters.font.clone();
+    let strokes = write("NO", &LetterOptions { font, ..LetterOptions::default() }).unwrap();
     let believed = scene.sim();
     let plan = plan(&strokes, &scene.plan).unwrap();
     let mut drawn: Vec<VehicleOptions> = Vec::new();
@@ -125,12 +108,14 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
     }
     assert!(lag_errors_s.len() >= 6, "{lag_errors_s:?}");
     assert!(lag_errors_s.iter().all(|s| (-0.05..0.05).contains(s)), "{lag_errors_s:?}");
-    let error_s = mean(lag_errors_s.iter().copied()).unwrap();
+    let error_s = mean(&lag_errors_s);
     assert!(error_s.abs() < 0.03, "{error_s}");
 
     let found = evening.conditions();
     let value = |key| found.iter().find(|found| found.key == key).unwrap().value;
-    let of = |of: &dyn Fn(&VehicleOptions) -> f64| spread(drawn.iter().map(|v| (of(v), 0.0)));
+    let of = |of: &dyn Fn(&VehicleOptions) -> f64| {
+        spread(&drawn.iter().map(|vehicle| (of(vehicle), 0.0)).collect::<Vec<_>>())
+    };
     let mass = of(&|v| scene.vehicle.mass_kg / v.mass_kg);
     assert!((value("mass_frac") / mass - 1.0).abs() < 0.05, "{found:?} of {mass}");
     let trims_m = [0, 1].map(|axis: usize| of(&|v| v.center_of_mass_m[axis]));
@@ -155,15 +140,10 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
         ..FlightSample::default()
     };
     let hover = || Flight { samples: (0..3000).map(sample).collect(), ..Flight::default() };
-    let flaws = |flight: Result<Flight>| {
-        let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
-        EveningLog::new(&log, flight, &scene).flaws
-    };
+    let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
+    let flaws = |flight: Result<Flight>| EveningLog::new(&log, flight, &scene).flaws;
     assert_eq!(flaws(Ok(hover())), []);
-    let warnings = |flight: Flight| {
-        let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
-        EveningLog::new(&log, Ok(flight), &scene).warnings
-    };
+    let warnings = |flight: Flight| EveningLog::new(&log, Ok(flight), &scene).warnings;
     assert!(warnings(hover())[0].contains("does not show the rotors' lag"));
     let mut moving = hover();
     moving.samples[1500].design_m.x = 0.1;

@@ -2,9 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::flight::{Hold, HoldSample, STATE_NAMES};
-use super::scenario::HoldScenario;
-use super::{HoldModel, hold};
+use super::{Hold, HoldModel, HoldSample, HoldScenario, STATE_NAMES, hold};
 use crate::study::statistics::{Estimate, bootstrap, mean};
 use noctograph_core::error::{Result, within};
 use noctograph_core::settings::settings;
@@ -76,13 +74,10 @@ settings! {
 
 impl HoldVerdict {
     fn of(squared_error: f64) -> Self {
-        let [least, most] = CONSISTENT;
-        if squared_error < least {
-            Self::Conservative
-        } else if squared_error > most {
-            Self::Overconfident
-        } else {
-            Self::Consistent
+        match squared_error {
+            error if error < CONSISTENT[0] => Self::Conservative,
+            error if error > CONSISTENT[1] => Self::Overconfident,
+            _ => Self::Consistent,
         }
     }
 }
@@ -136,9 +131,36 @@ pub fn hold_figures(
     let one = |run: u32| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     };
+    // Of several errors that of the first run.
     let flown: Vec<Result<FlightMeans>> = (0..runs).into_par_iter().map(one).collect();
-    let flown: Result<Vec<FlightMeans>> = flown.into_iter().collect();
-    Ok(summary(&flown?, model, scenario, runs))
+    let flown: Vec<FlightMeans> = flown.into_iter().collect::<Result<_>>()?;
+    let column = |of: fn(&FlightMeans) -> f64| flown.iter().map(of).collect::<Vec<_>>();
+    let root_mean = |squares: &mut [f64]| mean(&*squares).sqrt();
+    let consistency = |(index, state): (usize, &&'static str)| {
+        let squares = flown.iter().map(|run| run.states[index]).collect();
+        let error = bootstrap(&[squares], |squares| mean(&*squares));
+        Consistency { state, error, verdict: HoldVerdict::of(error.value) }
+    };
+    let mut figures = HoldFigures {
+        scenario: scenario.name(),
+        model: model.name(),
+        runs,
+        estimate_m: bootstrap(&[column(|run| run.estimate_m2)], root_mean),
+        hold_m: bootstrap(&[column(|run| run.hold_m2)], root_mean),
+        inside: mean(column(|run| run.inside)),
+        hover_throttle: mean(column(|run| run.hover_throttle_sq)).sqrt(),
+        states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
+        nis: [0, 1, 2].map(|sensor| {
+            let sums = flown.iter().map(|run| run.nis[sensor]);
+            let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
+            (n > 0.0).then(|| sum / n)
+        }),
+        steps: [mean(column(|run| run.steps[0])), mean(column(|run| run.steps[1]))],
+        bounds: Bounds::new(scenario),
+        missed: Vec::new(),
+    };
+    figures.missed = figures.misses();
+    Ok(figures)
 }
 
 /// Means of one flight.
@@ -160,114 +182,69 @@ impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let near = |time_s: f64| events_s.iter().any(|at_s| (time_s - at_s).abs() <= EVENT_S);
-        let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        let over = |f: &dyn Fn(&HoldSample) -> f64| {
-            mean(&samples.iter().map(|s| f(s)).collect::<Vec<_>>())
-        };
+        let samples = || flight.samples.iter().filter(|sample| sample.time_s >= FROM_S);
+        let quiet = || samples().filter(|sample| !near(sample.time_s));
+        let squared = |value: f64| value * value;
         let error_m = |s: &HoldSample| s.estimate[0] - s.truth[0];
+        let throttle_error = |s: &HoldSample| {
+            let [truth, estimate] = s.hover_throttle();
+            estimate - truth
+        };
         let mut nis = [(0.0, 0.0); 3];
-        for sample in samples.iter().filter(|s| !near(s.time_s)) {
-            for reading in sample.readings.iter().filter(|reading| reading.taken) {
-                let (sum, n) = &mut nis[reading.sensor as usize];
-                *sum += reading.innovation.nis();
-                *n += 1.0;
-            }
+        for reading in quiet().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
+            let (sum, n) = &mut nis[reading.sensor as usize];
+            *sum += reading.innovation.nis();
+            *n += 1.0;
         }
         Self {
-            estimate_m2: over(&|s| error_m(s) * error_m(s)),
-            hold_m2: over(&|s| (s.truth[0] - flight.set_m) * (s.truth[0] - flight.set_m)),
-            inside: over(&|s| f64::from(u8::from(error_m(s).abs() < 1.96 * s.sigma[0]))),
-            hover_throttle_sq: over(&|s| {
-                let [truth, estimate] = s.hover_throttle();
-                (estimate - truth) * (estimate - truth)
-            }),
+            estimate_m2: mean(samples().map(|s| squared(error_m(s)))),
+            hold_m2: mean(samples().map(|s| squared(s.truth[0] - flight.set_m))),
+            inside: mean(samples().map(|s| f64::from(error_m(s).abs() < 1.96 * s.sigma[0]))),
+            hover_throttle_sq: mean(samples().map(|s| squared(throttle_error(s)))),
             states: std::array::from_fn(|i| {
-                let sigmas = |s: &HoldSample| (s.estimate[i] - s.truth[i]) / s.sigma[i];
-                let quiet = samples.iter().filter(|s| !near(s.time_s));
-                mean(&quiet.map(|s| sigmas(s) * sigmas(s)).collect::<Vec<_>>())
+                mean(quiet().map(|s| squared((s.estimate[i] - s.truth[i]) / s.sigma[i])))
             }),
             nis,
-            steps: [
-                flight.steps.into(),
-                f64::from(u32::try_from(events_s.len()).unwrap_or(u32::MAX)),
-            ],
+            steps: [flight.steps.into(), events_s.len() as f64],
         }
     }
 }
 
-fn summary(
-    flown: &[FlightMeans],
-    model: HoldModel,
-    scenario: HoldScenario,
-    runs: u32,
-) -> HoldFigures {
-    let column = |f: fn(&FlightMeans) -> f64| flown.iter().map(f).collect::<Vec<_>>();
-    let root = |squares: &[f64]| mean(squares).sqrt();
-    let interval = |squares: Vec<f64>| bootstrap(&[squares], 0.95, |squares| root(squares));
-    let consistency = |(index, state): (usize, &&'static str)| {
-        let squares: Vec<f64> = flown.iter().map(|run| run.states[index]).collect();
-        let error = bootstrap(&[squares], 0.95, |squares| mean(squares));
-        Consistency { state, error, verdict: HoldVerdict::of(error.value) }
-    };
-    let mut figures = HoldFigures {
-        scenario: scenario.name(),
-        model: model.name(),
-        runs,
-        estimate_m: interval(column(|run| run.estimate_m2)),
-        hold_m: interval(column(|run| run.hold_m2)),
-        inside: mean(&column(|run| run.inside)),
-        hover_throttle: root(&column(|run| run.hover_throttle_sq)),
-        states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
-        nis: [0, 1, 2].map(|sensor| {
-            let sums = flown.iter().map(|run| run.nis[sensor]);
-            let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
-            (n > 0.0).then(|| sum / n)
-        }),
-        steps: [mean(&column(|run| run.steps[0])), mean(&column(|run| run.steps[1]))],
-        bounds: Bounds::new(scenario),
-        missed: Vec::new(),
-    };
-    figures.missed = figures.misses();
-    figures
-}
-
 impl HoldFigures {
     fn misses(&self) -> Vec<String> {
-        let mut missed = Vec::new();
-        let Some(Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps }) = self.bounds
-        else {
-            return missed;
-        };
-        let mut promise = |kept: bool, text: String| {
-            if !kept {
-                missed.push(text);
-            }
-        };
-        let (found, cm) = (self.estimate_m.value, |m: f64| format!("{:.1} cm", 100.0 * m));
-        promise(found <= estimate_m, format!("estimate {} above {}", cm(found), cm(estimate_m)));
-        let found = self.hold_m.value;
-        promise(found <= hold_m, format!("hold {} above {}", cm(found), cm(hold_m)));
-        let [least, most] = inside;
-        let kept = (least..=most).contains(&self.inside);
-        promise(kept, format!("inside {:.3}, not {least} to {most}", self.inside));
-        let found = self.hover_throttle;
-        promise(
-            found <= hover_throttle,
-            format!("hover throttle off by {found:.4}, more than {hover_throttle}"),
-        );
-        let [least, most] = nis;
-        for found in self.nis.into_iter().flatten() {
-            let kept = (least..=most).contains(&found);
-            promise(kept, format!("NIS {found:.2}, not {least} to {most}"));
-        }
-        for Consistency { state, error, verdict } in &self.states {
+        let Some(bounds) = self.bounds else { return Vec::new() };
+        let Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps } = bounds;
+        let lies_in = |[least, most]: [f64; 2], value: f64| (least..=most).contains(&value);
+        let cm = |m: f64| format!("{:.1} cm", 100.0 * m);
+        let (estimated_m, held_m) = (self.estimate_m.value, self.hold_m.value);
+        let throttle = self.hover_throttle;
+        let [found, seen] = self.steps;
+        let mut promises = vec![
+            (
+                estimated_m <= estimate_m,
+                format!("estimate {} above {}", cm(estimated_m), cm(estimate_m)),
+            ),
+            (held_m <= hold_m, format!("hold {} above {}", cm(held_m), cm(hold_m))),
+            (
+                lies_in(inside, self.inside),
+                format!("inside {:.3}, not {} to {}", self.inside, inside[0], inside[1]),
+            ),
+            (
+                throttle <= hover_throttle,
+                format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"),
+            ),
+        ];
+        promises.extend(self.nis.iter().flatten().map(|found| {
+            (lies_in(nis, *found), format!("NIS {found:.2}, not {} to {}", nis[0], nis[1]))
+        }));
+        promises.extend(self.states.iter().map(|Consistency { state, error, verdict }| {
             let text =
                 format!("{state} overconfident: squared error over variance {:.2}", error.value);
-            promise(*verdict != HoldVerdict::Overconfident, text);
-        }
-        let [found, seen] = self.steps;
-        promise((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}"));
-        missed
+            (*verdict != HoldVerdict::Overconfident, text)
+        }));
+        promises
+            .push(((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}")));
+        promises.into_iter().filter(|(kept, _)| !kept).map(|(_, text)| text).collect()
     }
 }
 
@@ -350,13 +327,8 @@ mod tests {
         let missed = found.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
         assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
-        let none = hold_figures(
-            HoldModel::Scalar,
-            &Scene::preset(Preset::Bzzz).sim(),
-            HoldScenario::Calm,
-            0,
-            0,
-        );
+        let options = Scene::preset(Preset::Bzzz).sim();
+        let none = hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 0);
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
     }
 }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use super::scenario::{HoldScenario, SPEED_M_S};
+use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 use noctograph_flying::plan::{Plan, Setpoint};

@@ -3,12 +3,12 @@
 //! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the lag of the motors, at 100 Hz. Sensors, filter and
 //! controller run at 10 Hz, as the lab sheet asks.
 
-use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
+use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
-use noctograph_flying::sensors::{HeightSensor, Positioning};
+use noctograph_flying::sensors::{HeightSensor, Positioning, SensorOptions};
 use noctograph_flying::sim::{
     AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains,
 };
@@ -25,18 +25,16 @@ pub(super) fn hold(
     duration_s: f64,
     seed: u64,
 ) -> Result<Hold> {
-    let observer = &options.observer.altitude;
     let hover = options.believed_hover_throttle();
     let [k_z, k_v] = altitude_gains(&options.controller.altitude)?;
-    let noise = |name: &str| Noise::new(seed, 0, name);
-    let mut truth = Truth::new(options, scenario, noise);
-    let mut sensors: Vec<(AltitudeSensor, Noise)> = sensors(options)
-        .into_iter()
-        .map(|sensor| (sensor, noise(&format!("hold {sensor:?}"))))
-        .collect();
+    let mut truth = Truth::new(options, scenario, seed);
+    let all = [AltitudeSensor::Gnss, AltitudeSensor::TimeOfFlight, AltitudeSensor::Barometer];
+    let carried = all.into_iter().filter(|sensor| carries(&options.sensors, *sensor));
+    let noise = |sensor| (sensor, Noise::new(seed, 0, &format!("hold {sensor:?}")));
+    let mut sensors: Vec<(AltitudeSensor, Noise)> = carried.map(noise).collect();
     let gnss = &options.sensors.gnss;
     let hears_gnss = |time_s: f64| scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
-    let mut filter = AltitudeFilter::new(observer, hover, SET_M);
+    let mut filter = AltitudeFilter::new(&options.observer.altitude, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
     #[expect(clippy::cast_possible_truncation, reason = "at most an hour")]
     let n_ticks = (duration_s * f64::from(TRUTH_HZ)).round() as u32;
@@ -49,7 +47,7 @@ pub(super) fn hold(
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
                 if *sensor != AltitudeSensor::Gnss || hears_gnss(time_s) {
-                    filter.update(*sensor, truth.measured_m(*sensor, time_s, error, options));
+                    filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
             let [z, v] = [AltitudeState::Altitude, AltitudeState::Velocity]
@@ -63,42 +61,46 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps: filter.steps() })
 }
 
+fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
+    match sensor {
+        AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
+        AltitudeSensor::TimeOfFlight => sensors.heights.contains(&HeightSensor::TimeOfFlight),
+        AltitudeSensor::Barometer => sensors.heights.contains(&HeightSensor::Barometer),
+    }
+}
+
 /// The drone as it is.
 #[derive(Debug)]
-struct Truth {
+struct Truth<'a> {
+    options: &'a SimOptions,
     scenario: HoldScenario,
     altitude_m: f64,
     velocity_m_s: f64,
     throttle: f64,
-    motor_lag_s: f64,
     gust_m_s2: f64,
     offset: f64,
     full_gain: f64,
     barometer_m: f64,
-    barometer_drift_m_s: f64,
-    barometer_walk_m_sqrt_s: f64,
     gusts: Noise,
     pressure: Noise,
 }
 
-impl Truth {
-    fn new(options: &SimOptions, scenario: HoldScenario, noise: impl Fn(&str) -> Noise) -> Self {
-        let mut drawn = noise(DRONE);
-        let (vehicle, hover) = (&options.vehicle, options.vehicle.hover_throttle());
+impl<'a> Truth<'a> {
+    fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
+        let mut drawn = Noise::new(seed, 0, DRONE);
+        let hover = options.vehicle.hover_throttle();
         Self {
+            options,
             scenario,
             altitude_m: SET_M,
             velocity_m_s: 0.0,
             throttle: hover,
-            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
             gust_m_s2: 0.0,
             full_gain: GRAVITY_M_S2 / hover * (1.0 + GAIN_SPREAD * drawn.normal()),
             offset: -GRAVITY_M_S2 + OFFSET_SPREAD_M_S2 * drawn.normal(),
             barometer_m: BAROMETER_BIAS_M * drawn.normal(),
-            barometer_drift_m_s: options.sensors.barometer.drift_m_s + scenario.drift_m_s(),
-            barometer_walk_m_sqrt_s: options.sensors.barometer.drift_m_sqrt_s,
-            gusts: noise("hold gusts"),
-            pressure: noise("hold pressure"),
+            gusts: Noise::new(seed, 0, "hold gusts"),
+            pressure: Noise::new(seed, 0, "hold pressure"),
         }
     }
 
@@ -106,22 +108,17 @@ impl Truth {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
 
+    /// In the order of [`AltitudeState`].
     fn states(&self, time_s: f64) -> [f64; 6] {
-        let floor_m = self.scenario.floor_m(time_s);
-        let barometer_m = self.barometer_m + self.barometer_drift_m_s * time_s;
-        let (z, v) = (self.altitude_m, self.velocity_m_s);
-        [z, v, self.offset, self.gain(time_s), -floor_m, barometer_m]
+        let drift_m_s = self.options.sensors.barometer.drift_m_s + self.scenario.drift_m_s();
+        let barometer_m = self.barometer_m + drift_m_s * time_s;
+        let (gain, floor_m) = (self.gain(time_s), self.scenario.floor_m(time_s));
+        [self.altitude_m, self.velocity_m_s, self.offset, gain, -floor_m, barometer_m]
     }
 
-    fn measured_m(
-        &self,
-        sensor: AltitudeSensor,
-        time_s: f64,
-        error: f64,
-        options: &SimOptions,
-    ) -> f64 {
+    fn measured_m(&self, sensor: AltitudeSensor, time_s: f64, error: f64) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
-        let sensors = &options.sensors;
+        let sensors = &self.options.sensors;
         z + match sensor {
             AltitudeSensor::Gnss => error * sensors.gnss.noise_m,
             AltitudeSensor::TimeOfFlight => ranger_m + error * sensors.time_of_flight.noise_m,
@@ -130,28 +127,16 @@ impl Truth {
     }
 
     fn step(&mut self, throttle: f64, time_s: f64) {
-        let dt = 1.0 / f64::from(TRUTH_HZ);
-        self.throttle += (throttle - self.throttle) * (dt / self.motor_lag_s).min(1.0);
+        let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
+        let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
+        self.throttle += (throttle - self.throttle) * (dt / lag_s).min(1.0);
         let [sigma, correlation_s] = GUST;
         self.gust_m_s2 += -self.gust_m_s2 * dt / correlation_s
             + sigma * (2.0 * dt / correlation_s).sqrt() * self.gusts.normal();
-        self.barometer_m += self.barometer_walk_m_sqrt_s * dt.sqrt() * self.pressure.normal();
+        let walk_m_sqrt_s = self.options.sensors.barometer.drift_m_sqrt_s;
+        self.barometer_m += walk_m_sqrt_s * dt.sqrt() * self.pressure.normal();
         let a = self.gain(time_s) * self.throttle + self.offset + self.gust_m_s2;
         self.altitude_m += self.velocity_m_s * dt + 0.5 * a * dt * dt;
         self.velocity_m_s += a * dt;
     }
-}
-
-/// The sensors of the altitude that a drone has.
-fn sensors(options: &SimOptions) -> Vec<AltitudeSensor> {
-    let sensors = &options.sensors;
-    let has = |sensor| sensors.heights.contains(&sensor);
-    [
-        (AltitudeSensor::Gnss, sensors.positioning == Positioning::Gnss),
-        (AltitudeSensor::TimeOfFlight, has(HeightSensor::TimeOfFlight)),
-        (AltitudeSensor::Barometer, has(HeightSensor::Barometer)),
-    ]
-    .into_iter()
-    .filter_map(|(sensor, present)| present.then_some(sensor))
-    .collect()
 }

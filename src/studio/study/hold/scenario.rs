@@ -56,14 +56,13 @@ impl HoldScenario {
 
     /// Height of the floor at a time, m.
     pub(super) fn floor_m(self, time_s: f64) -> f64 {
-        let [from_s, to_s] = TABLE_S;
-        if self.has_step() && (from_s..to_s).contains(&time_s) { TABLE_M } else { 0.0 }
+        let is_above = self.has_step() && (TABLE_S[0]..TABLE_S[1]).contains(&time_s);
+        if is_above { TABLE_M } else { 0.0 }
     }
 
     /// Whether the satellites are heard at a time.
     pub(super) fn hears_gnss(self, time_s: f64) -> bool {
-        let [from_s, to_s] = SILENT_S;
-        !(self.is_silent() && (from_s..to_s).contains(&time_s))
+        !(self.is_silent() && (SILENT_S[0]..SILENT_S[1]).contains(&time_s))
     }
 
     fn is_silent(self) -> bool {
@@ -140,8 +139,7 @@ fn drain(options: &mut SimOptions) {
     *battery = BatteryOptions {
         capacity_ah: current_a * DRAIN_S / 3600.0,
         charge_frac: 1.0,
-        open_circuit_v: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
-            .map(|tenths| low_v + tenth_v * f64::from(tenths)),
+        open_circuit_v: std::array::from_fn(|tenths| low_v + tenth_v * tenths as f64),
         compensation: Compensation::None,
         cut_off_v: 0.0,
         ..battery.clone()
