@@ -64,7 +64,7 @@ mod typefaces;
 pub use self::outcome::Report;
 pub use self::show::verdict_table;
 pub use self::studies::ranking_report;
-pub use self::tune::report as tuning_table;
+pub use self::tune::table_of as tuning_table;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]

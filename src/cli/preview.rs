@@ -15,7 +15,6 @@ use super::outcome::{Outcome, Report, command, line, wrapped};
 use super::output::OutputFolder;
 use super::picture::PictureFlags;
 use super::progress::watch;
-use super::show::FlightFigures;
 use super::spread::SpreadFlags;
 use super::table::table;
 use super::{findings, movie, show, warn};
@@ -109,21 +108,17 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     warn(problems(false).map(sentence));
 
     let verdict = shot.verdict.as_ref();
-    let mut json = show::verdict_json(verdict, shot.flight_sha256());
+    let json = show::verdict_json(verdict, shot.flight_sha256());
     let mut names = write(&shot, &json, &folder)?;
+    let mut report = Report::new(String::new(), json);
     let spread = args.spread.run(&before, &conditions, &folder)?;
-    names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
 
-    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
-    let flights = shot.flights.iter().zip(shot.digests().iter().cloned()).zip(shot.tracking());
-    let figures =
-        flights.map(|((flight, sha256), known)| FlightFigures::new(flight, sha256, *known));
-    let figures: Vec<FlightFigures<'_>> = figures.collect();
-    json["flights"] = figures.iter().map(FlightFigures::json).collect();
-    json["camera"] = show::camera_json(&shot);
-    json["backend"] = backend.into();
-    json["adapter"] = adapter.as_str().into();
-    json["photo_sha256"] = shot.file.as_deref().map(sha256).into();
+    let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
+    let flights =
+        flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
+    let flights: Vec<Report> = flights.collect();
+    report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
+    report.value("photo_sha256", shot.file.as_deref().map(sha256));
     let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
@@ -131,12 +126,12 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     };
     let typed_json =
         |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes });
-    json["remedies"] = remedies.iter().map(typed_json).collect();
-    let mut text = verdict_text(&shot, &remedies);
+    report.value("remedies", remedies.iter().map(typed_json).collect::<Vec<_>>());
     if let Some(obstacle) = obstacles.first() {
-        text = wrapped("photo     ", obstacle) + &text;
+        report.line("photo", obstacle);
     }
-    text.push('\n');
+    report.text += &verdict_text(&shot, &remedies);
+    report.text.push('\n');
     let profile = args.profile.profile(&args.subject);
     let findings = match args.report {
         true => {
@@ -156,26 +151,27 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);
-    json["obstacles"] = obstacles.into();
-    json["stops"] = stops.clone().into();
-    text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
+    report.value("obstacles", obstacles);
+    report.value("stops", &stops);
+    report.text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
     if let Some(strokes) = &shot.strokes {
-        show::add_drawing(strokes, &mut text, &mut json);
+        show::tell_drawing(&mut report, strokes);
     }
-    text.extend(figures.iter().map(FlightFigures::text));
-    text += &show::camera_line(&shot);
+    report.text.extend(flights.iter().map(|flight| &*flight.text));
+    show::tell_camera(&mut report, &shot);
     let mut drawings = Vec::new();
     if let Some(spread) = spread {
-        text += &spread.text;
-        json["spread"] = spread.json;
+        report.text += &spread.report.text;
+        report.value("spread", spread.report.json);
         drawings = spread.drawings;
+        names.extend(spread.names);
     }
-    text += &line("exposed", &format!("by {backend} on {adapter}"));
+    show::tell_backend(&mut report, &shot);
     if args.report {
         let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
         let notes = ShotNotes {
             lead: &verdict.map_or_else(String::new, show::verdict_sentence),
-            printed: &text,
+            printed: &report.text,
             findings: &findings,
             placement: placement.as_ref(),
             remedies: &remedies,
@@ -195,7 +191,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),
     };
-    Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files).with_outcome(outcome))
 }
 
 /// Writes photo, flights, plans, scene and, of a word, the verdict; returns their names.

@@ -5,18 +5,17 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::message;
 use super::outcome::{Report, line};
 use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
 use super::table::table;
+use super::warn;
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
-use crate::scene::NamedScene;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::shoot::Stop;
 use crate::study::{
     Candidate, Conditions, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv,
@@ -78,15 +77,15 @@ impl std::str::FromStr for Budget {
 
     fn from_str(text: &str) -> Result<Self> {
         let wanted = "a number of flights, or minutes such as 5min";
-        let broken = || Error::input("budget", text, wanted, "for example 2000, or 5min");
-        if let Some(minutes) = text.strip_suffix("min") {
-            let minutes: f64 = minutes.trim().parse().map_err(|_not_a_number| broken())?;
-            let time = Duration::try_from_secs_f64(60.0 * minutes);
-            let time = time.map_err(|_negative| broken())?;
-            return Ok(Self { flights: 10_000_000, time: Some(time) });
-        }
-        let flights = text.parse().map_err(|_not_a_number| broken())?;
-        Ok(Self { flights, time: None })
+        let budget = match text.strip_suffix("min") {
+            Some(minutes) => {
+                let minutes = minutes.trim().parse::<f64>().ok();
+                let time = minutes.and_then(|n| Duration::try_from_secs_f64(60.0 * n).ok());
+                time.map(|time| Self { flights: 10_000_000, time: Some(time) })
+            }
+            None => text.parse().ok().map(|flights| Self { flights, time: None }),
+        };
+        budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
     }
 }
 
@@ -126,18 +125,15 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
     results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
     let paths = results.keep(&FILES)?;
-    let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
     let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
     let json = json!({
-        "flights": tuned.n_flights,
-        "candidates": tuned.candidates.len(),
-        "helped": tuned.helped(),
-        "best": tuned.best,
-        "before": tuned.before,
-        "front": front,
-        "tests": tests,
+        "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
+        "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    Ok(Report::new(report(&options, &tuned) + &tested + "\n", json).with_files(&paths))
+    let mut report = Report::new(table_of(&options, &tuned), json);
+    test(&mut report, args, &options, &base, &tuned, &store)?;
+    report.text.push('\n');
+    Ok(report.with_files(&paths))
 }
 
 fn options(
@@ -169,10 +165,9 @@ fn options(
 fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights: usize) {
     let needed = spent * least_flights as f64 / n_flights as f64;
     if needed > 1.0 {
-        let text = format!(
+        warn([format!(
             "{budget} is too short: {least_flights} flights, the least, take about {needed:.1} of it"
-        );
-        message("warning: ", &text);
+        )]);
     }
 }
 
@@ -203,7 +198,7 @@ fn plot(tuned: &Tuned) -> String {
 }
 
 /// The candidates that are best in time and legibility, and what the best one changed.
-pub fn report(options: &TuneOptions, tuned: &Tuned) -> String {
+pub fn table_of(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let front = tuned.front.iter().map(|number| {
         let c = &tuned.candidates[*number];
@@ -236,36 +231,30 @@ fn shown(value: &toml::Value) -> String {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
             format!("{number:.3e}")
         }
-        Some(number) => {
-            let digits = if number.abs() < 1.0 { 5 } else { 3 };
-            format!("{number:.digits$}")
-        }
+        Some(number) if number.abs() < 1.0 => format!("{number:.5}"),
+        Some(number) => format!("{number:.3}"),
         None => value.as_str().map_or_else(|| value.to_string(), str::to_owned),
     }
 }
 
-/// Compares a result that is not the scene as it was with it, on new seeds and on new words:
-/// tables, and the same for programs.
+/// Compares a result that is not the scene as it was with it, on new seeds and on new words.
 fn test(
+    report: &mut Report,
     args: &TuneArgs,
     options: &TuneOptions,
     base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
-) -> Result<(String, Vec<Value>)> {
-    let (mut text, mut json) = (String::new(), Vec::new());
-    if !tuned.helped() {
-        return Ok((text, json));
-    }
-    let seen = |word: &str| options.words.iter().any(|(known, _)| known == word);
-    let others = args.test_words.iter().cloned();
-    let others: Vec<_> =
-        others.filter(|word| !seen(word)).map(|word| (word, args.test_seeds)).collect();
-    let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds)).collect();
-    for (new, words) in [("seeds", again), ("words and seeds", others)] {
-        if words.is_empty() || args.test_seeds == 0 {
-            continue;
-        }
+) -> Result<()> {
+    let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds));
+    let seen = |word: &&String| options.words.iter().any(|(known, _)| known == *word);
+    let others = args.test_words.iter().filter(|word| !seen(word));
+    let others = others.map(|word| (word.clone(), args.test_seeds));
+    let tests: [(_, Vec<_>); 2] =
+        [("seeds", again.collect()), ("words and seeds", others.collect())];
+    let is_made = |words: &[_]| tuned.helped() && !words.is_empty() && args.test_seeds > 0;
+    let mut told = Vec::new();
+    for (new, words) in tests.into_iter().filter(|(_, words)| is_made(words)) {
         let study = Study {
             contenders: vec![base.clone(), NamedScene::new("tuned", tuned.scene.clone())],
             words,
@@ -278,8 +267,10 @@ fn test(
         let records =
             evaluate(&study, &study.prepare()?, &trials, Some(store), &Stop::default(), &bar)?;
         let ranking = rank(&study, &records);
-        text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
-        json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
+        let table = ranking_table(&study, &ranking);
+        report.text += &format!("\ntested on new {new}: {table}");
+        told.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
     }
-    Ok((text, json))
+    report.value("tests", told);
+    Ok(())
 }
