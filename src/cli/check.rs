@@ -3,11 +3,7 @@
 use clap::Args;
 use serde_json::json;
 
-use super::findings;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::outcome::{Outcome, Report, wrapped};
-use super::picture::StandFlag;
-use super::show;
+use super::{Outcome, ProfileFlags, Report, StandFlag, SubjectFlags, findings, show, wrapped};
 use crate::error::Result;
 use crate::preflight::{Checked, Preflight, Profile, Severity, preflight};
 

@@ -7,12 +7,7 @@ use clap::Args;
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::flags::FlightFlags;
-use super::names::named;
-use super::outcome::Report;
-use super::output::OutputFolder;
-use super::table::table;
-use super::{message, show};
+use super::{FlightFlags, OutputFolder, Report, message, named, show, table};
 use crate::error::{Error, Result};
 use crate::flight::comparison::{
     Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
@@ -210,14 +205,17 @@ fn described(
     });
     report.text.push('\n');
     report.text += &table("drift in y, m<24|from>8|to>8|within ±0.2 m>17", drift);
-    if let Some((cause, share)) = comparison.first {
-        let (cause, change) = in_words(cause);
-        report.value("first", json!({ "cause": cause, "change": change, "share": share }));
-        if comparison.rmse_m.norm() >= ALIKE_M {
-            report.text.push('\n');
-            report.line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
-            report.line("change", change);
-        }
+    let first = comparison.first.map(|(cause, share)| (in_words(cause), share));
+    report.value(
+        "first",
+        first.as_ref().map(
+            |((cause, change), share)| json!({ "cause": cause, "change": change, "share": share }),
+        ),
+    );
+    if let Some(((cause, change), share)) = first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
+        report.text.push('\n');
+        report.line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
+        report.line("change", change);
     }
     report
 }

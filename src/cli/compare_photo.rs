@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::outcome::Report;
-use super::output::OutputFolder;
-use super::warn;
+use super::{OutputFolder, Report, warn};
 use crate::error::Result;
 use crate::photo;
 use crate::photo::flip::difference;

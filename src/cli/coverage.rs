@@ -7,12 +7,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SceneFlags, set_word};
 use super::letters::LetterFlags;
-use super::names::numbers;
-use super::outcome::Report;
-use super::output::Output;
-use super::table::table;
+use super::{Output, Report, SceneFlags, numbers, set_word, table};
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};

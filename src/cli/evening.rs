@@ -5,11 +5,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::flags::warn_of;
-use super::outcome::{Report, typed, wrapped};
-use super::output::OutputFolder;
 use super::studies::counter;
-use super::table::table;
+use super::{OutputFolder, Report, shell_word, table, warn_of, wrapped};
 use crate::error::Result;
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
@@ -32,7 +29,7 @@ pub(super) fn run(
     let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&rows);
     Conditions::parse(&toml, "conditions.toml")?;
-    let file = typed(&output.join("conditions.toml"));
+    let file = shell_word(&output.join("conditions.toml"));
     let mut advice: Vec<String> = mean.iter().map(advice_of).collect();
     if !rows.is_empty() {
         advice.push(format!(

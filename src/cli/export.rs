@@ -7,11 +7,9 @@ use clap::Args;
 use serde_json::Value;
 
 use super::advice::mentioned;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::names::named;
-use super::outcome::{Outcome, Report};
-use super::output::{Output, OutputFolder};
-use super::{findings, warn};
+use super::{
+    Outcome, Output, OutputFolder, ProfileFlags, Report, SubjectFlags, findings, named, warn,
+};
 use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;

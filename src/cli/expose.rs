@@ -7,13 +7,10 @@ use clap::Args;
 
 use super::advice::mentioned;
 use super::device::tried;
-use super::flags::{FlightFlags, SceneFlags, SeedFlag};
-use super::names::named;
-use super::outcome::Report;
-use super::output::Output;
-use super::picture::PictureFlags;
-use super::progress::watch;
-use super::{message, show, warn};
+use super::{
+    FlightFlags, Output, PictureFlags, Report, SceneFlags, SeedFlag, message, named, show, warn,
+    watch,
+};
 use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
 use noctograph_core::digest::sha256;

@@ -6,10 +6,8 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 
 use super::letters::LetterFlags;
-use super::message;
-use super::names::{named, names};
 use super::relit::{light_all_along, relit_where_dark};
-use super::set::{SetFlag, Setting, borrowed};
+use super::{SetFlag, Setting, borrowed, message, named, names};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::logs::{

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FLIGHTS, FlightFlags, SceneFlags, SeedFlag, read_plans, warn_of};
-use super::outcome::Report;
-use super::output::Outputs;
-use super::progress::watch;
-use super::{show, warn};
+use super::{
+    FLIGHTS, FlightFlags, Outputs, Report, SceneFlags, SeedFlag, read_plans, show, warn, warn_of,
+    watch,
+};
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};

@@ -4,10 +4,7 @@ use clap::Args;
 use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};
 
-use super::flags::SceneFlags;
-use super::outcome::{Report, wrapped};
-use super::table::table;
-use super::warn;
+use super::{Report, SceneFlags, table, warn, wrapped};
 use crate::control::Margins;
 use crate::error::Result;
 use crate::scene::Scene;

@@ -6,8 +6,7 @@ use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
 use serde_json::json;
 
-use super::outcome::Report;
-use super::output::OutputFolder;
+use super::{OutputFolder, Report};
 use crate::error::Result;
 
 #[derive(Debug, Args)]

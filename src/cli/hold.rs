@@ -6,12 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SceneFlags, SeedFlag};
-use super::names::{named, names};
-use super::outcome::{Outcome, Report, line};
-use super::output::OutputFolder;
-use super::progress::Progress;
-use super::table::table;
+use super::{
+    Outcome, OutputFolder, Progress, Report, SceneFlags, SeedFlag, line, named, names, table,
+};
 use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;

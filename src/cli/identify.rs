@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags};
-use super::outcome::Report;
-use super::table::table;
-use super::warn;
+use super::{FlightFlags, Report, SceneFlags, table, warn};
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};

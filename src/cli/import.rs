@@ -5,13 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::evening;
-use super::flags::{FlightFlags, SceneFlags, set_word};
-use super::outcome::Report;
-use super::output::Output;
 use super::relit::relit_where_dark;
 use super::show::flight_report;
-use super::warn;
+use super::{FlightFlags, Output, Report, SceneFlags, evening, set_word, warn};
 use crate::error::{Error, Result};
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};

@@ -6,12 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::Value;
 
-use super::flags::{FlightFlags, find_scene};
-use super::outcome::Report;
-use super::set::SetFlag;
 use super::studies::{open_results, open_store, share};
-use super::table::table;
-use super::{message, warn};
+use super::{FlightFlags, Report, SetFlag, find_scene, message, table, warn};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::Plan;

@@ -2,8 +2,7 @@
 
 use clap::Args;
 
-use super::names::{Corners, numbers};
-use super::set::{Setting, owned};
+use super::{Corners, Setting, numbers, owned};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
 

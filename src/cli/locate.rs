@@ -8,13 +8,10 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
-use super::flags::{FlightFlags, SceneFlags, warn_of};
 use super::locate_region::region;
-use super::names::numbers;
-use super::outcome::{Outcome, Report};
-use super::output::OutputFolder;
-use super::table::table;
-use super::warn;
+use super::{
+    FlightFlags, Outcome, OutputFolder, Report, SceneFlags, numbers, table, warn, warn_of,
+};
 use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;

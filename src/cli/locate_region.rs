@@ -4,8 +4,7 @@
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::outcome::Report;
-use super::table::table;
+use super::{Report, table};
 use crate::error::{Error, Result};
 use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
 use crate::scene::Scene;

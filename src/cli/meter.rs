@@ -6,12 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::advice::mentioned;
-use super::flags::{FlightFlags, SubjectFlags};
-use super::outcome::{Report, wrapped};
-use super::picture::PictureFlags;
-use super::progress::watch;
-use super::table::table;
-use super::warn;
+use super::{FlightFlags, PictureFlags, Report, SubjectFlags, table, warn, watch, wrapped};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};

@@ -3,8 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::output::Output;
-use super::progress::Progress;
+use super::{Output, Progress};
 use crate::error::{Error, Result};
 use crate::photo::Animation;
 use crate::shoot::Shot;

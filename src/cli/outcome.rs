@@ -126,7 +126,7 @@ pub(super) fn line(name: &str, text: &str) -> String {
 }
 
 /// A path as one types it into a shell: quoted where it has to be.
-pub(super) fn typed(path: &Path) -> String {
+pub(super) fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
     if !text.is_empty() && text.chars().all(is_plain) {
@@ -139,8 +139,8 @@ pub(super) fn typed(path: &Path) -> String {
 }
 
 /// The command that is running, as one types it.
-pub(super) fn command() -> String {
-    let words = std::env::args().skip(1).map(|word| typed(Path::new(&word)));
+pub(super) fn typed_command() -> String {
+    let words = std::env::args().skip(1).map(|word| shell_word(Path::new(&word)));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
@@ -216,7 +216,7 @@ mod tests {
             ("zażółć.png", "zażółć.png"),
             ("", "''"),
         ] {
-            assert_eq!(typed(Path::new(path)), in_shell);
+            assert_eq!(shell_word(Path::new(path)), in_shell);
             let echo = format!("printf %s {in_shell}");
             let echoed = std::process::Command::new("sh").args(["-c", &echo]).output().unwrap();
             assert_eq!(String::from_utf8_lossy(&echoed.stdout), path);

@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flags::find_scene;
-use super::names::{named, numbers};
-use super::warn;
+use super::{find_scene, named, numbers, warn};
 use crate::camera::{FixedPose, Framing};
 use crate::error::Result;
 use crate::expose::BackendChoice;

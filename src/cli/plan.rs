@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{DesignFlags, FlightFlags, set_word, warn_of_fewer_drones};
-use super::outcome::Report;
-use super::output::{Output, Outputs, is_svg};
-use super::{show, warn};
+use super::{
+    DesignFlags, FlightFlags, Output, Outputs, Report, is_svg, set_word, show, warn,
+    warn_of_fewer_drones,
+};
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;

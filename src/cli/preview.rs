@@ -9,15 +9,11 @@ use serde_json::{Value, json};
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::names::named;
-use super::outcome::{Outcome, Report, command, line, wrapped};
-use super::output::OutputFolder;
-use super::picture::PictureFlags;
-use super::progress::watch;
 use super::spread::SpreadFlags;
-use super::table::table;
-use super::{findings, movie, show, warn};
+use super::{
+    Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, SubjectFlags, findings, line, movie,
+    named, show, table, typed_command, warn, watch, wrapped,
+};
 use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
@@ -176,7 +172,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: &mentioned,
-            command: &args.command.clone().unwrap_or_else(command),
+            command: &args.command.clone().unwrap_or_else(typed_command),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::outcome::{Report, line};
 use super::studies::{
     RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
+use super::{Report, line};
 use crate::error::Result;
 use crate::shoot::Stop;
 use crate::study::{Record, Shard, Trial, evaluate, rank, shards};

@@ -4,11 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::names::Corners;
-use super::outcome::{Outcome, Report};
-use super::picture::CameraFlags;
 use super::square_on::square_on;
-use super::table::table;
+use super::{CameraFlags, Corners, Outcome, Report, table};
 use crate::error::Result;
 use crate::photo::{self};
 use crate::score::read;

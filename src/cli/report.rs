@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::outcome::{Report, line};
-use super::output::Output;
 use super::show::sentence;
+use super::{Output, Report, line};
 use crate::error::{Error, Result};
 use crate::photo::{self};
 use crate::report::Page;

@@ -6,9 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::outcome::Report;
 use super::studies::{StudyFlags, counter, open_results, open_store};
-use super::table::table;
+use super::{Report, table};
 use crate::error::Result;
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};

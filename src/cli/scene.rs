@@ -6,9 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{DesignFlags, SeedFlag};
-use super::outcome::Report;
-use super::output::Output;
+use super::{DesignFlags, Output, Report, SeedFlag};
 use crate::error::Result;
 
 #[derive(Debug, Args)]

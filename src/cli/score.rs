@@ -5,13 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flags::{FlightFlags, SceneFlags, set_word};
-use super::names::Corners;
-use super::outcome::{Outcome, Report, line, typed};
-use super::output::{Output, is_svg};
-use super::picture::CameraFlags;
 use super::relit::relit_where_dark;
-use super::{message, show};
+use super::{
+    CameraFlags, Corners, FlightFlags, Outcome, Output, Report, SceneFlags, is_svg, line, message,
+    set_word, shell_word, show,
+};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -126,7 +124,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let mut text = show::verdict_table(&verdict);
     // To fly a scene many times for a photo of unknown origin is left to who trusts it.
     if inside.is_some() && !verdict.legible {
-        let again = format!("`noctograph preview --scene {}`", typed(&args.photo));
+        let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
         text += &line(
             "settings",
             &format!("{again} flies its scene again, and names settings that help"),

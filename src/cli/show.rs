@@ -3,8 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::outcome::{Report, line, wrapped};
-use super::table::table;
+use super::{Report, line, table, wrapped};
 use crate::camera::Camera;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};

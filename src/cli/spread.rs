@@ -5,10 +5,8 @@ use std::io::Write;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::outcome::Report;
-use super::output::OutputFolder;
 use super::studies::counter;
-use super::warn;
+use super::{OutputFolder, Report, warn};
 use crate::error::Result;
 use crate::photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};

@@ -1,7 +1,6 @@
 //! A photograph seen square on, by its corners or its camera.
 
-use super::names::Corners;
-use super::picture::CameraFlags;
+use super::{CameraFlags, Corners};
 use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::Photo;

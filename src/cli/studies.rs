@@ -9,13 +9,10 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{find_scene, warn_of_idle_keys_under};
-use super::message;
-use super::outcome::{Report, wrapped};
-use super::output::OutputFolder;
-use super::progress::Progress;
-use super::set::SetFlag;
-use super::table::table;
+use super::{
+    OutputFolder, Progress, Report, SetFlag, find_scene, message, table, warn_of_idle_keys_under,
+    wrapped,
+};
 use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::NamedScene;

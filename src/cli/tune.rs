@@ -7,11 +7,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::json;
 
-use super::outcome::{Report, line};
-use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
-use super::table::table;
-use super::warn;
+use super::{Progress, Report, line, table, warn};
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
 use crate::report::pareto;

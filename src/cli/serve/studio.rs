@@ -12,7 +12,7 @@ use clap::Parser;
 use serde_json::{Value, json};
 
 use super::super::preview::{PreviewArgs, Seen, previewed};
-use super::super::{Args, Verb, export, outcome::typed as shell, output::Output, show, typefaces};
+use super::super::{Args, Verb, export, outcome::shell_word, output::Output, show, typefaces};
 use super::replay::{boxes, replay};
 use super::said::{Made, Said};
 use super::wish::{Subject, Task, preview_args};
@@ -200,8 +200,8 @@ impl Studio {
     fn preview(&self, subject: &Subject, folder: &Path) -> Result<PreviewArgs> {
         let mut typed = self.typed(subject, folder)?;
         let shown = typed.iter().map(|word| match Path::new(word) {
-            path if path.is_absolute() => shell(path.file_name().unwrap_or_default().as_ref()),
-            word => shell(word),
+            path if path.is_absolute() => shell_word(path.file_name().unwrap_or_default().as_ref()),
+            word => shell_word(word),
         });
         let shown: Vec<String> = shown.collect();
         typed.extend([subject.size(LARGE).into(), "--backend=cpu".into()]);
