@@ -47,7 +47,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
-    let (options, seed) = (scene.sim(), args.seed.or(scene.seed));
+    let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];

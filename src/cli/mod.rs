@@ -15,15 +15,15 @@ use serde_json::{Value, json};
 use crate::error::{Error, Result};
 // What most verbs name is named here once.
 use flags::{
-    DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SubjectFlags,
-    find_scene, read_plans, set_word, warn_of, warn_of_fewer_drones, warn_of_idle_keys_under,
+    DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
+    SubjectFlags, find_scene, read_plans, set_word, warn_of, warn_of_fewer_drones,
+    warn_of_idle_keys,
 };
 use names::{Corners, named, names, numbers};
 use outcome::{Outcome, line, shell_word, typed_command, wrapped};
 use output::{Output, OutputFolder, Outputs, is_svg};
 use picture::{CameraFlags, PictureFlags, StandFlag};
 use progress::{Progress, watch};
-use set::{SetFlag, Setting, borrowed, owned};
 use table::table;
 
 mod advice;
@@ -65,10 +65,8 @@ mod robustness;
 mod scene;
 mod score;
 mod serve;
-mod set;
 mod show;
 mod spread;
-mod square_on;
 mod studies;
 mod table;
 mod tune;

@@ -33,7 +33,7 @@ pub(super) struct RobustnessArgs {
 }
 
 pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
-    let usual = args.study.conditions_or("evening")?;
+    let usual = args.study.conditions("evening")?;
     let options = RobustnessOptions {
         contender: args.study.scene(&args.scene, &usual)?,
         words: args.study.words(20)?,

@@ -10,12 +10,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::{
-    OutputFolder, Progress, Report, SetFlag, find_scene, message, table, warn_of_idle_keys_under,
-    wrapped,
+    OutputFolder, Progress, Report, SetFlag, find_scene, message, table, warn_of_idle_keys, wrapped,
 };
 use crate::error::{Error, Result};
 use crate::report::study_sheet;
-use crate::scene::NamedScene;
+use crate::scene::{NamedScene, Scene};
 use crate::study::statistics::Estimate;
 use crate::study::{
     Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
@@ -46,34 +45,17 @@ pub(super) struct StudyFlags {
 }
 
 impl StudyFlags {
-    /// A study of some scenes.
-    pub(super) fn study(&self, scenes: &[String]) -> Result<Study> {
-        let conditions = self.conditions()?;
-        let contenders = scenes.iter().map(|named| self.scene(named, &conditions));
-        let study = Study {
-            contenders: contenders.collect::<Result<_>>()?,
-            words: self.words(50)?,
-            conditions,
-            seed: self.seed,
-        };
-        study.check()?;
-        Ok(study)
-    }
-
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let named = find_scene(named, &self.set.set)?;
-        warn_of_idle_keys_under(conditions, &named.scene);
+        // Conditions may bring a radio that loses packets.
+        let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
+        warn_of_idle_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
     }
 
-    /// The conditions that were named, or a room's.
-    pub(super) fn conditions(&self) -> Result<Conditions> {
-        self.conditions_or("room")
-    }
-
     /// The conditions that were named, or others by their name.
-    pub(super) fn conditions_or(&self, usual: &str) -> Result<Conditions> {
+    pub(super) fn conditions(&self, usual: &str) -> Result<Conditions> {
         Conditions::find(self.conditions.as_deref().unwrap_or(usual))
     }
 
@@ -82,7 +64,7 @@ impl StudyFlags {
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
-                let text = read_text(named)?;
+                let text = LIST.read_text(named.as_ref())?;
                 let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
@@ -115,10 +97,11 @@ fn is_path(named: &str) -> bool {
         || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
 }
 
-fn read_text(file: &str) -> Result<String> {
-    let hint = "split it, or shorten it";
-    Limit { bytes: 1 << 20, what: "a list of words or conditions", hint }.read_text(file.as_ref())
-}
+const LIST: Limit = Limit {
+    bytes: 1 << 20,
+    what: "a list of words or conditions",
+    hint: "split it, or shorten it",
+};
 
 /// Opens a study's folder of flights, and says how many are there already.
 pub(super) fn open_store(folder: &Path) -> Result<Store> {
@@ -171,11 +154,8 @@ pub(super) fn write_ranking(
 
 /// A ranking for people and for programs.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
-    let (measures, pairs) = (&ranking.measures, &ranking.pairs);
     let json = json!({
-        "flights": flights,
-        "measures": measures,
-        "pairs": pairs,
+        "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
         "least_flights": ranking.least_flights,
     });
     Report::new(ranking_table(study, ranking) + "\n", json)

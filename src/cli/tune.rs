@@ -88,7 +88,7 @@ impl std::str::FromStr for Budget {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let budget: Budget = args.budget.parse()?;
-    let conditions = args.study.conditions()?;
+    let conditions = args.study.conditions("room")?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;
