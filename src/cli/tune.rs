@@ -12,11 +12,10 @@ use super::{Progress, Report, line, table, warn};
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
-use crate::scene::{NamedScene, Scene};
+use crate::scene::NamedScene;
 use crate::shoot::Stop;
 use crate::study::{
-    Candidate, Conditions, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv,
-    evaluate, rank, tune,
+    Candidate, Knob, Limits, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank, tune,
 };
 
 /// Files that are written once the best scene is found.
@@ -63,31 +62,22 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// What may be spent.
-struct Budget {
-    flights: usize,
-    time: Option<Duration>,
-}
-
-impl std::str::FromStr for Budget {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let wanted = "a number of flights, or minutes such as 5min";
-        let budget = match text.strip_suffix("min") {
-            Some(minutes) => {
-                let minutes = minutes.trim().parse::<f64>().ok();
-                let time = minutes.and_then(|n| Duration::try_from_secs_f64(60.0 * n).ok());
-                time.map(|time| Self { flights: 10_000_000, time: Some(time) })
-            }
-            None => text.parse().ok().map(|flights| Self { flights, time: None }),
-        };
-        budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
-    }
+/// Flights and time that may be spent.
+fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
+    let budget = match text.strip_suffix("min") {
+        Some(minutes) => {
+            let minutes = minutes.trim().parse::<f64>().ok();
+            let time = minutes.and_then(|n| Duration::try_from_secs_f64(60.0 * n).ok());
+            time.map(|time| (10_000_000, Some(time)))
+        }
+        None => text.parse().ok().map(|flights| (flights, None)),
+    };
+    let wanted = "a number of flights, or minutes such as 5min";
+    budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
 }
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
-    let budget: Budget = args.budget.parse()?;
+    let (flights, time) = budget(&args.budget)?;
     let conditions = args.study.conditions("room")?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
@@ -96,21 +86,44 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         *letters = LetterOptions { cap_height_m, ..scaled };
         base.scene.check()?;
     }
-    let options = options(args, &base.scene, conditions, budget.flights)?;
+    if let Some(longest_s) = args.longest {
+        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
+    }
+    let options = TuneOptions {
+        knobs: match args.knob.as_slice() {
+            [] => Knob::usual(&base.scene),
+            knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
+        },
+        words: args.study.words(6)?,
+        budget: flights,
+        limits: Limits { duration_s: args.longest, ..Limits::default() },
+        conditions,
+        seed: args.study.seed,
+    };
+    options.check()?;
     let store = open_store(&args.output)?;
     let results = open_results(&args.output, &FILES)?;
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
-        let spent = budget.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
+        let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            warn_of_short_time(&args.budget, options.least_budget(), spent, n_flights);
+            // The time that the first flights took tells that of the least.
+            let least_flights = options.least_budget();
+            let needed = spent * least_flights as f64 / n_flights as f64;
+            if needed > 1.0 {
+                let budget = &args.budget;
+                warn([format!(
+                    "{budget} is too short: {least_flights} flights, the least, take about \
+                     {needed:.1} of it"
+                )]);
+            }
         }
-        let spent = spent.unwrap_or(n_flights as f64 / budget.flights as f64);
+        let spent = spent.unwrap_or(n_flights as f64 / flights as f64);
         progress.update(spent);
         progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
-        budget.time.is_none() || spent < 1.0
+        time.is_none() || spent < 1.0
     };
     let tuned = tune(&base.scene, &options, Some(&store), &Stop::default(), &mut watch)?;
     drop(progress);
@@ -131,41 +144,6 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     test(&mut report, args, &options, &base, &tuned, &store)?;
     report.text.push('\n');
     Ok(report.with_files(&paths))
-}
-
-fn options(
-    args: &TuneArgs,
-    scene: &Scene,
-    conditions: Conditions,
-    budget: usize,
-) -> Result<TuneOptions> {
-    let knobs = match args.knob.as_slice() {
-        [] => Knob::usual(scene),
-        knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
-    };
-    if let Some(longest_s) = args.longest {
-        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
-    }
-    let options = TuneOptions {
-        knobs,
-        words: args.study.words(6)?,
-        budget,
-        limits: Limits { duration_s: args.longest, ..Limits::default() },
-        conditions,
-        seed: args.study.seed,
-    };
-    options.check()?;
-    Ok(options)
-}
-
-/// Warns where the time that the first flights took says that the budget is too short.
-fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights: usize) {
-    let needed = spent * least_flights as f64 / n_flights as f64;
-    if needed > 1.0 {
-        warn([format!(
-            "{budget} is too short: {least_flights} flights, the least, take about {needed:.1} of it"
-        )]);
-    }
 }
 
 /// Origin of a tuned scene, as the head of its file.

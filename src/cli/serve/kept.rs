@@ -59,9 +59,9 @@ pub(super) struct Photos(Mutex<VecDeque<Kept>>);
 impl Photos {
     pub(super) fn keep(&self, kept: Kept) {
         let mut photos = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_visitor = photos.iter().filter(|it| it.visitor == kept.visitor).count();
-        let oldest = match of_visitor {
-            MOST_OF_VISITOR.. => photos.iter().position(|it| it.visitor == kept.visitor),
+        let is_own = |it: &Kept| it.visitor == kept.visitor;
+        let oldest = match photos.iter().filter(|it| is_own(it)).count() {
+            MOST_OF_VISITOR.. => photos.iter().position(is_own),
             _ if photos.len() == MOST => Some(0),
             _ => None,
         };
