@@ -11,9 +11,10 @@ use noctograph_core::files::Limit;
 
 const LIST: Limit = Limit { bytes: 1 << 20, what: "a list of words", hint: "shorten the list" };
 
-/// Latin letters, each with what stands for it: digits, signs, Cyrillic and Greek of the same shape.
-const ALIKE: &str =
-    "a4@αа b8βв cс¢( e3€εе g9 hηн i1!|ιіl kκк mμм nνп o0οо pρр s5$ѕ t7+τт vυu xχх yγу z2ζ";
+/// Latin letters, each with what stands for it: digits, signs, Cyrillic and Greek of the same
+/// shape.
+const ALIKE: &str = "a4@αа b8βв cс¢( e3€εе g9 hηн i1!|ιіl kκк mμм nνп o0οо pρр s5$ѕ t7+τт vυu xχх \
+                     yγу z2ζ";
 
 #[derive(Debug, Default)]
 pub(super) struct BlockList(Vec<String>);
