@@ -1,10 +1,9 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
-use clap::Args;
-use serde_json::json;
-
-use super::{Outcome, ProfileFlags, Report, StandFlag, SubjectFlags, findings, show, wrapped};
-use crate::error::Result;
+use super::{
+    Args, Outcome, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, show,
+    wrapped,
+};
 use crate::preflight::{Checked, Preflight, Profile, Severity, preflight};
 
 #[derive(Debug, Args)]

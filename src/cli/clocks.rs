@@ -6,8 +6,7 @@ use clap::ValueEnum;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::warn;
-use crate::error::{Error, Result};
+use super::{Error, Result, warn};
 use crate::flight::Flight;
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,

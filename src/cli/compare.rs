@@ -3,12 +3,11 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use nalgebra::Vector3;
-use serde_json::json;
 
-use super::{FlightFlags, OutputFolder, Report, message, named, show, table};
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show, table,
+};
 use crate::flight::comparison::{
     Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
 };

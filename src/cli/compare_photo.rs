@@ -2,11 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::{OutputFolder, Report, warn};
-use crate::error::Result;
+use super::{Args, OutputFolder, Report, Result, json, warn};
 use crate::photo;
 use crate::photo::flip::difference;
 use crate::photo::register::{Registration, register};

@@ -4,12 +4,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::letters::LetterFlags;
-use super::{Output, Report, SceneFlags, numbers, set_word, table};
-use crate::error::Result;
+use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, table};
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;

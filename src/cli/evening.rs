@@ -3,11 +3,8 @@
 use std::io::Write;
 use std::path::Path;
 
-use serde_json::json;
-
 use super::studies::counter;
-use super::{OutputFolder, Report, shell_word, table, warn_of, wrapped};
-use crate::error::Result;
+use super::{OutputFolder, Report, Result, json, shell_word, table, warn_of, wrapped};
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;

@@ -3,14 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::Value;
-
 use super::advice::mentioned;
 use super::{
-    Outcome, Output, OutputFolder, ProfileFlags, Report, SubjectFlags, findings, named, warn,
+    Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
+    findings, named, warn,
 };
-use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;

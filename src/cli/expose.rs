@@ -3,15 +3,12 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-
 use super::advice::mentioned;
 use super::device::tried;
 use super::{
-    FlightFlags, Output, PictureFlags, Report, SceneFlags, SeedFlag, message, named, show, warn,
-    watch,
+    Args, FlightFlags, Output, PictureFlags, Report, Result, SceneFlags, SeedFlag, message, named,
+    show, warn, watch,
 };
-use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
 use noctograph_core::digest::sha256;
 

@@ -2,12 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-
 use super::letters::LetterFlags;
 use super::relit::{light_all_along, relit_where_dark};
-use super::{named, names, warn};
-use crate::error::{Error, Result};
+use super::{Args, Error, Result, named, names, warn};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,

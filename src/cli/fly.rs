@@ -2,14 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::{
-    FLIGHTS, FlightFlags, Outputs, Report, SceneFlags, SeedFlag, read_plans, show, warn, warn_of,
-    watch,
+    Args, FLIGHTS, FlightFlags, Outputs, Report, Result, SceneFlags, SeedFlag, json, read_plans,
+    show, warn, warn_of, watch,
 };
-use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;

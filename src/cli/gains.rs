@@ -1,12 +1,9 @@
 //! `noctograph gains`: gains of controller and observer, poles and stability margins.
 
-use clap::Args;
 use nalgebra::{Complex, DMatrix};
-use serde_json::{Value, json};
 
-use super::{Report, SceneFlags, table, warn, wrapped};
+use super::{Args, Report, Result, SceneFlags, Value, json, table, warn, wrapped};
 use crate::control::Margins;
-use crate::error::Result;
 use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
 use crate::sim::{ControllerKind, EstimatorKind, SimOptions};

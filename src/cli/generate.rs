@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
-use serde_json::json;
 
-use super::{OutputFolder, Report};
-use crate::error::Result;
+use super::{OutputFolder, Report, Result, json};
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {

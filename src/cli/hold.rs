@@ -3,13 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::{
-    Outcome, OutputFolder, Progress, Report, SceneFlags, SeedFlag, line, named, names, table,
+    Args, Outcome, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, json, line, named,
+    names, table,
 };
-use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::sim::AltitudeSensor;

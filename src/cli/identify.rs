@@ -2,11 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::json;
-
-use super::{FlightFlags, Report, SceneFlags, table, warn};
-use crate::error::{Error, Result};
+use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, table, warn};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;

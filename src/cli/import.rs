@@ -3,12 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-
 use super::relit::relit_where_dark;
 use super::show::flight_report;
-use super::{FlightFlags, Output, Report, SceneFlags, evening, set_word, warn};
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, FlightFlags, Output, Report, Result, SceneFlags, evening, set_word, warn,
+};
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};
 

@@ -3,12 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::Value;
-
 use super::studies::{open_results, open_store, share};
-use super::{FlightFlags, Report, SetFlag, find_scene, message, table, warn};
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, FlightFlags, Report, Result, SetFlag, Value, find_scene, message, table, warn,
+};
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::scene::NamedScene;

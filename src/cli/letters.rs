@@ -2,9 +2,7 @@
 
 use std::fmt::Display;
 
-use clap::Args;
-
-use super::{Corners, Setting, numbers};
+use super::{Args, Corners, Setting, numbers};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
 

@@ -5,15 +5,14 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
-use serde_json::json;
 
 use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
 use super::locate_region::region;
 use super::{
-    FlightFlags, Outcome, OutputFolder, Report, SceneFlags, numbers, table, warn, warn_of,
+    Error, FlightFlags, Outcome, OutputFolder, Report, Result, SceneFlags, json, numbers, table,
+    warn, warn_of,
 };
 use crate::crazyflie::read_anchors;
-use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{

@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::{Value, json};
-
 use super::advice::mentioned;
-use super::{FlightFlags, PictureFlags, Report, SubjectFlags, table, warn, watch, wrapped};
+use super::{
+    Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, table, warn, watch,
+    wrapped,
+};
 use crate::camera::Camera;
-use crate::error::Result;
 use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};
 use crate::shoot::{Metered, in_stops};
 

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::num::NonZero;
 use std::process::ExitCode;
 
-use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use serde_json::{Value, json};
 
@@ -86,7 +86,7 @@ pub use outcome::Report;
     after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or ambiguous, 2 \
                   error."
 )]
-struct Args {
+struct CommandLine {
     #[command(subcommand)]
     verb: Verb,
     /// Print one JSON object instead of a table
@@ -196,7 +196,7 @@ verbs! {
 /// The command, whose help names the verbs by their use: the first with what they do, so that all
 /// of it fits a screen. clap has no groups of verbs.
 fn command() -> Command {
-    let mut command = Args::command();
+    let mut command = CommandLine::command();
     let mut verbs = String::new();
     for (k, (title, members)) in GROUPS.iter().enumerate() {
         let names: Vec<String> =
@@ -243,7 +243,7 @@ pub fn main() -> ExitCode {
     let typed = command
         .clone()
         .try_get_matches()
-        .and_then(|matches| Ok((Args::from_arg_matches(&matches)?, matches)));
+        .and_then(|matches| Ok((CommandLine::from_arg_matches(&matches)?, matches)));
     let (args, matches) = match typed {
         Ok(typed) => typed,
         Err(error) => return usage(&error),
@@ -281,7 +281,7 @@ pub fn main() -> ExitCode {
 pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
-    match args.and_then(|matches| Args::from_arg_matches(&matches)) {
+    match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
         Ok(args) => on_threads(args.threads, || run_warned(&args.verb)),
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), Value::Null))

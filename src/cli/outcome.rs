@@ -3,8 +3,8 @@
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
-use serde_json::{Value, json};
 
+use super::{Value, json};
 use crate::score::Verdict;
 use noctograph_core::files::STANDARD_OUTPUT;
 

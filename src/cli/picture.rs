@@ -2,11 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::{find_scene, named, numbers, warn};
+use super::{Args, Result, find_scene, named, numbers, warn};
 use crate::camera::{FixedPose, Framing};
-use crate::error::Result;
 use crate::expose::BackendChoice;
 use crate::photo::Noise;
 use crate::scene::{Preset, Scene};

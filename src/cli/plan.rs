@@ -2,14 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::json;
-
 use super::{
-    DesignFlags, FlightFlags, Output, Outputs, Report, is_svg, set_word, show, warn,
-    warn_of_fewer_drones,
+    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
+    warn, warn_of_fewer_drones,
 };
-use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;

@@ -3,18 +3,14 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::{Value, json};
-
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
 use super::spread::SpreadFlags;
 use super::{
-    Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, SubjectFlags, findings, line, movie,
-    named, show, table, typed_command, warn, watch, wrapped,
+    Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
+    findings, json, line, movie, named, show, table, typed_command, warn, watch, wrapped,
 };
-use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};

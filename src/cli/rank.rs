@@ -2,14 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::studies::{
     RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use super::{Report, line};
-use crate::error::Result;
+use super::{Args, Report, Result, json, line};
 use crate::shoot::Stop;
 use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
 

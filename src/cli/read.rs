@@ -2,11 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::{CameraFlags, Corners, Outcome, Report, table};
+use super::{Args, CameraFlags, Corners, Outcome, Report, Result, table};
 use crate::camera::Framing;
-use crate::error::Result;
 use crate::photo::{self, Photo};
 use crate::score::{View, read};
 

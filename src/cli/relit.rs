@@ -3,8 +3,7 @@
 
 use std::path::Path;
 
-use super::{message, shell_word};
-use crate::error::{Error, Result};
+use super::{Error, Result, message, shell_word};
 use crate::flight::{Flight, Quantity, airborne};
 use crate::plan::relight;
 use crate::scene::{Preset, Scene};

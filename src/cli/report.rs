@@ -3,12 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::Value;
-
 use super::show::sentence;
-use super::{Output, Report, line};
-use crate::error::{Error, Result};
+use super::{Args, Error, Output, Report, Result, Value, line};
 use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;

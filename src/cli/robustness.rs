@@ -3,12 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::studies::{StudyFlags, counter, open_results, open_store};
-use super::{Report, table};
-use crate::error::Result;
+use super::{Args, Report, Result, json, table};
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
 

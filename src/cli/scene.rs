@@ -3,11 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::{DesignFlags, Output, Report, SeedFlag};
-use crate::error::Result;
+use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {

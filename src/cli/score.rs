@@ -3,14 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-
 use super::relit::relit_where_dark;
 use super::{
-    CameraFlags, Corners, FlightFlags, Outcome, Output, Report, SceneFlags, is_svg, message,
-    set_word, shell_word, show,
+    Args, CameraFlags, Corners, Error, FlightFlags, Outcome, Output, Report, Result, SceneFlags,
+    is_svg, message, set_word, shell_word, show,
 };
-use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::photo::{self, Photo};

@@ -1,9 +1,8 @@
 //! Tables and JSON that several verbs share.
 
 use serde::Serialize;
-use serde_json::{Value, json};
 
-use super::{Report, line, table, wrapped};
+use super::{Report, Value, json, line, table, wrapped};
 use crate::camera::Camera;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};

@@ -2,12 +2,8 @@
 
 use std::io::Write;
 
-use clap::Args;
-use serde_json::{Value, json};
-
 use super::studies::counter;
-use super::{OutputFolder, Report, warn};
-use crate::error::Result;
+use super::{Args, OutputFolder, Report, Result, Value, json, warn};
 use crate::photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;

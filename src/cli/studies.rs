@@ -6,13 +6,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use clap::Args;
-use serde_json::json;
-
 use super::{
-    OutputFolder, Progress, Report, SetFlag, find_scene, message, table, warn_of_idle_keys, wrapped,
+    Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message, table,
+    warn_of_idle_keys, wrapped,
 };
-use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::study::statistics::Estimate;

@@ -4,12 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use clap::Args;
-use serde_json::json;
-
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
-use super::{Progress, Report, line, table, warn};
-use crate::error::{Error, Result};
+use super::{Args, Error, Progress, Report, Result, json, line, table, warn};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;

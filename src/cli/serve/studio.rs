@@ -12,7 +12,7 @@ use clap::Parser;
 use serde_json::{Value, json};
 
 use super::super::preview::{PreviewArgs, Seen, previewed};
-use super::super::{Args, Output, Verb, export, shell_word, show, typefaces};
+use super::super::{CommandLine, Output, Verb, export, shell_word, show, typefaces};
 use super::replay::{boxes, replay};
 use super::said::{Made, Said};
 use super::wish::{Subject, Task, preview_args};
@@ -226,7 +226,9 @@ impl Studio {
     fn script(&self, subject: &Subject, folder: &Path) -> Result<Made> {
         let typed = ["noctograph", "export", "--to", "cflib", "-o"].map(OsString::from);
         let typed = [typed.to_vec(), vec![folder.join(OUT).into()], self.typed(subject, folder)?];
-        let Ok(Args { verb: Verb::Export(args), .. }) = Args::try_parse_from(typed.concat()) else {
+        let Ok(CommandLine { verb: Verb::Export(args), .. }) =
+            CommandLine::try_parse_from(typed.concat())
+        else {
             let hint = "reload the page";
             return Err(Error::input("settings", "others", "those of the page", hint));
         };

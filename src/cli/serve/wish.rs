@@ -17,7 +17,7 @@ use serde_json::json;
 
 use super::super::output::Output;
 use super::super::preview::PreviewArgs;
-use super::super::{Args, Verb, refused};
+use super::super::{CommandLine, Verb, refused};
 use super::said::{Key, Said};
 use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
@@ -255,7 +255,7 @@ impl Subject {
 /// The arguments of a preview, parsed as the command line's.
 pub(super) fn preview_args(arguments: Vec<OsString>) -> Result<PreviewArgs> {
     let typed = ["noctograph", "preview"].map(OsString::from).into_iter().chain(arguments);
-    match Args::try_parse_from(typed).map(|args| args.verb) {
+    match CommandLine::try_parse_from(typed).map(|args| args.verb) {
         Ok(Verb::Preview(args)) => Ok(args),
         Ok(_) => unreachable!("the verb is preview"),
         Err(error) => {
