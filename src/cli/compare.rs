@@ -47,7 +47,6 @@ pub(super) struct CompareArgs {
 /// Root mean square distance below which two flights are alike, a third of a lamp.
 const ALIKE_M: f64 = 0.001;
 
-/// Files of `-o`.
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
 pub(super) fn run(args: &CompareArgs) -> Result<Report> {

@@ -122,13 +122,10 @@ fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
     let [median_m, p95_m, max_m] = [50, 95, 100].map(quantile_m);
     let (n_points, seen_frac) = (grid.places.len(), grid.seen_frac());
-    let mut report = Report::new(
-        String::new(),
-        json!({
-            "n_stations": n_stations, "error_median_m": median_m, "error_p95_m": p95_m,
-            "error_max_m": max_m, "coverage": grid,
-        }),
-    );
+    let mut report = Report::of(json!({
+        "n_stations": n_stations, "error_median_m": median_m, "error_p95_m": p95_m,
+        "error_max_m": max_m, "coverage": grid,
+    }));
     let ([left, bottom, right, top], y_m) = (bounds_m, grid.y_m);
     let plane =
         format!("x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {y_m:.2} m");

@@ -19,7 +19,6 @@ const UNTRIED: &str = "cannot be tried in a process of its own";
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
-/// Variables that choose a driver.
 const VARIABLES: [&str; 4] =
     ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES", "VK_LOADER_DRIVERS_SELECT"];
 

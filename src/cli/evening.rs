@@ -44,7 +44,7 @@ pub(super) fn run(
     }
     let files = written.keep(&names)?;
     let json = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
-    let mut report = Report::new(String::new(), json);
+    let mut report = Report::of(json);
     let (n_logs, n_sound) = (evening.logs.len(), evening.sound().count());
     report.line("folder", &format!("{}: {n_logs} logs, {n_sound} sound", folder.display()));
     let head = "drone<11|air>6|gap>7|thrust>8|trim x>8|y>7|lag>7|gusts>8|  log<0";

@@ -86,9 +86,14 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     }
     // The script of setpoints can be told to fly the trajectory, if that is safe as well.
     let on_board = match args.to {
-        Format::Cflib if trajectory.is_none() => fly((Form::Compressed, Length::OnBoard))
-            .ok()
-            .filter(|shoot| args.unchecked || stops_of(args, shoot).is_ok_and(|s| s.is_none())),
+        Format::Cflib if trajectory.is_none() => {
+            let is_safe = |shoot: &Shoot| {
+                let checked = preflight(shoot, &profile);
+                checked.is_ok_and(|checked| findings::stops(&checked.findings).is_none())
+            };
+            let shoot = fly((Form::Compressed, Length::OnBoard)).ok();
+            shoot.filter(|shoot| args.unchecked || is_safe(shoot))
+        }
         _ => trajectory,
     };
     let plans_of = |shoot: &Shoot| -> Vec<Plan> {
@@ -148,11 +153,6 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
     Ok(report.with_files(&paths))
-}
-
-/// What stops a flight.
-fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?.findings))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.

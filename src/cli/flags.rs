@@ -77,12 +77,10 @@ impl SceneFlags {
         Ok(named)
     }
 
-    /// Whether a scene was named.
     pub(super) fn is_given(&self) -> bool {
         self.scene.is_some()
     }
 
-    /// Whether a key of the scene was typed.
     pub(super) fn sets(&self, key: &str) -> bool {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
@@ -217,7 +215,6 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    /// The scene.
     pub(super) fn scene(&self) -> Result<Scene> {
         let mut scene = self.named()?.scene;
         self.design.fit(&mut scene)?;
@@ -275,11 +272,8 @@ impl SubjectFlags {
     }
 }
 
-/// Reads plans that fly together.
-pub(super) fn read_plans<'a, P: AsRef<Path> + 'a + ?Sized>(
-    paths: impl IntoIterator<Item = &'a P>,
-) -> Result<Vec<Plan>> {
-    let paths: Vec<PathBuf> = paths.into_iter().map(|path| path.as_ref().to_owned()).collect();
+pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
+    let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().to_owned()).collect();
     PLANS.check_all(&paths)?;
     paths.iter().map(|path| Plan::read_csv(path)).collect()
 }

@@ -28,7 +28,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
-    let mut report = Report::new(String::new(), to_json(&design, &gains));
+    let mut report = Report::of(to_json(&design, &gains));
     report.value("controller", scene.controller.kind.name());
     tell(&mut report, &design, &scene, &gains);
     if args.bryson {
@@ -166,7 +166,6 @@ fn margin(margins: &Margins) -> String {
     format!("{:18}{phase}", format!("{down} to {up} dB"))
 }
 
-/// A factor of an amplitude in decibels.
 fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }

@@ -139,7 +139,6 @@ fn learned(word: &str, rounds: &[Round], best: usize, helped: bool) -> String {
     format!("{word} in round {best}: P(read) {before:.3} to {after:.3}, {doubt}")
 }
 
-/// A table of rounds.
 fn rounds_table(rounds: &[Round]) -> String {
     let units = rounds.first().map(|_| "\t\t\t\tmm\tmm\ts".to_owned());
     let row = |(number, round): (usize, &Round)| {

@@ -184,7 +184,6 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
     Ok(Dated::new(path, dated))
 }
 
-/// Writes the flights and their plots.
 fn write(
     folder: OutputFolder,
     located: &Located,
@@ -311,7 +310,7 @@ fn described(located: &Located, observer: Observer) -> Report {
         "span_s": span_s, "nis_interval": interval, "refused_frac": located.refused_frac,
         "biases": located.biases, "left_out": located.left_out, "warnings": located.warnings,
     });
-    let mut report = Report::new(String::new(), json);
+    let mut report = Report::of(json);
     let way = match observer {
         Observer::Smooth => "smoothed over the whole flight",
         Observer::Filter => "filtered as in flight",

@@ -298,7 +298,6 @@ fn refused(error: &clap::Error) -> String {
     text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
 }
 
-/// Prints an error and what to do.
 fn failed(error: &Error, advice: &[String]) -> ExitCode {
     message("error: ", &error.to_string());
     message("hint: ", error.hint());
@@ -432,7 +431,6 @@ fn message(head: &str, text: &str) {
     let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }
 
-/// Prints warnings.
 fn warn(warnings: impl IntoIterator<Item: ToString>) {
     warnings.into_iter().for_each(|warning| message(WARNING, &warning.to_string()));
 }

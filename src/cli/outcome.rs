@@ -44,9 +44,14 @@ impl Report {
         Self { text, json, outcome: Outcome::Done, aside: false, name_width: NAME_WIDTH }
     }
 
+    /// What is for programs alone, to which figures are added.
+    pub(super) fn of(json: impl Serialize) -> Self {
+        Self::new(String::new(), json)
+    }
+
     /// A report to which figures are added.
     pub(super) fn empty() -> Self {
-        Self::new(String::new(), json!({}))
+        Self::of(json!({}))
     }
 
     /// The same with names of up to so many columns, less one.
@@ -95,7 +100,6 @@ impl Report {
         }
     }
 
-    /// Adds the files that were written.
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         for (index, file) in files.iter().enumerate() {
             let head = if index == 0 { "files" } else { "" };
@@ -106,7 +110,6 @@ impl Report {
         self
     }
 
-    /// Sets the outcome.
     pub(super) fn with_outcome(self, outcome: Outcome) -> Self {
         Self { outcome, ..self }
     }

@@ -34,7 +34,6 @@ impl Outputs {
         })
     }
 
-    /// Writes all.
     pub(super) fn keep<T>(
         self,
         items: &[T],

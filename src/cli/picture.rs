@@ -20,7 +20,6 @@ pub(super) struct CameraFlags {
 }
 
 impl CameraFlags {
-    /// Whether a camera was named.
     pub(super) fn is_given(&self) -> bool {
         self.camera.is_some() || self.camera_from.is_some()
     }

@@ -1,6 +1,6 @@
 //! `noctograph plan`: a word becomes setpoints and light commands, or a drawing of them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::{
     Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
@@ -9,7 +9,6 @@ use super::{
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
-use crate::scene::Scene;
 use crate::shoot::{Planned, Shoot};
 
 #[derive(Debug, Args)]
@@ -33,7 +32,8 @@ pub(super) struct PlanArgs {
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let mut scene = args.design.load(&[])?;
     if let Some(path) = &args.after {
-        scene.plan.mean_error_m = mean_error(path, &args.flight, &scene)?;
+        let earlier = track(&args.flight.read(path, Some(&scene))?, Part::Letters)?;
+        scene.plan.mean_error_m = earlier.mean_error_m.into();
     }
     scene.check()?;
     if let Some(word) = &args.word {
@@ -63,12 +63,6 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     Ok(report.with_files(&files))
 }
 
-/// The mean error of an earlier flight while it wrote.
-fn mean_error(path: &Path, flags: &FlightFlags, scene: &Scene) -> Result<[f64; 3]> {
-    Ok(track(&flags.read(path, Some(scene))?, Part::Letters)?.mean_error_m.into())
-}
-
-/// Seconds of light.
 fn light_s(plan: &Plan) -> f64 {
     let lit = plan.lit();
     let rows = plan.setpoints.windows(2).zip(&lit).filter(|(_, lit)| **lit > 0.0);

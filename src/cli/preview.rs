@@ -54,7 +54,6 @@ pub(super) struct PreviewArgs {
 }
 
 impl PreviewArgs {
-    /// The scene with what was typed.
     pub(super) fn scene(&self) -> Result<Scene> {
         self.subject.scene()
     }
@@ -102,7 +101,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
     let mut names = write(&shot, &json, &folder)?;
-    let mut report = Report::new(String::new(), json);
+    let mut report = Report::of(json);
     let spread = args.spread.run(&before, &conditions, &folder)?;
 
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());

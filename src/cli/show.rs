@@ -38,7 +38,6 @@ pub fn verdict_table(verdict: &Verdict) -> String {
     text
 }
 
-/// The verdict in a sentence.
 pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
@@ -50,7 +49,6 @@ pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> Str
     format!("{word} reads as {read}: {legible} (readability {readability:.2})")
 }
 
-/// The lines of a text as one.
 fn in_one_line(text: &str) -> String {
     text.replace('\n', " ")
 }

@@ -26,7 +26,6 @@ pub(super) struct SpreadFlags {
 /// What a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
-    /// Names of its files.
     pub(super) names: Vec<String>,
     /// The band, from the front and over time (SVG).
     pub(super) drawings: Vec<String>,

@@ -129,7 +129,6 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 /// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
-/// Writes a ranking to its folder.
 pub(super) fn write_ranking(
     folder: OutputFolder,
     study: &Study,
@@ -158,7 +157,6 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     Report::new(ranking_table(study, ranking) + "\n", json)
 }
 
-/// The ranking for people.
 pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     let words = match study.words.as_slice() {
         [(word, n)] => format!("{word}, {n} seeds"),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use super::{Error, Result};
 use noctograph_core::files::Limit;
 
 const FILE: &str = "address.json";

@@ -6,7 +6,7 @@ use std::path::Path;
 use unicode_normalization::UnicodeNormalization;
 use unicode_normalization::char::is_combining_mark;
 
-use crate::error::Result;
+use super::Result;
 use noctograph_core::files::Limit;
 
 const LIST: Limit = Limit { bytes: 1 << 20, what: "a list of words", hint: "shorten the list" };

@@ -13,10 +13,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
-use serde_json::{Value, json};
 
-use super::super::warn;
-use crate::error::{Error, Result};
+use super::{Error, Result, Value, json, warn};
 use crate::letters::{Ink, LetterOptions, draw};
 use noctograph_core::files::Limit;
 

@@ -13,16 +13,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
-use super::super::message;
-use super::super::output::Output;
 use super::address::secret;
 use super::kept::Kept;
 use super::said::{Key, Told};
 use super::time::days_ago;
 use super::wish::Subject;
-use crate::error::{Error, Result};
+use super::{Error, Output, Result, Value, json, message};
 use noctograph_core::files::{Limit, entries_in, folder_in};
 
 const ENTRY: &str = "entry.json";
@@ -344,7 +341,6 @@ impl Entries {
         }))
     }
 
-    /// A file of an entry.
     pub(super) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
         self.file_of(|entry| entry.id == id, name)
     }

@@ -10,7 +10,7 @@ use std::net::{IpAddr, Shutdown, TcpStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use super::Value;
 
 /// Longest head, and most of its fields: browsers send 2 KiB in 20 fields.
 const MAX_HEAD: usize = 16 << 10;
@@ -66,7 +66,6 @@ impl Connection {
         Self { stream, deadline: Instant::now() + PATIENCE, bytes: Vec::new() }
     }
 
-    /// Reads the head.
     pub(super) fn head(&mut self) -> Answered<Head> {
         let peer = self.stream.peer_addr().map_err(|_gone| GONE)?.ip();
         loop {
@@ -186,7 +185,6 @@ fn is_late(error: &std::io::Error) -> bool {
 /// The other side closed the connection: nobody reads an answer.
 const GONE: Refusal = Refusal(400, "the connection was closed");
 
-/// An answer.
 pub(super) struct Answer {
     status: u16,
     kind: &'static str,

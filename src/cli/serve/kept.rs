@@ -5,13 +5,11 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use serde_json::Value;
 use tempfile::TempDir;
 
-use super::super::output::Output;
 use super::studio::OUT;
 use super::wish::{Subject, Wish};
-use crate::error::Result;
+use super::{Output, Result, Value};
 use noctograph_core::files::Limit;
 
 const SAID: &str = "said.json";
@@ -41,13 +39,11 @@ impl Kept {
         Ok(kept)
     }
 
-    /// What was said of it.
     pub(super) fn said(&self) -> Value {
         let text = LIMIT.read_text(&self.file(SAID)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// A file of it.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(OUT).join(name)
     }

@@ -14,11 +14,10 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::Args;
-
-use super::outcome::{Report, line};
-use super::{message, no_thread, print};
-use crate::error::{Error, Result};
+use super::{
+    Args, CommandLine, Error, Output, Report, Result, Value, Verb, export, json, line, message,
+    no_thread, print, refused, shell_word, show, typefaces, warn,
+};
 use address::{Address, own_ip};
 use block::BlockList;
 use brand::Brand;

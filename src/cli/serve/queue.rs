@@ -7,9 +7,9 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-use serde_json::Value;
 use tempfile::TempDir;
 
+use super::Value;
 use super::said::Said;
 use super::wish::Task;
 use crate::shoot::Stop;
@@ -105,7 +105,6 @@ impl Queue {
         self.line().leave(|waiting| waiting.visitor == visitor);
     }
 
-    /// Gives a place up.
     pub(super) fn leave(&self, ticket: &Ticket) {
         self.line().leave(|waiting| waiting.number == ticket.number);
     }

@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
 
 use super::block::BlockList;
 use super::brand::Brand;
@@ -20,7 +19,7 @@ use super::queue::{Numbers, Outcome, Queue};
 use super::said::{Key, Said, Told};
 use super::studio::{JPEG, OUT, PNG, REPLAY};
 use super::wish::{MAX_WORD, Task, Wish, is_name};
-use super::{address, qr};
+use super::{Value, address, json, qr};
 use crate::export::zip::zip;
 use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
 use crate::scene::Scene;
@@ -140,7 +139,6 @@ impl Server {
         }
     }
 
-    /// A file of the page.
     fn page(&self, route: &str, asked: &Asked<'_>) -> Told<Answer> {
         let first = match &asked.admitted.base {
             Base::Visitors => "index.html",
@@ -218,7 +216,6 @@ impl Server {
         }
     }
 
-    /// What the operator looks at.
     fn look(&self, parts: &[&str], asked: &Asked<'_>) -> Told<Answer> {
         match *parts {
             ["queue.json"] => Ok(Answer::json(&self.entries.queue())),
@@ -235,7 +232,6 @@ impl Server {
         }
     }
 
-    /// What the operator does.
     fn operate(&self, parts: &[&str], body: &[u8]) -> Told<Answer> {
         let revision = match *parts {
             ["entries", id] => {
@@ -300,7 +296,6 @@ impl Server {
         }
     }
 
-    /// A file of a large photo.
     fn file(&self, kept: &Kept, name: &str, asked: &Asked<'_>) -> Told<Answer> {
         let is_home = asked.head.peer.is_loopback() && !self.hall.kiosk;
         let subject = || kept.subject.clone();

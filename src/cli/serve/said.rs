@@ -3,11 +3,10 @@
 //! it.
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::super::advice::{mentioned, typed};
 use super::http::Answer;
-use crate::error::Error;
+use super::{Error, Value, json};
 use crate::preflight::{Checked, Severity};
 use crate::shoot::Problem;
 use crate::study::Remedy;
@@ -19,7 +18,6 @@ pub(super) struct Said {
     pub(super) key: String,
     /// Its figures, by name with their unit.
     pub(super) values: Value,
-    /// The sentence in English.
     pub(super) text: String,
     /// What to do, in English; may be empty.
     pub(super) hint: String,

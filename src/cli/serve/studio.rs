@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
-use serde_json::{Value, json};
 
 use super::super::preview::{PreviewArgs, Seen, previewed};
-use super::super::{CommandLine, Output, Verb, export, shell_word, show, typefaces};
 use super::replay::{boxes, replay};
 use super::said::{Made, Said};
 use super::wish::{Subject, Task, preview_args};
-use crate::error::{Error, Result};
+use super::{
+    CommandLine, Error, Output, Result, Value, Verb, export, json, shell_word, show, typefaces,
+};
 use crate::expose::BackendChoice;
 use crate::photo::{Photo, jpeg};
 use crate::plan::Plan;

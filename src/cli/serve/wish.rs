@@ -13,13 +13,10 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
 use image::{ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
-use super::super::output::Output;
 use super::super::preview::PreviewArgs;
-use super::super::{CommandLine, Verb, refused};
 use super::said::{Key, Said};
-use crate::error::{Error, Result};
+use super::{CommandLine, Error, Output, Result, Verb, json, refused};
 use crate::letters::LetterOptions;
 
 /// Most characters of a word, and of the name of a visitor.

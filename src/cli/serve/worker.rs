@@ -14,14 +14,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
-use super::super::{no_thread, print};
 use super::queue::{Doing, Outcome, Queue};
 use super::said::{Key, Made, Said};
 use super::studio::Studio;
 use super::wish::Task;
-use crate::error::{Error, Result};
+use super::{Error, Result, json, no_thread, print};
 use crate::shoot::Stop;
 
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
@@ -40,7 +38,6 @@ enum Order {
     Make {
         number: u64,
         task: Task,
-        /// Where its files go.
         folder: PathBuf,
         /// How many wait behind it.
         n_waiting: usize,
@@ -65,7 +62,6 @@ pub(super) struct Lane {
     pub(super) base: Vec<OsString>,
     /// Where folders for jobs are made.
     pub(super) scratch: PathBuf,
-    /// Longest time of a job.
     pub(super) patience: Duration,
     /// Whether others go first on the processor.
     pub(super) is_patient: bool,
