@@ -3,8 +3,7 @@
 
 use clap::Command;
 
-use super::typefaces;
-use crate::error::Error;
+use super::{Error, typefaces};
 use crate::scene::{Change, Scene};
 use noctograph_core::settings::{Described, paths};
 

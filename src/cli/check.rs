@@ -1,14 +1,9 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
-use clap::Args;
-use serde_json::json;
-
-use super::findings;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::outcome::{Outcome, Report, wrapped};
-use super::picture::StandFlag;
-use super::show;
-use crate::error::Result;
+use super::{
+    Args, Outcome, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, show,
+    wrapped,
+};
 use crate::preflight::{Checked, Preflight, Profile, Severity, preflight};
 
 #[derive(Debug, Args)]
@@ -26,24 +21,23 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
     let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
-    let mut json = json!({
+    let json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
         "findings": found.iter().map(findings::json).collect::<Vec<_>>(),
     });
-    let mut text = findings::table(&found) + "\n";
+    let mut report = Report::new(findings::table(&found) + "\n", json);
     if let Some(strokes) = &shoot.strokes {
-        show::add_drawing(strokes, &mut text, &mut json);
+        show::tell_drawing(&mut report, strokes);
     }
     if let Some(placement) = placement {
-        json["placement"] = json!(placement);
         for [what, place] in placement.rows() {
-            text += &wrapped(&format!("{what:22} "), &place);
+            report.text += &wrapped(&format!("{what:22} "), &place);
         }
-        text.push('\n');
+        report.text.push('\n');
+        report.value("placement", placement);
     }
-    text += &conclusion(&found, stops, &profile);
-    let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };
-    Ok(Report::new(text, json).with_outcome(outcome))
+    report.text += &conclusion(&found, stops, &profile);
+    Ok(report.with_outcome(if stops { Outcome::NotSafe } else { Outcome::Done }))
 }
 
 fn conclusion(checks: &[Checked], stops: bool, profile: &Profile) -> String {

@@ -6,8 +6,7 @@ use clap::ValueEnum;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::warn;
-use crate::error::{Error, Result};
+use super::{Error, Result, warn};
 use crate::flight::Flight;
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,
@@ -82,17 +81,14 @@ impl<'a> Dated<'a> {
 }
 
 /// A line on a clock.
-pub(super) fn statement(alignment: &Alignment) -> String {
-    let file = alignment.file.display();
-    let offset_s = alignment.offset_s;
-    match alignment.how {
-        How::Common => format!("{file}: the clock of the first log, offset {offset_s:+.3} s"),
-        How::Estimated => format!("{file}: a clock of its own, offset estimated: {offset_s:+.3} s"),
-        How::Told => format!("{file}: offset {offset_s:+.3} s, with that of --offset"),
-        How::Alone => {
-            format!("{file}: no range to another drone: the offset of its clock has no effect")
-        }
-    }
+pub(super) fn statement(Alignment { file, how, offset_s }: &Alignment) -> String {
+    let what = match how {
+        How::Common => format!("the clock of the first log, offset {offset_s:+.3} s"),
+        How::Estimated => format!("a clock of its own, offset estimated: {offset_s:+.3} s"),
+        How::Told => format!("offset {offset_s:+.3} s, with that of --offset"),
+        How::Alone => "no range to another drone: the offset of its clock has no effect".to_owned(),
+    };
+    format!("{}: {what}", file.display())
 }
 
 /// Puts the logs and their ranges on one clock: that of the first, its zero at the first sample of
@@ -138,14 +134,12 @@ pub(super) fn align_logs(
 
 /// Ranges between two drones: whether the log of the second holds it, when and how far.
 fn between(samples: &[Vec<RangeSample>], one: usize, other: usize) -> Vec<(bool, f64, f64)> {
+    let links = [Link::Drones(one, other), Link::Drones(other, one)];
     let of = |log: usize| {
-        samples[log].iter().filter(move |sample| {
-            matches!(sample.link, Link::Drones(i, j)
-                if Link::between(i, j) == Link::between(one, other))
-        })
+        let ranges = samples[log].iter().filter(|sample| links.contains(&sample.link));
+        ranges.map(move |sample| (log == other, sample.time_s, sample.distance_m))
     };
-    let there = of(one).map(|sample| (false, sample.time_s, sample.distance_m));
-    there.chain(of(other).map(|sample| (true, sample.time_s, sample.distance_m))).collect()
+    of(one).chain(of(other)).collect()
 }
 
 /// Seconds from the clock of the first log to that of the log after `before`, from its ranges to
@@ -159,16 +153,6 @@ fn estimated_s(
     let k = before.len();
     let peers = (0..k).map(|j| (j, between(samples, j, k)));
     let (j, ranges) = peers.max_by_key(|(_, ranges)| ranges.len()).unwrap_or_default();
-    let alone = |log: usize| {
-        let to_anchor = |sample: &RangeSample| match sample.link {
-            Link::Anchor { anchor, .. } => {
-                Some(RangeSample { link: Link::Anchor { drone: 0, anchor }, ..*sample })
-            }
-            Link::Drones(..) => None,
-        };
-        let own: Vec<RangeSample> = samples[log].iter().filter_map(to_anchor).collect();
-        locate(anchors_m, 1, &own, options)
-    };
     let unknown = |why: String| Error::Infeasible {
         what: format!(
             "logs {} and {} have no clock in common, and their ranges do not tell the seconds \
@@ -178,10 +162,17 @@ fn estimated_s(
         ),
         hint: "stamp the logs with one clock, or log three anchors or more for each drone".into(),
     };
-    let one = alone(j).map_err(|error| unknown(error.to_string()))?;
-    let other = alone(k).map_err(|error| unknown(error.to_string()))?;
-    let offset_s = log_offset_s(&one, &other, &ranges);
-    let after_s = offset_s
+    let alone = |log: usize| {
+        let to_anchor = |sample: &RangeSample| match sample.link {
+            Link::Anchor { anchor, .. } => {
+                Some(RangeSample { link: Link::Anchor { drone: 0, anchor }, ..*sample })
+            }
+            Link::Drones(..) => None,
+        };
+        let own: Vec<RangeSample> = samples[log].iter().filter_map(to_anchor).collect();
+        locate(anchors_m, 1, &own, options).map_err(|error| unknown(error.to_string()))
+    };
+    let after_s = log_offset_s(&alone(j)?, &alone(k)?, &ranges)
         .ok_or_else(|| unknown("the range between the drones changes too little".into()))?;
     Ok(before[j].offset_s + after_s)
 }
@@ -211,7 +202,7 @@ pub(super) fn align_references(
         };
         reference.offset_s = offset_s;
         if let Some(best_s) = best_s.filter(|_| how != How::Estimated) {
-            warn(&better_offset(reference, drone, located, best_s)?);
+            warn_of_better_offset(reference, drone, located, best_s)?;
         }
         alignments.push(Alignment { file: reference.path.clone(), how, offset_s });
     }
@@ -219,26 +210,26 @@ pub(super) fn align_references(
 }
 
 /// Warns of a reference that fits far better at another offset.
-fn better_offset(
+fn warn_of_better_offset(
     reference: &Dated<'_>,
     drone: usize,
     located: &Located,
     best_s: f64,
-) -> Result<Vec<String>> {
+) -> Result<()> {
     let rmse_m = |offset_s: f64| {
         let reference = Reference { flight: &reference.flight, offset_s };
-        Ok::<_, Error>(position_error(located, drone, reference)?.rmse_3d_m)
+        position_error(located, drone, reference).map(|error| error.rmse_3d_m)
     };
     let more_s = best_s - reference.offset_s;
     let (here_m, best_m) = (rmse_m(reference.offset_s)?, rmse_m(best_s)?);
-    if more_s.abs() < SAME_S || best_m > BETTER * here_m {
-        return Ok(Vec::new());
+    if more_s.abs() >= SAME_S && best_m <= BETTER * here_m {
+        warn([format!(
+            "{}: {:.1} cm from the located positions, {:.1} cm with {more_s:+.3} s more: its clock is \
+             not that of the log",
+            reference.path.display(),
+            100.0 * here_m,
+            100.0 * best_m
+        )]);
     }
-    Ok(vec![format!(
-        "{}: {:.1} cm from the located positions, {:.1} cm with {more_s:+.3} s more: its clock is \
-         not that of the log",
-        reference.path.display(),
-        100.0 * here_m,
-        100.0 * best_m
-    )])
+    Ok(())
 }

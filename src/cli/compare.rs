@@ -3,17 +3,11 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use nalgebra::Vector3;
-use serde_json::{Value, json};
 
-use super::flags::FlightFlags;
-use super::names::named;
-use super::outcome::{Report, line};
-use super::output::OutputFolder;
-use super::table::table;
-use super::{message, show};
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show, table,
+};
 use crate::flight::comparison::{
     Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
 };
@@ -53,7 +47,6 @@ pub(super) struct CompareArgs {
 /// Root mean square distance below which two flights are alike, a third of a lamp.
 const ALIKE_M: f64 = 0.001;
 
-/// Files of `-o`.
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
 pub(super) fn run(args: &CompareArgs) -> Result<Report> {
@@ -75,9 +68,18 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
-    let json = to_json(args, &comparison, &tracking, &[a.sha256(), b.sha256()]);
-    let gap = if files.is_empty() { "" } else { "\n" };
-    Ok(Report::new(text_of(args, &comparison, &tracking) + gap, json).with_files(&files))
+    let mut report = described(args, &comparison, &tracking);
+    for (key, path, flight, tracking) in
+        [("a", &args.a, &a, &tracking[0]), ("b", &args.b, &b, &tracking[1])]
+    {
+        let tracking = tracking.as_ref().map(show::TrackingFigures::from);
+        let sha256 = flight.sha256();
+        report.value(key, json!({ "file": path, "sha256": sha256, "tracking": tracking }));
+    }
+    if !files.is_empty() {
+        report.text.push('\n');
+    }
+    Ok(report.with_files(&files))
 }
 
 /// Reads both flights. A clock ratio is that of the drone's clock: the other log keeps its own.
@@ -91,42 +93,37 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     let as_stamped = |flags: &FlightFlags, path: &Path| {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     };
-    let stamped = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
+    let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
-    let [a_stamped, b_stamped] = stamped;
     // A flight file is not stretched, and only a drone logs what is in it.
     let of_drone = |flight: &Flight| {
         let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
         inside.iter().any(|quantity| !flight.unlogged.contains(quantity))
     };
-    if a == a_stamped || b == b_stamped || of_drone(&a) && of_drone(&b) {
+    let [is_a, is_b] = [of_drone(&a), of_drone(&b)];
+    if a == a_stamped || b == b_stamped || is_a && is_b {
         return Ok([a, b]);
     }
-    let is_a = match (of_drone(&a), of_drone(&b)) {
-        (true, false) => true,
-        (false, true) => false,
-        _ => {
-            let apart_m = |a: &Flight, b: &Flight| {
-                compare(a, b, options).map_or(f64::INFINITY, |found| found.rmse_m.norm())
-            };
-            let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
-            if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
-                let found = "two logs without motors, rates, estimates and setpoints";
-                let hint =
-                    "import the drone's log by itself with the ratio, and compare its flight";
-                return Err(Error::input("clock_ratio", found, "one log of a drone", hint));
-            }
-            of_a < of_b
+    let is_a = if is_a || is_b {
+        is_a
+    } else {
+        let apart_m = |a: &Flight, b: &Flight| {
+            compare(a, b, options).map_or(f64::INFINITY, |comparison| comparison.rmse_m.norm())
+        };
+        let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
+        if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
+            let found = "two logs without motors, rates, estimates and setpoints";
+            let hint = "import the drone's log by itself with the ratio, and compare its flight";
+            return Err(Error::input("clock_ratio", found, "one log of a drone", hint));
         }
+        of_a < of_b
     };
     let (name, flights) = match is_a {
         true => ("A", [a, b_stamped]),
         false => ("B", [a_stamped, b]),
     };
-    message(
-        "note: ",
-        &format!("{name} is the drone's log: the clock ratio is that of its clock alone"),
-    );
+    let note = format!("{name} is the drone's log: the clock ratio is that of its clock alone");
+    message("note: ", &note);
     Ok(flights)
 }
 
@@ -157,51 +154,28 @@ fn plots(
     folder.keep(&FILES)
 }
 
-fn to_json(
-    args: &CompareArgs,
-    comparison: &Comparison,
-    [a, b]: &[Option<Tracking>; 2],
-    [digest_a, digest_b]: &[String; 2],
-) -> Value {
-    let side = |path: &Path, digest: &str, tracking: &Option<Tracking>| {
-        let tracking = tracking.as_ref().map(show::TrackingFigures::from);
-        json!({ "file": path, "sha256": digest, "tracking": tracking })
-    };
-    let mut json = json!(comparison);
-    json["first"] = comparison.first.map_or(Value::Null, |(cause, share)| {
-        let (cause, change) = in_words(cause);
-        json!({ "cause": cause, "change": change, "share": share })
-    });
-    json["a"] = side(&args.a, digest_a, a);
-    json["b"] = side(&args.b, digest_b, b);
-    json
-}
-
 /// Errors of both flights against their designs, of their observers, and between them.
-fn text_of(
+fn described(
     args: &CompareArgs,
     comparison: &Comparison,
     tracking: &[Option<Tracking>; 2],
-) -> String {
+) -> Report {
     let part = show::in_part(comparison.part);
     // Whole milliseconds, and no minus sign before zero.
     let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
-    let [from_s, to_s] = comparison.span_s;
-    let mut text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
-    let n = comparison.n_samples;
+    let ([from_s, to_s], n) = (comparison.span_s, comparison.n_samples);
+    let text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
+    let mut report = Report::new(text, comparison);
     let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
-    text += &line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
-
+    report.line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
     if let Some(FrameAlignment { turn_rad, shift_m: m, left_m }) = comparison.placement {
         let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
-        text += &line(
-            "frame",
-            &format!(
-                "B is in another frame: turned by {degrees:+.1}° and shifted by {:+.3}, {:+.3}, {:+.3} m \
-                 onto A, which leaves {left_cm:.1} cm",
-                m.x, m.y, m.z
-            ),
+        let frame = format!(
+            "B is in another frame: turned by {degrees:+.1}° and shifted by {:+.3}, {:+.3}, {:+.3} m \
+             onto A, which leaves {left_cm:.1} cm",
+            m.x, m.y, m.z
         );
+        report.line("frame", &frame);
     }
     let rmse = std::iter::once(row("A against B", comparison.rmse_m))
         .chain(rows(tracking, |side, t| Some(row(&format!("{side} against its design"), t.rmse_m))))
@@ -211,37 +185,42 @@ fn text_of(
         .chain(rows(tracking, |side, t| {
             Some(row(&format!("{side} observer"), t.observer_rmse_m?))
         }));
-    text += &("\n".to_owned() + &table("RMSE, m<24|x>8|y>8|z>8|in plane>10", rmse));
-    if let Some(turned) = comparison.attitude_rmse {
-        let Attitude { yaw_rad, pitch_rad, roll_rad } = turned;
-        let row = format!("A against B\t{yaw_rad:.4}\t{pitch_rad:.4}\t{roll_rad:.4}");
-        text += &("\n".to_owned() + &table("RMSE, rad<24|yaw>8|pitch>8|roll>8", [row]));
-    }
+    report.table(&table("RMSE, m<24|x>8|y>8|z>8|in plane>10", rmse));
+    let turned = comparison.attitude_rmse.map(|Attitude { yaw_rad, pitch_rad, roll_rad }| {
+        format!("A against B\t{yaw_rad:.4}\t{pitch_rad:.4}\t{roll_rad:.4}")
+    });
+    report.table(&table("RMSE, rad<24|yaw>8|pitch>8|roll>8", turned));
     let contour = rows(tracking, |side, t| {
         let c = t.contour;
         let (mean, rms, p95, max) = (c.mean_m, c.rms_m, c.p95_m, c.max_m);
         Some(format!("{side}\t{mean:.3}\t{rms:.3}\t{p95:.3}\t{max:.3}\t{:.3}", t.lag_s))
     });
-    let head = "contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9";
-    text += &("\n".to_owned() + &table(head, contour));
+    report.text.push('\n');
+    report.text += &table("contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9", contour);
     let drift = rows(tracking, |side, t| {
-        let (d, share) = (t.drift, 100.0 * t.drift.in_corridor_frac);
-        Some(format!("{side}\t{:+.3}\t{:+.3}\t{share:.1} %", d.min_y_m, d.max_y_m))
+        let (d, percent) = (t.drift, 100.0 * t.drift.in_corridor_frac);
+        Some(format!("{side}\t{:+.3}\t{:+.3}\t{percent:.1} %", d.min_y_m, d.max_y_m))
     });
-    let head = "drift in y, m<24|from>8|to>8|within ±0.2 m>17";
-    text += &("\n".to_owned() + &table(head, drift));
-    if let Some((cause, share)) = comparison.first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
-        let (cause, change) = in_words(cause);
-        text += "\n";
-        text += &line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
-        text += &line("change", &change);
+    report.text.push('\n');
+    report.text += &table("drift in y, m<24|from>8|to>8|within ±0.2 m>17", drift);
+    let first = comparison.first.map(|(cause, share)| (in_words(cause), share));
+    report.value(
+        "first",
+        first.as_ref().map(
+            |((cause, change), share)| json!({ "cause": cause, "change": change, "share": share }),
+        ),
+    );
+    if let Some(((cause, change), share)) = first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
+        report.text.push('\n');
+        report.line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
+        report.line("change", change);
     }
-    text
+    report
 }
 
 /// The largest cause of the difference, and what to change for it.
-fn in_words(cause: Discrepancy) -> (String, String) {
-    let (cause, change) = match cause {
+fn in_words(cause: Discrepancy) -> (String, &'static str) {
+    match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
             "plan with plan.reference=inverse, or learn from B; if only its clock is late, compare \
@@ -270,8 +249,7 @@ fn in_words(cause: Discrepancy) -> (String, String) {
             format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),
             "lower the gains, or check the propellers and the measured positions",
         ),
-    };
-    (cause, change.to_owned())
+    }
 }
 
 /// A row of a vector: its name, x, y, z and the length in the x-z plane.

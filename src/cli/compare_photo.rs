@@ -2,16 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::outcome::{Report, line};
-use super::output::OutputFolder;
-use super::warn;
-use crate::error::Result;
-use crate::photo::flip::{Difference, difference};
+use super::{Args, OutputFolder, Report, Result, json, warn};
+use crate::photo;
+use crate::photo::flip::difference;
 use crate::photo::register::{Registration, register};
-use crate::photo::{self};
 use crate::report::photos::{overlay, placed, shrink};
 
 #[derive(Debug, Args)]
@@ -38,7 +32,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let folder = OutputFolder::create(&args.output)?;
     let registered = register(&render, &photo)?;
     let (laid, covered) = placed(&render, &registered.transform, [photo.width_px, photo.height_px]);
-    let mut difference: Difference = difference(&photo, &laid);
+    let mut difference = difference(&photo, &laid);
     let mean = difference.mean(|index| covered[index]);
     for (value, covered) in difference.values.iter_mut().zip(&covered) {
         *value = if *covered { *value } else { 0.0 };
@@ -52,35 +46,25 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
     let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
-    let Registration { transform, correlation, residual_px: [median_px, p95_px] } = registered;
-    let json = json!({
-        "photo_px": [photo.width_px, photo.height_px],
-        "transform": transform,
-        "correlation": correlation,
-        "residual_px": { "median": median_px, "p95": p95_px },
-        "mean_flip": mean,
-    });
-    if p95_px > MOST_OFF * f64::from(photo.width_px.max(photo.height_px)) {
+    if registered.residual_px[1] > MOST_OFF * f64::from(photo.width_px.max(photo.height_px)) {
         warn(["trails of the render are far from any in the photograph: is it of the same word?"]);
     }
-    let [x, y] = transform.shift_px;
-    let (scale, degrees) = (transform.scale, transform.rotation_rad.to_degrees());
-    let text = [
-        line(
-            "placement",
-            &format!(
-                "scale {scale:.4} (photo by render), turned by {degrees:+.2}°, corner at \
-                 {x:.1},{y:.1} px"
-            ),
-        ),
-        line(
-            "fit",
-            &format!(
-                "correlation {correlation:.2}, trails off by {median_px:.1} px (median), \
-                 {p95_px:.1} px (95 %)"
-            ),
-        ),
-        line("FLIP", &format!("{mean:.3}, mean difference over the render")),
-    ];
-    Ok(Report::new(text.concat(), json).with_files(&files))
+    let Registration { transform, correlation, residual_px: [median_px, p95_px] } = registered;
+    let mut report = Report::empty();
+    report.value("photo_px", [photo.width_px, photo.height_px]);
+    report.value("residual_px", json!({ "median": median_px, "p95": p95_px }));
+    let ([x, y], degrees) = (transform.shift_px, transform.rotation_rad.to_degrees());
+    let placement = format!(
+        "scale {:.4} (photo by render), turned by {degrees:+.2}°, corner at {x:.1},{y:.1} px",
+        transform.scale
+    );
+    report.figure("transform", transform, "placement", &placement);
+    let fit = format!(
+        "correlation {correlation:.2}, trails off by {median_px:.1} px (median), {p95_px:.1} px \
+         (95 %)"
+    );
+    report.figure("correlation", correlation, "fit", &fit);
+    let mean_text = format!("{mean:.3}, mean difference over the render");
+    report.figure("mean_flip", mean, "FLIP", &mean_text);
+    Ok(report.with_files(&files))
 }

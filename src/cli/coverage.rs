@@ -4,16 +4,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{SceneFlags, set_word};
 use super::letters::LetterFlags;
-use super::names::numbers;
-use super::outcome::{Report, line};
-use super::output::Output;
-use super::table::table;
-use crate::error::Result;
+use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, table};
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
@@ -66,14 +58,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
     let map = coverage_map(&grid, word_m);
     let path = output.keep(|out| out.write_all(map.as_bytes()))?;
-    let n_stations = scene.sensors.lighthouse.stations.len();
-    let (seen_frac, quantiles_m) = (grid.seen_frac(), quantiles_m(&grid));
-    let json = json!({
-        "n_stations": n_stations, "seen_frac": seen_frac,
-        "error_median_m": quantiles_m.map(|q| q[0]), "error_p95_m": quantiles_m.map(|q| q[1]),
-        "error_max_m": quantiles_m.map(|q| q[2]), "coverage": grid,
-    });
-    Ok(Report::new(text_of(&grid, n_stations, bounds_m), json).with_files(&[path]))
+    Ok(described(&grid, scene.sensors.lighthouse.stations.len(), bounds_m).with_files(&[path]))
 }
 
 /// The bound of the estimates along the flights that write a word, and the best place of one more
@@ -83,90 +68,92 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let shoot = Shoot::new(scene)?;
     let plans: Vec<&Plan> = shoot.plans.iter().map(|planned| &planned.plan).collect();
     let options = shoot.scene.sim();
-    let bound = bounds(&plans, &options)?;
+    let bounds = bounds(&plans, &options)?;
     let (place_m, better_m) = one_more_anchor(&plans, &options)?;
-    let picture = bound_map(&plans, &bound, &options.sensors.uwb, place_m);
+    let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
     let path = output.keep(|out| out.write_all(picture.as_bytes()))?;
 
-    let word_m = writing_sigma_m(&bound, None);
+    let mut report = Report::empty();
+    let word_m = writing_sigma_m(&bounds, None);
     let cm = |sigma_m: Option<f64>| sigma_m.map_or("-".to_owned(), |m| format!("{:.1}", 100.0 * m));
-    let mut text = line(
-        "bound",
-        &format!(
-            "{} cm over three axes, 1 \u{3c3}: the least error that the ranges allow along the strokes",
-            cm(word_m)
-        ),
+    let bound = format!(
+        "{} cm over three axes, 1 σ: the least error that the ranges allow along the strokes",
+        cm(word_m)
     );
-    text += &line(
-        "wanted",
-        "an error of at most 5 % of the letters' height on each axis; a slow error may be twice as \
-         large",
-    );
-    text +=
-        &line("excluded", "biased ranges, stray ranges and lost messages: with them it is more");
-    let strokes = shoot.strokes.as_ref();
-    // Spaces are no letters: the plan counts glyphs.
-    let glyphs = strokes.map_or(&[][..], |strokes| &strokes.glyphs);
+    report.figure("bound_m", word_m, "bound", &bound);
+    let wanted = "an error of at most 5 % of the letters' height on each axis; a slow error may be \
+                  twice as large";
+    report.line("wanted", wanted);
+    let excluded = "biased ranges, stray ranges and lost messages: with them it is more";
+    report.line("excluded", excluded);
     let (mut letters, mut rows) = (Vec::new(), Vec::new());
-    let is_word = strokes.is_some_and(|strokes| !strokes.word.is_empty());
-    for (letter, glyph) in glyphs.iter().enumerate() {
+    // Spaces are no letters: the plan counts glyphs.
+    let strokes = shoot.strokes.iter();
+    for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
         // A drawing has strokes of one color in place of letters.
-        let name = if is_word { glyph.character.to_string() } else { (letter + 1).to_string() };
-        for (drone, bound) in bound.iter().enumerate() {
+        let name = match strokes.clone().any(|strokes| !strokes.word.is_empty()) {
+            true => glyph.character.to_string(),
+            false => (letter + 1).to_string(),
+        };
+        for (drone, bound) in (1..).zip(&bounds) {
             let sigma_m = writing_sigma_m(std::slice::from_ref(bound), Some(letter));
             if let Some(sigma_m) = sigma_m {
-                rows.push(format!("{name}\t{}\t{}", drone + 1, cm(Some(sigma_m))));
-                letters.push(json!({ "letter": name, "drone": drone + 1, "bound_m": sigma_m }));
+                rows.push(format!("{name}\t{drone}\t{}", cm(Some(sigma_m))));
+                letters.push(json!({ "letter": name, "drone": drone, "bound_m": sigma_m }));
             }
         }
     }
-    text += &format!("\n{}", table("letter<8|drone<8|bound, cm>9", rows));
+    report.value("letters", letters);
+    report.text += &format!("\n{}\n", table("letter<8|drone<8|bound, cm>9", rows));
     let [x, y, z] = place_m;
     let more = format!(
         "one more anchor that all drones hear helps most at ({x:.2}, {y:.2}, {z:.2}) m: {} cm then",
         cm(Some(better_m))
     );
-    text += &format!("\n{}\n", line("advice", &more));
-    let json = json!({
-        "bound_m": word_m, "letters": letters,
-        "one_more_anchor": { "position_m": place_m, "bound_m": better_m },
-    });
-    Ok(Report::new(text, json).with_files(&[path]))
+    let one_more = json!({ "position_m": place_m, "bound_m": better_m });
+    report.figure("one_more_anchor", one_more, "advice", &more);
+    report.text.push('\n');
+    Ok(report.with_files(&[path]))
 }
 
-/// Median, 95th percentile and largest error.
-fn quantiles_m(grid: &Coverage) -> Option<[f64; 3]> {
+fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
     let errors_m = grid.errors_m();
-    let last = errors_m.len().checked_sub(1)?;
-    Some([last / 2, last * 95 / 100, last].map(|i| errors_m[i]))
-}
-
-fn text_of(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4]) -> String {
-    let mut text = format!(
-        "plane     x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {:.2} m\n\
-         seen      by two or more of {n_stations} base stations: {:.1} % of {} points\n",
-        grid.y_m,
-        100.0 * grid.seen_frac(),
-        grid.places.len(),
+    let quantile_m =
+        |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
+    let [median_m, p95_m, max_m] = [50, 95, 100].map(quantile_m);
+    let (n_points, seen_frac) = (grid.places.len(), grid.seen_frac());
+    let mut report = Report::of(json!({
+        "n_stations": n_stations, "error_median_m": median_m, "error_p95_m": p95_m,
+        "error_max_m": max_m, "coverage": grid,
+    }));
+    let ([left, bottom, right, top], y_m) = (bounds_m, grid.y_m);
+    let plane =
+        format!("x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {y_m:.2} m");
+    report.line("plane", &plane);
+    let percent = 100.0 * seen_frac;
+    let seen = format!(
+        "by two or more of {n_stations} base stations: {percent:.1} % of {n_points} points"
     );
-    text += &match quantiles_m(grid).map(|q| q.map(|error_m| 1e3 * error_m)) {
-        Some([median, most, worst]) => {
-            format!(
-                "error     median {median:.1} mm, 95 % below {most:.1} mm, largest {worst:.1} mm\n"
-            )
+    report.figure("seen_frac", seen_frac, "seen", &seen);
+    let error = match (median_m, p95_m, max_m) {
+        (Some(median_m), Some(p95_m), Some(max_m)) => {
+            let [median, p95, max] = [median_m, p95_m, max_m].map(|error_m| 1e3 * error_m);
+            format!("median {median:.1} mm, 95 % below {p95:.1} mm, largest {max:.1} mm")
         }
-        None => "error     unknown: no point is seen by two base stations\n".to_owned(),
+        _ => "unknown: no point is seen by two base stations".to_owned(),
     };
+    report.line("error", &error);
     let reflected = grid.places.iter().filter(|place| place.n_reflected > 0).count();
     if reflected > 0 {
-        text += &format!("mirrors   show a station a second time at {reflected} points\n");
+        report.line("mirrors", &format!("show a station a second time at {reflected} points"));
     }
     let rows = (0..=n_stations).filter_map(|n| {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
-        let share = 100.0 * places as f64 / grid.places.len() as f64;
-        (places > 0).then(|| format!("{n}\t{places}\t{share:.1} %"))
+        let percent = 100.0 * places as f64 / n_points as f64;
+        (places > 0).then(|| format!("{n}\t{places}\t{percent:.1} %"))
     });
-    text + "\n" + &table("stations<10|points<10|share<0", rows) + "\n"
+    report.text += &format!("\n{}\n", table("stations<10|points<10|share<0", rows));
+    report
 }
 
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {

@@ -19,7 +19,6 @@ const UNTRIED: &str = "cannot be tried in a process of its own";
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
-/// Variables that choose a driver.
 const VARIABLES: [&str; 4] =
     ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES", "VK_LOADER_DRIVERS_SELECT"];
 
@@ -36,8 +35,9 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
     let memory = memory();
     let known = memory.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
     let fault = known.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
-        let Ok(program) = std::env::current_exe() else { return String::new() };
-        let fault = fault(Command::new(program).args(TRIAL), PATIENCE).unwrap_or_default();
+        let program = std::env::current_exe();
+        let fault = program.ok().and_then(|path| fault(Command::new(path).args(TRIAL), PATIENCE));
+        let fault = fault.unwrap_or_default();
         if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
             // Without a memory the next run tries again.
             let _ = path.parent().map(std::fs::create_dir_all);
@@ -48,9 +48,9 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
     if fault.is_empty() {
         return choice;
     }
-    let remembered = memory.filter(|_| fault != UNTRIED);
-    let again = remembered
-        .map_or(String::new(), |path| format!("; remove {} to try again", path.display()));
+    let again = memory
+        .filter(|_| fault != UNTRIED)
+        .map_or_else(String::new, |path| format!("; remove {} to try again", path.display()));
     let text = format!("the graphics driver {fault}: the processor exposes, with the same bits");
     message("note: ", &(text + &again));
     BackendChoice::Cpu

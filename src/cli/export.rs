@@ -3,21 +3,16 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::advice::mentioned;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::names::named;
-use super::outcome::{Outcome, Report, line, wrapped};
-use super::output::{Output, OutputFolder};
-use super::{findings, warn};
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
+    findings, named, warn,
+};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, LED_MEMORY, PICTURE, Row, Severity, checks, flown, of_flights, preflight,
+    Checked, LED_MEMORY, PICTURE, Severity, checks, flown, of_flights, preflight,
 };
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
@@ -62,10 +57,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         }
         Ok(())
     })?;
-    let word = match &shoot.strokes {
-        Some(strokes) if strokes.font.is_some() => strokes.word.clone(),
-        _ => "drawing".to_owned(),
-    };
+    let strokes = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+    let word = strokes.map_or("drawing", |strokes| strokes.word.as_str());
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
@@ -76,21 +69,31 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         true => warned(args, flies, &of_flights(flies, flights, &profile)?.findings),
         false => None,
     };
+    let mut report = Report::empty();
+    report.value("word", word);
+    report.value("format", args.to.name());
+    report.value("drones", shoot.plans.len());
+    report.value("stops", &stops);
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
-        let json = json!({
-            "word": word, "format": args.to.name(), "bytes": null, "drones": shoot.plans.len(),
-            "deviation_mm": null, "stops": stops, "files": [],
-        });
+        for key in ["bytes", "deviation_mm"] {
+            report.value(key, Value::Null);
+        }
+        report.line("refused", stops);
         let hint =
             "nothing was written; --unchecked writes it all the same, `check` says what to change";
-        let text = line("refused", stops) + &line("", hint);
-        return Ok(Report::new(text, json).with_outcome(Outcome::NotSafe));
+        report.line("", hint);
+        return Ok(report.with_files(&[]).with_outcome(Outcome::NotSafe));
     }
     // The script of setpoints can be told to fly the trajectory, if that is safe as well.
     let on_board = match args.to {
-        Format::Cflib if trajectory.is_none() => fly((Form::Compressed, Length::OnBoard))
-            .ok()
-            .filter(|shoot| args.unchecked || stops_of(args, shoot).is_ok_and(|s| s.is_none())),
+        Format::Cflib if trajectory.is_none() => {
+            let is_safe = |shoot: &Shoot| {
+                let checked = preflight(shoot, &profile);
+                checked.is_ok_and(|checked| findings::stops(&checked.findings).is_none())
+            };
+            let shoot = fly((Form::Compressed, Length::OnBoard)).ok();
+            shoot.filter(|shoot| args.unchecked || is_safe(shoot))
+        }
         _ => trajectory,
     };
     let plans_of = |shoot: &Shoot| -> Vec<Plan> {
@@ -105,7 +108,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         plans: &plans,
         flown: &flown,
         unsafe_because: stops.as_deref(),
-        word: &word,
+        word,
         light: &shoot.lamps(),
         sim: &sim,
         camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
@@ -123,7 +126,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         }
         files => {
             let folder =
-                args.output.clone().unwrap_or_else(|| format!("{}-export", stem(&word)).into());
+                args.output.clone().unwrap_or_else(|| format!("{}-export", stem(word)).into());
             if folder.is_file() {
                 let (found, hint) = ("a file", "name a folder: there are several files");
                 return Err(Error::input(folder.display(), found, "a folder", hint));
@@ -135,31 +138,21 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             folder.keep(&files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>())?
         }
     };
+    if let Some(stops) = &stops {
+        report.line("unchecked", &format!("not safe: {stops}"));
+    }
     let bytes: usize = files.iter().map(|file| file.bytes.len()).sum();
-    let deviation_m = deviation_m(args.to, &job)?;
-    let caution = stops.as_ref().map(|stops| line("unchecked", &format!("not safe: {stops}")));
-    let mut text = caution.unwrap_or_default();
-    text += &line("exported", &format!("{word} to {}, {bytes} bytes", args.to.name()));
-    let note = args.to.note();
-    if let Some(note) = note {
-        text += &wrapped("note      ", note);
-    }
-    if let Some(off_m) = deviation_m {
-        text += &line("deviation", &format!("up to {:.1} mm from the design", 1e3 * off_m));
-        if off_m > 2.0 * job.tolerance_m {
-            warn(&["the design jumps; plan with --style even for a smooth one".to_owned()]);
-        }
-    }
-    let json = json!({
-        "word": word, "format": args.to.name(), "bytes": bytes, "drones": plans.len(),
-        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops, "note": note,
+    let exported = format!("{word} to {}, {bytes} bytes", args.to.name());
+    report.figure("bytes", bytes, "exported", &exported);
+    report.optional("note", args.to.note(), "note", |note| (*note).to_owned());
+    let deviation_mm = deviation_m(args.to, &job)?.map(|m| 1e3 * m);
+    report.optional("deviation_mm", deviation_mm, "deviation", |off_mm| {
+        format!("up to {off_mm:.1} mm from the design")
     });
-    Ok(Report::new(text, json).with_files(&paths))
-}
-
-/// What stops a flight.
-fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?.findings))
+    if deviation_mm.is_some_and(|off_mm| off_mm > 2.0 * tolerance_mm) {
+        warn(["the design jumps; plan with --style even for a smooth one"]);
+    }
+    Ok(report.with_files(&paths))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
@@ -169,7 +162,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Checked]) -> Option<String
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
     for row in checks.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
-        let Row { found, .. } = row;
+        let found = &row.found;
         match row.check {
             PICTURE => warn([format!("{found}: {}", row.change(mentioned))]),
             LED_MEMORY if plays => warn([format!(
@@ -185,10 +178,9 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Checked]) -> Option<String
 /// Warns of a controller that does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_design() {
-        warn(&[
+        warn([
             "this controller tracks positions, and lags a trajectory on board: see it first with \
-               `preview --as-exported compressed`, or fly `--set controller.kind=geometric`"
-                .to_owned(),
+             `preview --as-exported compressed`, or fly `--set controller.kind=geometric`",
         ]);
     }
 }

@@ -3,19 +3,12 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
 use super::advice::mentioned;
 use super::device::tried;
-use super::flags::{FlightFlags, SceneFlags, SeedFlag};
-use super::names::named;
-use super::outcome::{Report, line};
-use super::output::Output;
-use super::picture::PictureFlags;
-use super::progress::watch;
-use super::{message, show, warn};
-use crate::error::Result;
+use super::{
+    Args, FlightFlags, Output, PictureFlags, Report, Result, SceneFlags, SeedFlag, message, named,
+    show, warn, watch,
+};
 use crate::shoot::{Format, Judging, Shoot};
 use noctograph_core::digest::sha256;
 
@@ -55,28 +48,22 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend);
-    let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
-    let shoot = Shoot { keeps_film: false, ..shoot };
+    let (format, judging) = (Some(format), Judging::Skipped);
+    let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
     // A light trace alone needs no word: its colors are its own.
     if !shot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
-        message(
-            "note: ",
-            "the photo names no word: name one with --word, or after the photo in `score`",
-        );
+        let note = "the photo names no word: name one with --word, or after the photo in `score`";
+        message("note: ", note);
     }
-    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
-    let json = json!({
-        "camera": show::camera_json(&shot),
-        "backend": backend,
-        "adapter": adapter,
-        "flight_sha256": shot.flight_sha256(),
-        "photo_sha256": sha256(bytes),
-        "word": shot.scene.word,
-    });
-    let text = show::camera_line(&shot) + &line("exposed", &format!("by {backend} on {adapter}"));
-    Ok(Report::new(text, json).with_files(&[path]))
+    let mut report = Report::empty();
+    show::tell_camera(&mut report, &shot);
+    show::tell_backend(&mut report, &shot);
+    report.value("flight_sha256", shot.flight_sha256());
+    report.value("photo_sha256", sha256(bytes));
+    report.value("word", &shot.scene.word);
+    Ok(report.with_files(&[path]))
 }

@@ -1,7 +1,7 @@
 //! Findings of a check in words.
 
 use super::advice::mentioned;
-use super::outcome::wrapped;
+use super::wrapped;
 use crate::preflight::{Checked, Severity};
 
 /// The table of findings, and what to change.

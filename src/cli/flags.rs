@@ -2,15 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use clap::builder::PossibleValuesParser;
-
 use super::letters::LetterFlags;
-use super::message;
-use super::names::{named, names};
 use super::relit::{light_all_along, relit_where_dark};
-use super::set::{SetFlag, Setting, borrowed};
-use crate::error::{Error, Result};
+use super::{Args, Error, Result, named, names, warn};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
@@ -20,7 +14,6 @@ use crate::preflight::{Profile, canvas_within, frame_within};
 use crate::scene::{NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
-use crate::study::Conditions;
 use noctograph_core::files::Limit;
 
 /// Flights, logs and light traces that are read together: sixteen drones for six minutes.
@@ -35,6 +28,22 @@ const PLANS: Limit = Limit {
     what: "plans",
     hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
 };
+
+/// A key of the scene with its new value.
+pub(super) type Setting = (String, String);
+
+fn setting(text: &str) -> std::result::Result<Setting, String> {
+    let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// Keys of a scene that are set on the command line.
+#[derive(Debug, Args)]
+pub(super) struct SetFlag {
+    /// Set a key of the scene, such as camera.iso=200; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    pub(super) set: Vec<Setting>,
+}
 
 /// The scene.
 #[derive(Debug, Args)]
@@ -53,35 +62,25 @@ pub(super) struct SceneFlags {
 impl SceneFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        Ok(self.named(more)?.scene)
+        Ok(self.named(more, &[])?.scene)
     }
 
-    /// The same, with the learned plans if the scene is a folder.
-    pub(super) fn named(&self, more: &[Setting]) -> Result<NamedScene> {
-        self.named_using(more, &[])
-    }
-
-    fn named_using(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
+    /// The same, with the learned plans if the scene is a folder, for a verb that uses some keys
+    /// which are without effect in a flight.
+    pub(super) fn named(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
         let mut named = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
-            None => NamedScene::new("", parse_scene("", "scene", &settings)?),
+            None => NamedScene::new("", Scene::parse_with("", "scene", &borrowed(&settings))?),
         };
         self.finish(&mut named.scene, used)?;
         Ok(named)
     }
 
-    /// The scene for a verb that uses keys which are without effect in a flight.
-    pub(super) fn load_using(&self, keys: &[&str]) -> Result<Scene> {
-        Ok(self.named_using(&[], keys)?.scene)
-    }
-
-    /// Whether a scene was named.
     pub(super) fn is_given(&self) -> bool {
         self.scene.is_some()
     }
 
-    /// Whether a key of the scene was typed.
     pub(super) fn sets(&self, key: &str) -> bool {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
@@ -97,7 +96,7 @@ impl SceneFlags {
         if self.scene.is_some() {
             return self.load(&[]);
         }
-        let mut scene = parse_scene(toml, file, &self.set.set)?;
+        let mut scene = Scene::parse_with(toml, file, &borrowed(&self.set.set))?;
         check(&mut scene)?;
         self.finish(&mut scene, &[])?;
         Ok(scene)
@@ -111,7 +110,7 @@ impl SceneFlags {
         }
         scene.check()?;
         scene.settle_files()?;
-        warn_of_idle_keys_but(scene, used);
+        warn_of_idle_keys(scene, used);
         Ok(())
     }
 }
@@ -121,9 +120,9 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
     Scene::find(named, &borrowed(settings))
 }
 
-/// The text of a scene with settings laid over it.
-fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
-    Scene::parse_with(toml, file, &borrowed(settings))
+/// Settings as the scene takes them.
+fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
+    settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
 
 /// The seed, of verbs that draw noise.
@@ -131,38 +130,13 @@ fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
 pub(super) struct SeedFlag {
     /// Seed of all noise [default: the scene's]
     #[arg(long, value_name = "N")]
-    seed: Option<u64>,
+    pub(super) seed: Option<u64>,
 }
 
 impl SeedFlag {
     /// The key of the scene that was typed.
     pub(super) fn settings(&self) -> Vec<Setting> {
         self.seed.iter().map(|seed| ("seed".to_owned(), seed.to_string())).collect()
-    }
-
-    /// The seed that was typed, else the scene's.
-    pub(super) fn or(&self, scenes: u64) -> u64 {
-        self.seed.unwrap_or(scenes)
-    }
-}
-
-/// Way of flying and number of drones.
-#[derive(Debug, Args)]
-pub(super) struct PlanFlags {
-    /// Way of flying
-    #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
-    style: Option<String>,
-    /// Drones that share the word
-    #[arg(long, value_name = "N")]
-    drones: Option<u32>,
-}
-
-impl PlanFlags {
-    /// The keys of the scene that were typed.
-    pub(super) fn settings(&self) -> Vec<Setting> {
-        let style = self.style.iter().map(|style| ("plan.style", style.clone()));
-        let drones = self.drones.iter().map(|n| ("plan.drones", n.to_string()));
-        style.chain(drones).map(|(key, value)| (key.to_owned(), value)).collect()
     }
 }
 
@@ -173,8 +147,12 @@ pub(super) struct DesignFlags {
     scene: SceneFlags,
     #[command(flatten)]
     letters: LetterFlags,
-    #[command(flatten)]
-    plan: PlanFlags,
+    /// Way of flying
+    #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
+    style: Option<String>,
+    /// Drones that share the word
+    #[arg(long, value_name = "N")]
+    drones: Option<u32>,
 }
 
 impl DesignFlags {
@@ -188,7 +166,7 @@ impl DesignFlags {
     /// Fits a word to what the camera shows of it from within the room, unless its size was typed.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
-        if let Some(room_m) = self.letters.room_m().filter(|_| is_typed == [false; 2])
+        if let Some(room_m) = self.letters.room.filter(|_| is_typed == [false; 2])
             && let Some(canvas_m) = canvas_within(scene, room_m)?
         {
             scene.letters.canvas_m = Some(canvas_m);
@@ -197,8 +175,10 @@ impl DesignFlags {
     }
 
     fn named(&self, more: &[Setting]) -> Result<NamedScene> {
-        let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
-        let mut settings = settings.concat();
+        let mut settings = self.letters.settings();
+        settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
+        settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
+        settings.extend_from_slice(more);
         // A height that was typed is meant: no room shrinks it, and the check stops what is too
         // large.
         if self.scene.sets("letters.cap_height_m") {
@@ -206,8 +186,8 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut named = self.scene.named(&settings)?;
-        if let Some(room_m) = self.letters.room_m() {
+        let mut named = self.scene.named(&settings, &[])?;
+        if let Some(room_m) = self.letters.room {
             let usual = Scene::preset(named.scene.preset).sensors.lighthouse.stations;
             let stations = &mut named.scene.sensors.lighthouse.stations;
             if *stations == usual {
@@ -235,7 +215,6 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    /// The scene.
     pub(super) fn scene(&self) -> Result<Scene> {
         let mut scene = self.named()?.scene;
         self.design.fit(&mut scene)?;
@@ -244,16 +223,11 @@ impl SubjectFlags {
 
     fn named(&self) -> Result<NamedScene> {
         let mut named = self.design.named(&[])?;
-        named.scene.seed = self.seed.or(named.scene.seed);
+        named.scene.seed = self.seed.seed.unwrap_or(named.scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut named.scene, word)?;
         }
         Ok(named)
-    }
-
-    /// The room that was typed.
-    fn room_m(&self) -> Option<[f64; 3]> {
-        self.design.letters.room_m()
     }
 
     /// The word that was typed, in either way.
@@ -266,19 +240,18 @@ impl SubjectFlags {
         let mut named = self.named()?;
         change(&mut named.scene)?;
         let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
-        let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
+        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
         match inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => {
+            all if all.iter().all(is_plan) => {
+                return Shoot::with_plans(named.scene, read_plans(all)?);
+            }
+            [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
                     let hint = "name one of them; --word says what plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
                 set_word(&mut named.scene, word)?;
-            }
-            all if all.len() == plans.len() => {
-                return Shoot::with_plans(named.scene, read_plans(plans)?);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -287,7 +260,7 @@ impl SubjectFlags {
             }
         }
         self.design.fit(&mut named.scene)?;
-        if let Some(room_m) = self.room_m() {
+        if let Some(room_m) = self.design.letters.room {
             frame_within(&mut named.scene, room_m)?;
         }
         let shoot = Shoot::named(named)?;
@@ -299,11 +272,8 @@ impl SubjectFlags {
     }
 }
 
-/// Reads plans that fly together.
-pub(super) fn read_plans<'a, P: AsRef<Path> + 'a + ?Sized>(
-    paths: impl IntoIterator<Item = &'a P>,
-) -> Result<Vec<Plan>> {
-    let paths: Vec<PathBuf> = paths.into_iter().map(|path| path.as_ref().to_owned()).collect();
+pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
+    let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().to_owned()).collect();
     PLANS.check_all(&paths)?;
     paths.iter().map(|path| Plan::read_csv(path)).collect()
 }
@@ -312,12 +282,9 @@ pub(super) fn read_plans<'a, P: AsRef<Path> + 'a + ?Sized>(
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
     /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
-    #[arg(long, value_name = "NAME", default_value = "indoor", value_parser = profiles())]
+    #[arg(long, value_name = "NAME", default_value = "indoor",
+          value_parser = Profile::all().map(|profile| profile.name))]
     profile: String,
-}
-
-fn profiles() -> PossibleValuesParser {
-    Profile::all().map(|profile| profile.name).into()
 }
 
 impl ProfileFlags {
@@ -325,7 +292,7 @@ impl ProfileFlags {
     pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
         let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the parser knows the names");
-        match subject.room_m() {
+        match subject.design.letters.room {
             Some(room_m) => profile.in_room(room_m),
             None => profile,
         }
@@ -455,8 +422,7 @@ impl FlightFlags {
 pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
-        let text = format!("{planned} of {wanted} drones fly: there are no strokes for more");
-        message("warning: ", &text);
+        warn([format!("{planned} of {wanted} drones fly: there are no strokes for more")]);
     }
 }
 
@@ -468,38 +434,22 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     let (asked_m, canvas_m) = (shoot.scene.letters.cap_height_m, shoot.scene.letters.canvas_m);
     let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
     if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < 0.999 * asked_m) {
-        let text = format!(
+        warn([format!(
             "letters of {asked_m} m do not fit letters.canvas_m, {width_m} x {height_m} m: they are \
              {written_m:.2} m high"
-        );
-        message("warning: ", &text);
+        )]);
     }
 }
 
-/// Warns of keys that were set and have no effect.
-pub(super) fn warn_of_idle_keys(scene: &Scene) {
-    warn_of_idle_keys_but(scene, &[]);
-}
-
-/// The same, for flights under conditions, which may bring a radio that loses packets.
-pub(super) fn warn_of_idle_keys_under(conditions: &Conditions, scene: &Scene) {
-    let radio = conditions.draw(scene, 0, 0).sim.radio;
-    warn_of_idle_keys(&Scene { radio, ..scene.clone() });
-}
-
-/// The same, but for keys that the verb uses.
-fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
-    let idle = scene.idle_keys().into_iter();
-    for (key, why) in idle.filter(|(key, _)| !used.contains(&key.as_str())) {
-        message("warning: ", &format!("{key} has no effect: {why}"));
-    }
+/// Warns of keys that were set and have no effect, but for those that the verb uses.
+pub(super) fn warn_of_idle_keys(scene: &Scene, used: &[&str]) {
+    let idle = scene.idle_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
+    warn(idle.map(|(key, why)| format!("{key} has no effect: {why}")));
 }
 
 /// Prints the warnings of a file.
 pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
-    for warning in warnings {
-        message("warning: ", &format!("{}: {warning}", path.display()));
-    }
+    warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
 }
 
 /// Gives a scene a word that was typed, in which the two characters `\n` begin a new line.

@@ -2,16 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{FLIGHTS, FlightFlags, SceneFlags, SeedFlag, read_plans, warn_of};
-use super::outcome::Report;
-use super::output::Outputs;
-use super::progress::watch;
-use super::show::FlightFigures;
-use super::{message, warn};
-use crate::error::Result;
+use super::{
+    Args, FLIGHTS, FlightFlags, Outputs, Report, Result, SceneFlags, SeedFlag, json, read_plans,
+    show, warn, warn_of, watch,
+};
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;
@@ -60,23 +54,20 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let flights = shoot.fly(&watch())?;
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let files = outputs.keep(&flights, |flight, mut out| flight.write_csv(&mut out))?;
-    let figures: Vec<FlightFigures<'_>> =
-        flights.iter().map(|flight| FlightFigures::new(flight, flight.sha256(), None)).collect();
-    let json = match figures.as_slice() {
-        [flight] => json!({ "flight": flight.json() }),
-        flights => {
-            json!({ "flights": flights.iter().map(FlightFigures::json).collect::<Vec<_>>() })
-        }
+    let told = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
+    let told: Vec<Report> = told.collect();
+    let json = match told.as_slice() {
+        [flight] => json!({ "flight": flight.json }),
+        flights => json!({ "flights": flights.iter().map(|it| &it.json).collect::<Vec<_>>() }),
     };
-    Ok(Report::new(figures.iter().map(FlightFigures::text).collect(), json).with_files(&files))
+    Ok(Report::new(told.into_iter().map(|flight| flight.text).collect(), json).with_files(&files))
 }
 
 /// The setpoints of a log, as a plan.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {
-        let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
-        message("warning: ", &text);
+        warn([format!("{n_restored} setpoints are missing in the log and were interpolated")]);
     }
     Ok(plan)
 }

@@ -1,18 +1,12 @@
 //! `noctograph gains`: gains of controller and observer, poles and stability margins.
 
-use clap::Args;
 use nalgebra::{Complex, DMatrix};
-use serde_json::{Value, json};
 
-use super::flags::SceneFlags;
-use super::message;
-use super::outcome::{Report, line, wrapped};
-use super::table::table;
+use super::{Args, Report, Result, SceneFlags, Value, json, table, warn, wrapped};
 use crate::control::Margins;
-use crate::error::Result;
 use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
-use crate::sim::{ControllerKind, ControllerOptions, EstimatorKind, SimOptions};
+use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {
@@ -32,17 +26,20 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let own_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
-    for warning in &design.warnings {
-        message("warning: ", warning);
-    }
-    let bryson = if args.bryson { bryson(&design, &scene.controller.lqr.r) } else { String::new() };
+    warn(&design.warnings);
     let gains = gains(&scene.sim());
-    let json = to_json(&design, &scene.controller, &gains);
-    Ok(Report::new(tables(&design, &scene, &gains) + &bryson, json))
+    let mut report = Report::of(to_json(&design, &gains));
+    report.value("controller", scene.controller.kind.name());
+    tell(&mut report, &design, &scene, &gains);
+    if args.bryson {
+        report.text += &bryson(&design, &scene.controller.lqr.r);
+    }
+    Ok(report)
 }
 
-/// Gains of the loops of a controller that is no regulator: name, figures and their unit.
-type LoopGains = Vec<(&'static str, Vec<(&'static str, f64)>, &'static str)>;
+/// Gains of the loops of a controller that is no regulator: name, proportional, integral and
+/// derivative gain, and the unit of the first.
+type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
 /// The gains of the scene's cascade or geometric controller; nothing for a regulator.
 fn gains(sim: &SimOptions) -> LoopGains {
@@ -56,76 +53,76 @@ fn gains(sim: &SimOptions) -> LoopGains {
             ];
             let units = ["m/s per m", "deg per m/s", "deg/s per deg", "1/65535 per deg/s"];
             let loops = names.into_iter().flatten().zip(sim.controller.pid.gains().concat());
-            let named = loops.enumerate().map(|(index, (name, [p, i, d]))| {
+            let named = loops.enumerate().map(|(index, (name, gains))| {
                 // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
-                let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
-                (name, vec![("p", p), ("i", i), ("d", d)], unit)
+                (name, gains, if index == 5 { "1000/65535 per m/s" } else { units[index / 3] })
             });
             named.collect()
         }
         ControllerKind::Geometric => {
             let k = &sim.controller.geometric;
-            let position =
-                vec![("p", k.k_position), ("i", k.k_position_integral), ("d", k.k_velocity)];
-            let mut gains = vec![("position x y z", position, "m/s2 per m")];
-            for (index, name) in ["attitude x", "attitude y", "attitude z"].into_iter().enumerate()
-            {
-                let [p, i, d] = [k.k_attitude, k.k_attitude_integral, k.k_rate].map(|k| k[index]);
-                gains.push((name, vec![("p", p), ("i", i), ("d", d)], "rad/s2 per rad"));
-            }
-            gains
+            let position = [k.k_position, k.k_position_integral, k.k_velocity];
+            let attitude = ["attitude x", "attitude y", "attitude z"].into_iter().enumerate();
+            let attitude = attitude.map(|(axis, name)| {
+                let gains = [k.k_attitude, k.k_attitude_integral, k.k_rate].map(|k| k[axis]);
+                (name, gains, "rad/s2 per rad")
+            });
+            std::iter::once(("position x y z", position, "m/s2 per m")).chain(attitude).collect()
         }
         _ => Vec::new(),
     }
 }
 
-/// Everything for people.
-fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
+/// Adds everything for people.
+fn tell(report: &mut Report, design: &Design, scene: &Scene, gains: &LoopGains) {
     let Design { controllability_rank, observability_rank, n_controller_states, .. } = design;
-    let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let hidden = design.unobservable.join(", ");
-    let mut text = format!(
-        "model     at hover: 12 states, {controllability_rank} controllable by the motors\n          \
-         9 observer states, {observability_rank} observable by the position (not: {hidden})\n",
+    report.line(
+        "model",
+        &format!(
+            "at hover: 12 states, {controllability_rank} controllable by the motors\n9 observer \
+             states, {observability_rank} observable by the position (not: {hidden})"
+        ),
     );
     let kind = scene.controller.kind.name();
     let n_own = match n_controller_states {
         0 => "no".to_owned(),
         n => n.to_string(),
     };
-    let own = format!("{kind}, {n_own} states of its own, linearized at hover");
-    text += &line("loop", &own);
+    report.line("loop", &format!("{kind}, {n_own} states of its own, linearized at hover"));
+    let text = &mut report.text;
     if let Some(k) = &design.k {
-        text += "\nK         u = u_hover - K (x - x_des), transposed\n";
-        text += &matrix(&k.transpose(), &design.states, &INPUTS);
+        *text += "\nK         u = u_hover - K (x - x_des), transposed\n";
+        *text += &matrix(&k.transpose(), &design.states, &INPUTS);
     } else {
-        let row = |(name, figures, unit): &(&str, Vec<(&str, f64)>, &str)| {
-            let figures = figures.iter().map(|(_, gain)| format!("{gain}\t"));
-            format!("{name}\t{}   {unit}", figures.collect::<String>())
+        let row = |(name, [p, i, d], unit): &(&str, [f64; 3], &str)| {
+            format!("{name}\t{p}\t{i}\t{d}\t   {unit}")
         };
-        text += "\n";
-        text += &table("gains<20|p>12|i>12|d>12|   unit of p<0", gains.iter().map(row));
+        *text += "\n";
+        *text += &table("gains<20|p>12|i>12|d>12|   unit of p<0", gains.iter().map(row));
     }
-    if scene.observer.kind == EstimatorKind::Luenberger {
-        text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
-        text += &matrix(&design.l, &observed, &["y_x", "y_y", "y_z"]);
+    let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
+    if is_luenberger {
+        let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
+        *text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
+        *text += &matrix(&design.l, &observed, &["y_x", "y_y", "y_z"]);
     }
     let lag_s = design.motor_lag_s;
-    text += &format!("\npoles     1/s\n{}", pole_lines("loop", design.regulator_poles.as_ref()));
-    text += &pole_lines(&format!("  {lag_s:.3} s lag"), design.lagging_poles.as_ref());
-    if scene.observer.kind == EstimatorKind::Luenberger {
-        text += &pole_lines("observer", design.observer_poles.as_ref());
+    *text += "\npoles     1/s\n";
+    *text += &pole_lines("loop", design.regulator_poles.as_ref());
+    *text += &pole_lines(&format!("  {lag_s:.3} s lag"), design.lagging_poles.as_ref());
+    if is_luenberger {
+        *text += &pole_lines("observer", design.observer_poles.as_ref());
     }
-    text += "\nmargins   gain (dB), phase and its crossover (rad/s), loop broken at each input\n";
-    let head = format!("<10|without motor lag<35|with {lag_s} s of motor lag<0");
+    *text += "\nmargins   gain (dB), phase and its crossover (rad/s), loop broken at each input\n";
     let rows = INPUTS.iter().enumerate().map(|(i, input)| {
         let shown =
             |margins: &Option<[Margins; 4]>| margins.map_or("unstable".into(), |m| margin(&m[i]));
         format!("{input}\t{}\t{}", shown(&design.margins), shown(&design.lagging_margins))
     });
-    text += &table(&head, rows);
+    *text += &table(&format!("<10|without motor lag<35|with {lag_s} s of motor lag<0"), rows);
     let longest = design.longest_lag_s.map_or("over a second".into(), |s| format!("{s:.3} s"));
-    text + &format!("longest   motor lag with a stable loop: {longest}\n")
+    report.line("longest", &format!("motor lag with a stable loop: {longest}"));
 }
 
 /// A row for each state, a column for each output or input; six decimals, three of large numbers,
@@ -169,7 +166,6 @@ fn margin(margins: &Margins) -> String {
     format!("{:18}{phase}", format!("{down} to {up} dB"))
 }
 
-/// A factor of an amplitude in decibels.
 fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }
@@ -188,8 +184,8 @@ fn bryson(design: &Design, r: &[f64; 4]) -> String {
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
 }
 
-/// Everything for programs.
-fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -> Value {
+/// The design with names and decibels, and the gains of a controller that is no regulator.
+fn to_json(design: &Design, gains: &LoopGains) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {
         let margins = json[margins].as_array_mut().into_iter().flatten();
@@ -200,12 +196,10 @@ fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -
             }
         }
     }
-    json["controller"] = controller.kind.name().into();
     json["inputs"] = json!(INPUTS);
-    let named = gains.iter().map(|(name, figures, unit)| {
-        let figures = figures.iter().map(|(part, gain)| (*part, json!(gain)));
-        (*name, figures.chain([("unit", json!(unit))]).collect::<Value>())
-    });
+    let named = gains
+        .iter()
+        .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })));
     json["gains"] = named.collect();
     json
 }

@@ -4,11 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
-use serde_json::json;
 
-use super::outcome::Report;
-use super::output::OutputFolder;
-use crate::error::Result;
+use super::{OutputFolder, Report, Result, json};
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -59,7 +56,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
                 folder.write(&page.get_filename(), |out| page.render(out))?;
                 names.push(page.get_filename());
             }
-            Ok(Report::new(String::new(), json!({})).with_files(&folder.keep(&names)?))
+            Ok(Report::empty().with_files(&folder.keep(&names)?))
         }
     }
 }

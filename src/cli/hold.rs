@@ -3,16 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{SceneFlags, SeedFlag};
-use super::names::{named, names};
-use super::outcome::{Outcome, Report, wrapped};
-use super::output::OutputFolder;
-use super::progress::Progress;
-use super::table::table;
-use crate::error::Result;
+use super::{
+    Args, Outcome, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, json, line, named,
+    names, table,
+};
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::sim::AltitudeSensor;
@@ -50,7 +44,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
-    let (options, seed) = (scene.sim(), args.seed.or(scene.seed));
+    let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
@@ -119,7 +113,7 @@ fn text_of(figures: &[HoldFigures]) -> String {
         .to_owned()
         + &table(head, units.chain(figures.iter().map(row)));
     for (f, missed) in figures.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
-        text += &wrapped("missed    ", &format!("{}, {}: {missed}", f.scenario, f.model));
+        text += &line("missed", &format!("{}, {}: {missed}", f.scenario, f.model));
     }
     text
 }
@@ -147,12 +141,11 @@ fn consistency(figures: &[HoldFigures]) -> String {
         table(&format!("scenario<12|model<8{names}"), rows)
     );
     for f in figures {
-        let out = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
-        let words: Vec<String> =
-            out.map(|state| format!("{} {}", state.state, state.verdict.name())).collect();
-        if !words.is_empty() {
-            let words = format!("{}, {}: {}", f.scenario, f.model, words.join(", "));
-            text += &wrapped("off       ", &words);
+        let off = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
+        let off = off.map(|state| format!("{} {}", state.state, state.verdict.name()));
+        let off = off.collect::<Vec<_>>().join(", ");
+        if !off.is_empty() {
+            text += &line("off", &format!("{}, {}: {off}", f.scenario, f.model));
         }
     }
     text
@@ -168,14 +161,15 @@ fn write_csv(out: impl Write, flight: &Hold) -> std::io::Result<()> {
     let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
     out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
     for s in &flight.samples {
-        let numbers = [s.time_s, s.throttle].map(|number| number.to_string());
-        let last = |sensor| s.readings.iter().rfind(|reading| reading.sensor == sensor);
+        let numbers = [s.time_s, s.throttle].map(Some);
         let readings = sensors.map(|sensor| {
-            last(sensor).map_or(String::new(), |reading| reading.measured_m.to_string())
+            let last = s.readings.iter().rfind(|reading| reading.sensor == sensor);
+            last.map(|reading| reading.measured_m)
         });
-        let states = [s.truth, s.estimate, s.sigma].into_iter().flatten();
-        let states = states.map(|number| number.to_string());
-        out.write_record(numbers.into_iter().chain(readings).chain(states))?;
+        let states = [s.truth, s.estimate, s.sigma].into_iter().flatten().map(Some);
+        let cells = numbers.into_iter().chain(readings).chain(states);
+        let cells = cells.map(|number| number.map_or_else(String::new, |n| n.to_string()));
+        out.write_record(cells)?;
     }
     out.flush()
 }

@@ -1,15 +1,8 @@
 //! `noctograph identify`: parameters of a drone and weights of its observer, from a flight log.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{FlightFlags, SceneFlags};
-use super::outcome::{Report, wrapped};
-use super::table::table;
-use super::warn;
-use crate::error::{Error, Result};
+use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, table, warn};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;
@@ -33,26 +26,35 @@ pub(super) struct IdentifyArgs {
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(&[])?;
-    let vehicle = scene.vehicle.clone();
-    let of_the_scene = Assumed::of(&vehicle);
+    let vehicle = &scene.vehicle;
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
-    let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
-    let inertia_kg_m2 = inertia.transpose()?;
-    let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene)));
-    let flight = flight.transpose()?;
-    let identified =
-        flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
+    let inertia_kg_m2 = swing
+        .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))
+        .transpose()?;
+    let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene))).transpose()?;
+    let identified = flight
+        .map(|flight| identify(&flight, &Assumed::of(vehicle)))
+        .transpose()
+        .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
-    let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
-    let assumed = assumed(&vehicle);
-    let text =
-        [Some(assumed), identified.as_ref().map(text_of), inertia].into_iter().flatten().collect();
-    Ok(Report::new(text, to_json(&vehicle, identified.as_ref(), inertia_kg_m2)))
+
+    let mut report = Report::with_names_of(14);
+    // The log does not tell them: thrust scales with the mass, torque with the arm.
+    let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
+    let assumed = format!(
+        "mass {:.2} g, arm {:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...",
+        1e3 * mass_kg,
+        1e3 * arm_m
+    );
+    report.figure("assumed", json!({ "mass_kg": mass_kg, "arm_m": arm_m }), "assumed", &assumed);
+    tell(&mut report, identified.as_ref());
+    report.optional("inertia_kg_m2", inertia_kg_m2, "inertia", |j| format!("{j:.4e} kg m2"));
+    Ok(report)
 }
 
-/// Puts the log's name in the place of "flight".
-fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
-    move |error| match (error, &args.log) {
+/// An error of a flight with the log's name in the place of "flight".
+fn named(error: Error, log: Option<&Path>) -> Error {
+    match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {
             Error::input(log.display(), found, wanted, hint)
         }
@@ -60,93 +62,73 @@ fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
     }
 }
 
-/// What the scene says of the drone, which the log does not tell: thrust scales with the mass,
-/// torque with the arm.
-fn assumed(vehicle: &VehicleOptions) -> String {
-    let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
-    let text = format!(
-        "mass {:.2} g, arm {:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...",
-        1e3 * mass_kg,
-        1e3 * arm_m
-    );
-    wrapped(&format!("{:14}", "assumed"), &text)
-}
-
-fn text_of(identified: &Identified) -> String {
-    let [m1, m2, m3, m4] = identified.mean_motors;
-    let [tau_x, tau_y] = identified.motor_torque_n_m;
-    let [com_x, com_y] = identified.center_of_mass_m.map(|m| m * 1e3);
-    let mut text = format!(
-        "samples       {} in the air, mean commands {m1:.0} {m2:.0} {m3:.0} {m4:.0}\n\
-         k_F           {:.4e} N per unit of a motor's command\n\
-         torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, mean of the motors\n\
-         mass center   x {com_x:+.2} mm, y {com_y:+.2} mm from the middle of the motors\n",
-        identified.n_samples, identified.k_f_n
-    );
-    if let Some(lag) = identified.lag {
+/// Adds what was identified; null where there was no log.
+fn tell(report: &mut Report, identified: Option<&Identified>) {
+    report.value("samples", identified.map(|it| it.n_samples));
+    report.value("mean_motors", identified.map(|it| it.mean_motors));
+    if let Some(Identified { n_samples, mean_motors: [m1, m2, m3, m4], .. }) = identified {
+        let motors = format!("{m1:.0} {m2:.0} {m3:.0} {m4:.0}");
+        report.line("samples", &format!("{n_samples} in the air, mean commands {motors}"));
+    }
+    report.optional("k_f_n", identified.map(|it| it.k_f_n), "k_F", |k_f_n| {
+        format!("{k_f_n:.4e} N per unit of a motor's command")
+    });
+    let torque_n_m = identified.map(|it| it.motor_torque_n_m);
+    report.optional("motor_torque_n_m", torque_n_m, "torque", |[x, y]| {
+        format!("x {x:+.2e}  y {y:+.2e} N m, mean of the motors")
+    });
+    let center_m = identified.map(|it| it.center_of_mass_m);
+    report.optional("center_of_mass_m", center_m, "mass center", |center_m| {
+        let [x, y] = center_m.map(|m| m * 1e3);
+        format!("x {x:+.2} mm, y {y:+.2} mm from the middle of the motors")
+    });
+    let lag = identified.and_then(|it| it.lag);
+    report.value("rotor_lag_half_width_s", lag.map(|lag| lag.half_width_s));
+    report.value("rotor_lag_s", lag.map(|lag| lag.lag_s));
+    if let Some(lag) = lag {
         let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
         let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
-        text += &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms (95 %){note}\n");
+        report.line("rotor lag", &format!("{ms:.0} ± {doubt_ms:.0} ms (95 %){note}"));
     }
-    if let Some(air) = identified.air {
-        let [x, y] = air.torque_sigma_n_m;
-        text += &format!("uneven air    turns with sigma x {x:.1e}  y {y:.1e} N m\n");
-    }
-    if let Some(reaction) = identified.reaction {
-        let ReactionTorque { k_m_n_m, half_width_n_m, correlation } = reaction;
+    let torque_n_m = identified.and_then(|it| it.air).map(|air| air.torque_sigma_n_m);
+    report.optional("air_torque_n_m", torque_n_m, "uneven air", |[x, y]| {
+        format!("turns with sigma x {x:.1e}  y {y:.1e} N m")
+    });
+    let reaction = identified.and_then(|it| it.reaction);
+    report.value("k_m_n_m", reaction.map(|it| it.k_m_n_m));
+    report.value("k_m_half_width_n_m", reaction.map(|it| it.half_width_n_m));
+    report.value("k_m_identifiable", reaction.map(|it| it.is_identifiable()));
+    report.value("yaw_correlation", reaction.map(|it| it.correlation));
+    if let Some(ReactionTorque { k_m_n_m, half_width_n_m, correlation }) = reaction {
         let per_unit = "N m per unit of a motor's command (95 %)";
-        text += &format!("k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}\n");
-        if !reaction.is_identifiable() {
-            let why = "not identifiable from this log: yaw was not excited, or the log is slower than \
-                       the motors' commands";
-            let why = format!("{why} (correlation {correlation:.2})");
-            text += &wrapped(&format!("{:14}", ""), &why);
+        report.line("k_M", &format!("{k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}"));
+        if !reaction.is_some_and(|it| it.is_identifiable()) {
+            let why = "not identifiable from this log: yaw was not excited, or the log is slower \
+                       than the motors' commands";
+            report.line("", &format!("{why} (correlation {correlation:.2})"));
         }
     }
-    if let (Some(sigma), Some(q)) = (identified.measurement_sigma_m, identified.observer_q()) {
-        let rows = ["x", "y", "z"].iter().zip(sigma).zip(q);
+    let sigma_m = identified.and_then(|it| it.measurement_sigma_m);
+    let q = identified.and_then(Identified::observer_q);
+    if let Some((sigma_m, q)) = sigma_m.zip(q) {
+        let rows = ["x", "y", "z"].iter().zip(sigma_m).zip(q);
         let rows = rows.map(|((name, sigma), q)| format!("{name}\t{sigma:.4}\t{q:.0}"));
-        text += "\n";
-        text += &table("measured<14|sigma, m<16|observer.luenberger.q<0", rows);
+        report.table(&table("measured<14|sigma, m<16|observer.luenberger.q<0", rows));
     }
-    if let (Some(sigma), Some(r)) = (identified.model_sigma, identified.observer_r()) {
+    let model_sigma = identified.and_then(|it| it.model_sigma);
+    let r = identified.and_then(Identified::observer_r);
+    if let Some((sigma, r)) = model_sigma.zip(r) {
         let mut weights = r.iter();
         let rows = MODEL_STATES.iter().zip(sigma).map(|(name, sigma)| {
             let weight = if *name == "psi" { None } else { weights.next() };
             let weight = weight.map_or("not observable".to_owned(), |r| format!("{r:.1}"));
             format!("{name}\t{sigma:.4}\t{weight}")
         });
-        text += "\n";
-        text += &table("model<14|sigma, per s<16|observer.luenberger.r<0", rows);
+        report.table(&table("model<14|sigma, per s<16|observer.luenberger.r<0", rows));
     }
-    text
-}
-
-fn to_json(
-    vehicle: &VehicleOptions,
-    identified: Option<&Identified>,
-    inertia_kg_m2: Option<f64>,
-) -> serde_json::Value {
-    let reaction = identified.and_then(|it| it.reaction);
-    json!({
-        "assumed": { "mass_kg": vehicle.mass_kg, "arm_m": vehicle.arm_m },
-        "samples": identified.map(|it| it.n_samples),
-        "mean_motors": identified.map(|it| it.mean_motors),
-        "k_f_n": identified.map(|it| it.k_f_n),
-        "motor_torque_n_m": identified.map(|it| it.motor_torque_n_m),
-        "center_of_mass_m": identified.map(|it| it.center_of_mass_m),
-        "rotor_lag_s": identified.and_then(|it| it.lag).map(|lag| lag.lag_s),
-        "rotor_lag_half_width_s": identified.and_then(|it| it.lag).map(|lag| lag.half_width_s),
-        "air_torque_n_m": identified.and_then(|it| it.air).map(|air| air.torque_sigma_n_m),
-        "k_m_n_m": reaction.map(|reaction| reaction.k_m_n_m),
-        "k_m_half_width_n_m": reaction.map(|reaction| reaction.half_width_n_m),
-        "k_m_identifiable": reaction.map(|reaction| reaction.is_identifiable()),
-        "yaw_correlation": reaction.map(|reaction| reaction.correlation),
-        "measurement_sigma_m": identified.and_then(|it| it.measurement_sigma_m),
-        "model_sigma": identified.and_then(|it| it.model_sigma),
-        "observer_q": identified.and_then(Identified::observer_q),
-        "observer_r": identified.and_then(Identified::observer_r),
-        "left_out": identified.map(|it| &it.left_out),
-        "inertia_kg_m2": inertia_kg_m2,
-    })
+    report.value("measurement_sigma_m", sigma_m);
+    report.value("observer_q", q);
+    report.value("model_sigma", model_sigma);
+    report.value("observer_r", r);
+    report.value("left_out", identified.map(|it| &it.left_out));
 }

@@ -3,17 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::json;
-
-use super::evening;
-use super::flags::{FlightFlags, SceneFlags, set_word};
-use super::outcome::{Report, line};
-use super::output::Output;
 use super::relit::relit_where_dark;
-use super::show::FlightFigures;
-use super::warn;
-use crate::error::{Error, Result};
+use super::show::flight_report;
+use super::{
+    Args, Error, FlightFlags, Output, Report, Result, SceneFlags, evening, set_word, warn,
+};
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};
 
@@ -68,21 +62,20 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let air = &flight.samples[air];
         [air[0].time_s, air[air.len() - 1].time_s]
     });
-    let figures = FlightFigures::new(&flight, flight.sha256(), None);
-    let json = json!({
-        "samples": flight.samples.len(),
-        "airborne_s": air_s,
-        "firmware": firmware,
-        "gaps_s": flight.gaps,
-        "unlogged": flight.unlogged.iter().map(|quantity| quantity.name()).collect::<Vec<_>>(),
-        "extra": flight.extra.keys().collect::<Vec<_>>(),
-        "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "flight": figures.json(),
-    });
     let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {
         format!("in the air {from:.2} s to {to:.2} s")
     });
-    let mut text = line("samples", &format!("{}, {air}", flight.samples.len()));
-    text.extend(firmware.map(|firmware| line("firmware", &firmware)));
-    Ok(Report::new(text + &figures.text(), json).with_files(&[path]))
+    let mut report = Report::empty();
+    let n = flight.samples.len();
+    report.figure("samples", n, "samples", &format!("{n}, {air}"));
+    report.value("airborne_s", air_s);
+    report.optional("firmware", firmware, "firmware", String::clone);
+    report.value("gaps_s", &flight.gaps);
+    report.value("unlogged", flight.unlogged.iter().map(|it| it.name()).collect::<Vec<_>>());
+    report.value("extra", flight.extra.keys().collect::<Vec<_>>());
+    report.value("warnings", flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>());
+    let figures = flight_report(&flight, &flight.sha256(), None);
+    report.value("flight", figures.json);
+    report.text += &figures.text;
+    Ok(report.with_files(&[path]))
 }

@@ -3,16 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{FlightFlags, find_scene};
-use super::message;
-use super::outcome::{Report, line};
-use super::set::SetFlag;
 use super::studies::{open_results, open_store, share};
-use super::table::table;
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, FlightFlags, Report, Result, SetFlag, Value, find_scene, message, table, warn,
+};
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::scene::NamedScene;
@@ -82,21 +76,24 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         false => Some(from_logs(args, &ready, &options)?),
     };
     let store = open_store(&args.output)?;
+    let word = ready.word();
     let n_plans = if of_logs.is_some() { 1 } else { ready.plans().len() };
-    let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
+    let names = (0..n_plans).map(|drone| NamedScene::plan_file(word, drone, n_plans));
     let names: Vec<String> = names.collect();
     // The plans have their names before the scene that names them.
     let files: Vec<&str> = names.iter().map(String::as_str).chain(["scene.toml"]).collect();
     let results = open_results(&args.output, &files)?;
-    let (mut rounds, mut helped, mut moved_m) = (Vec::new(), None, None);
-    let (plans, outcome) = if let Some([sent, corrected]) = of_logs {
-        let moves @ [mean_m, max_m] = moves_m(&sent, &corrected);
-        moved_m = Some(moves);
-        let [mean_mm, max_mm] = [1e3 * mean_m, 1e3 * max_m];
-        let word = ready.word();
-        let outcome =
+    let mut report = Report::empty();
+    report.value("word", word);
+    let mut rounds = Vec::new();
+    let plans = if let Some([sent, corrected]) = of_logs {
+        let moved_m = moves_m(&sent, &corrected);
+        let [mean_mm, max_mm] = moved_m.map(|m| 1e3 * m);
+        let moved =
             format!("{word}: its setpoints move by {mean_mm:.0} mm (mean), {max_mm:.0} mm (max)");
-        (vec![corrected], outcome)
+        report.value("helped", Value::Null);
+        report.figure("moved_m", moved_m, "learned", &moved);
+        vec![corrected]
     } else {
         let watch = &mut |round: &Round| {
             let (number, p) = (rounds.len(), round.legibility);
@@ -104,14 +101,16 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
             rounds.push(round.clone());
         };
         let all = learn(&ready, &options, Some(&store), watch)?;
-        helped = Some(all.helped());
-        let outcome = learned(ready.word(), &rounds, all.best(), all.helped());
-        (all.plans, outcome)
+        report.text = rounds_table(&rounds);
+        let helped = all.helped();
+        report.figure("helped", helped, "learned", &learned(word, &rounds, all.best(), helped));
+        report.value("moved_m", Value::Null);
+        all.plans
     };
+    report.value("rounds", rounds);
     let toml = format!(
-        "# Learned by noctograph {} for {}; send {}.\n{}",
+        "# Learned by noctograph {} for {word}; send {}.\n{}",
         env!("CARGO_PKG_VERSION"),
-        ready.word(),
         names.join(", "),
         contender.scene.to_toml()
     );
@@ -119,11 +118,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         results.write(name, |out| plan.write_csv(out))?;
     }
     results.write("scene.toml", |out| out.write_all(toml.as_bytes()))?;
-    let paths = results.keep(&files)?;
-    let json = json!({
-        "word": ready.word(), "rounds": rounds, "helped": helped, "moved_m": moved_m,
-    });
-    Ok(Report::new(rounds_table(&rounds) + &line("learned", &outcome), json).with_files(&paths))
+    Ok(report.with_files(&results.keep(&files)?))
 }
 
 /// What was learned of a word, and whether it helps.
@@ -144,7 +139,6 @@ fn learned(word: &str, rounds: &[Round], best: usize, helped: bool) -> String {
     format!("{word} in round {best}: P(read) {before:.3} to {after:.3}, {doubt}")
 }
 
-/// A table of rounds.
 fn rounds_table(rounds: &[Round]) -> String {
     let units = rounds.first().map(|_| "\t\t\t\tmm\tmm\ts".to_owned());
     let row = |(number, round): (usize, &Round)| {
@@ -190,15 +184,14 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
             return Err(Error::input("sent", plans.len(), "one plan", hint));
         }
     };
-    let flown =
-        args.flights.read_all(&args.flight, Some(ready.scene()))?.into_iter().zip(&args.flight);
-    let aligned = |(flight, path): (Flight, &PathBuf)| {
-        align(flight, &sent, ready, &path.display().to_string())
-    };
-    let flights: Vec<Flight> = flown.map(aligned).collect::<Result<_>>()?;
+    let flown = args.flights.read_all(&args.flight, Some(ready.scene()))?;
+    let aligned = flown
+        .into_iter()
+        .zip(&args.flight)
+        .map(|(flight, path)| align(flight, &sent, ready, &path.display().to_string()));
+    let flights: Vec<Flight> = aligned.collect::<Result<_>>()?;
     if flights.len() == 1 {
-        let text = "one flight does not show which errors repeat; fly the plan again if you can";
-        message("warning: ", text);
+        warn(["one flight does not show which errors repeat; fly the plan again if you can"]);
     }
     let corrected = correct(&sent, ready.scene(), &flights, options)?;
     Ok([sent, corrected])

@@ -1,9 +1,8 @@
 //! Flags of the letters: font or drawing, colors, and the room that they are fitted to.
 
-use clap::Args;
+use std::fmt::Display;
 
-use super::names::{Corners, numbers};
-use super::set::{Setting, owned};
+use super::{Args, Corners, Setting, numbers};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
 
@@ -48,7 +47,7 @@ pub(super) struct LetterFlags {
     /// room; stations hang in its corners where no scene places them, and safety checks keep any
     /// plan 0.2 m from its walls
     #[arg(long, value_name = "WxDxH", value_parser = room)]
-    room: Option<[f64; 3]>,
+    pub(super) room: Option<[f64; 3]>,
 }
 
 /// Without the firmware's correction of brightness, dim colors have twice as many steps.
@@ -108,60 +107,47 @@ fn room(text: &str) -> Result<[f64; 3], String> {
 }
 
 impl LetterFlags {
-    /// The room that was typed.
-    pub(super) fn room_m(&self) -> Option<[f64; 3]> {
-        self.room
-    }
-
     /// The keys of the scene that were typed.
     pub(super) fn settings(&self) -> Vec<Setting> {
-        let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
-        let drawing = self.drawing.iter();
-        let drawing = drawing.flat_map(|file| {
-            [("letters.drawing", file.as_str()), ("letters.drawing_sha256", ""), ("word", "")]
-        });
-        let chosen = self.ink.iter().map(|list| ("letters.ink", list.as_str()));
-        let left_out = self.without.iter().map(|list| ("letters.without", list.as_str()));
-        let mut settings = owned(font.chain(drawing).chain(chosen).chain(left_out));
-        if !self.fallback.is_empty() {
-            settings.push(("letters.fallback".to_owned(), format!("{:?}", self.fallback)));
+        let mut settings = Vec::new();
+        let mut set = |key: &str, value: &dyn Display| {
+            settings.push((key.to_owned(), value.to_string()));
+        };
+        self.font.iter().for_each(|font| set("letters.font", font));
+        if let Some(file) = &self.drawing {
+            set("letters.drawing", file);
+            set("letters.drawing_sha256", &"");
+            set("word", &"");
         }
-        settings
-            .extend(self.detail.map(|detail| ("letters.detail".to_owned(), detail.to_string())));
-        settings.extend(self.corners.iter().map(|Corners(corners_px)| {
-            ("letters.corners_px".to_owned(), format!("{:?}", corners_px.as_flattened()))
-        }));
+        self.ink.iter().for_each(|list| set("letters.ink", list));
+        self.without.iter().for_each(|list| set("letters.without", list));
+        if !self.fallback.is_empty() {
+            set("letters.fallback", &format!("{:?}", self.fallback));
+        }
+        self.detail.iter().for_each(|detail| set("letters.detail", detail));
+        if let Some(Corners(corners_px)) = &self.corners {
+            set("letters.corners_px", &format!("{:?}", corners_px.as_flattened()));
+        }
         if !self.color.is_empty() {
-            let colors = self.color.iter().map(|wrgb| format!("{wrgb:?}"));
-            let colors = format!("[{}]", colors.collect::<Vec<_>>().join(", "));
-            settings.push(("light.letters_wrgb".to_owned(), colors));
-            let lamp = [
-                ("light.deck", "color-led"),
-                ("plan.lights", "[\"color-led\"]"),
-                ("light.color_led_levels", LEVELS.name()),
-            ];
-            settings.extend(owned(lamp.into_iter()));
+            set("light.letters_wrgb", &format!("{:?}", self.color));
+            set("light.deck", &"color-led");
+            set("plan.lights", &"[\"color-led\"]");
+            set("light.color_led_levels", &LEVELS.name());
         }
         if let Some(room_m) = self.room {
-            settings.push(("expose.room_m".to_owned(), format!("{room_m:?}")));
+            set("expose.room_m", &format!("{room_m:?}"));
             let [low, high] = Profile::indoor().in_room(room_m).volume_m;
             let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
             // A low room has the word nearer to its floor.
             let baseline_m = (0.25 * room_m[2]).min(0.5);
             let high_m = high[2] - FROM_TOP_M - baseline_m;
-            let key = |(key, value): (&str, String)| (format!("letters.{key}"), value);
+            set("letters.canvas_m", &format!("[{wide_m}, {high_m}]"));
+            set("letters.baseline_m", &baseline_m);
+            set("letters.align", &"center");
             // A drawing fills its canvas as it is.
-            let fit = self.drawing.is_none().then(|| ("fit", "fill".to_owned()));
-            settings.extend(
-                [
-                    ("canvas_m", format!("[{wide_m}, {high_m}]")),
-                    ("baseline_m", baseline_m.to_string()),
-                    ("align", "center".to_owned()),
-                ]
-                .into_iter()
-                .chain(fit)
-                .map(key),
-            );
+            if self.drawing.is_none() {
+                set("letters.fit", &"fill");
+            }
         }
         settings
     }

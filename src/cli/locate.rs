@@ -4,19 +4,15 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nalgebra::{Matrix3, Vector3};
-use serde_json::{Value, json};
+use nalgebra::Vector3;
 
 use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
-use super::flags::{FlightFlags, SceneFlags, warn_of};
 use super::locate_region::region;
-use super::names::numbers;
-use super::outcome::{Outcome, Report, line};
-use super::output::OutputFolder;
-use super::table::table;
-use super::warn;
+use super::{
+    Error, FlightFlags, Outcome, OutputFolder, Report, Result, SceneFlags, json, numbers, table,
+    warn, warn_of,
+};
 use crate::crazyflie::read_anchors;
-use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
@@ -28,6 +24,7 @@ use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use noctograph_core::files::Limit;
+use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 
 /// Logs, or references, that are read together.
@@ -101,7 +98,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.load_using(&USED)?;
+    let mut scene = args.scene.named(&[], &USED)?.scene;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();
@@ -110,24 +107,24 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     if args.region {
         return region(scene);
     }
-    if !args.reference.is_empty() && args.reference.len() != args.ranges.len() {
-        let found = format!("{} for {} logs", args.reference.len(), args.ranges.len());
-        return Err(Error::input("reference", found, "one for each log", "repeat it in order"));
-    }
-    if !args.offset.is_empty() && args.offset.len() != args.reference.len() {
-        let found = format!("{} for {} references", args.offset.len(), args.reference.len());
-        return Err(Error::input("offset", found, "one for each reference", "repeat it in order"));
-    }
+    one_for_each("reference", args.reference.len(), "log", args.ranges.len())?;
+    one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
     let anchors_m = scene.sensors.uwb.anchors();
-    let options = options(args, &scene);
+    let options = LocateOptions {
+        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
+        acceleration_m_s2_sqrt_hz: args.acceleration,
+        smooth: args.observer == Observer::Smooth,
+        room: args.within,
+        ..LocateOptions::default()
+    };
     LOGS.check_all(&args.ranges)?;
     let (mut logs, mut samples) = (Vec::new(), Vec::new());
     for path in &args.ranges {
         let log = read(args, &scene, path)?;
-        samples
-            .push(ranges(&log.flight, logs.len()).map_err(|error| error.at(path.display(), None))?);
+        let measured = ranges(&log.flight, logs.len());
+        samples.push(measured.map_err(|error| error.at(path.display(), None))?);
         logs.push(log);
         // Before the next one is read.
         check_count(samples.iter().map(Vec::len).sum())?;
@@ -136,52 +133,47 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let samples: Vec<RangeSample> = samples.into_iter().flatten().collect();
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
-    let places = || located.position_m.iter().flatten();
-    let is_outside = |room: &Room| places().filter(|place_m| !room.holds(place_m)).count();
-    if args.within.is_some_and(|room| 2 * is_outside(&room) > places().count()) {
+    let places_m = || located.position_m.iter().flatten();
+    let is_outside = |room: &Room| places_m().filter(|place_m| !room.holds(place_m)).count();
+    if args.within.is_some_and(|room| 2 * is_outside(&room) > places_m().count()) {
         warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
     }
 
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
-    let more = align_references(&mut references, &logs, &located, &args.offset)?;
-    alignments.extend(more);
+    alignments.extend(align_references(&mut references, &logs, &located, &args.offset)?);
     let references: Vec<Reference<'_>> = references
         .iter()
         .map(|dated| Reference { flight: &dated.flight, offset_s: dated.offset_s })
         .collect();
-    let rows = references.iter().enumerate();
-    let rows = rows.map(|(drone, reference)| position_error(&located, drone, *reference));
-    let rows = rows.collect::<Result<Vec<_>>>()?;
+    let errors = references.iter().enumerate();
+    let errors = errors.map(|(drone, reference)| position_error(&located, drone, *reference));
+    let errors = errors.collect::<Result<Vec<_>>>()?;
     let files = write(folder, &located, &references)?;
     let links = link_errors(&samples, &anchors_m, &references);
-    let (head, mut json) = described(&located, args.observer);
-    let text = [
-        head,
-        alignments.iter().map(|one| line("clocks", &statement(one))).collect(),
-        ambiguity_lines(&located),
-        residual_table(&located),
-        reference_table(&rows),
-        link_table(&links),
-        "\n".to_owned(),
-    ];
-    json["reference"] = json!(rows);
-    json["links"] = json!(links);
-    json["clocks"] = json!(alignments);
+
+    let mut report = described(&located, args.observer);
+    alignments.iter().for_each(|one| report.line("clocks", &statement(one)));
+    report.value("clocks", &alignments);
+    tell_ambiguities(&mut report, &located.ambiguities);
+    tell_tables(&mut report, &located.links, &errors, &links);
     let is_certain = located.ambiguities.is_empty();
     let outcome = if is_certain { Outcome::Done } else { Outcome::Ambiguous };
-    Ok(Report::new(text.concat(), json).with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files).with_outcome(outcome))
 }
 
-fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
-    LocateOptions {
-        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
-        acceleration_m_s2_sqrt_hz: args.acceleration,
-        smooth: args.observer == Observer::Smooth,
-        room: args.within,
-        ..LocateOptions::default()
+/// Refuses a flag that is repeated for some of the files only.
+fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> {
+    if n == 0 || n == n_files {
+        return Ok(());
     }
+    Err(input_error!(
+        flag,
+        "{n} for {n_files} {file}s",
+        "one for each {file}",
+        "repeat it in order"
+    ))
 }
 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
@@ -192,7 +184,6 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
     Ok(Dated::new(path, dated))
 }
 
-/// Writes the flights and their plots.
 fn write(
     folder: OutputFolder,
     located: &Located,
@@ -297,151 +288,125 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
 
 /// The positions of a drone as a flight, from its first range to its last.
 fn flight(located: &Located, drone: usize) -> Flight {
-    let sample = |(time_s, position_m): (&f64, &Vector3<f64>)| {
-        let position_m = position_m.map(on_grid);
-        let time_s = on_grid(*time_s);
+    let sample = |index: usize| {
+        let position_m = located.position_m[drone][index].map(on_grid);
+        let time_s = on_grid(located.time_s[index]);
         FlightSample { time_s, position_m, estimate_m: position_m, ..FlightSample::default() }
     };
-    let (places, heard) = (&located.position_m[drone], located.heard(drone));
-    let unlogged = [
-        Quantity::Attitude,
-        Quantity::Velocity,
-        Quantity::Rate,
-        Quantity::Design,
-        Quantity::Motors,
-    ];
+    use Quantity::{Attitude, Design, Motors, Rate, Velocity};
     Flight {
-        samples: located
-            .time_s
-            .iter()
-            .zip(places)
-            .take(heard.end)
-            .skip(heard.start)
-            .map(sample)
-            .collect(),
-        unlogged: unlogged.into(),
+        samples: located.heard(drone).map(sample).collect(),
+        unlogged: [Attitude, Velocity, Rate, Design, Motors].into(),
         ..Flight::default()
     }
 }
 
 /// The figures of a whole log.
-fn described(located: &Located, observer: Observer) -> (String, Value) {
+fn described(located: &Located, observer: Observer) -> Report {
     let ends = located.time_s.first().zip(located.time_s.last());
     let span_s = ends.map_or(0.0, |(first, last)| last - first);
+    let interval @ [least, most] = nis_interval(located.ranges);
+    let json = json!({
+        "span_s": span_s, "nis_interval": interval, "refused_frac": located.refused_frac,
+        "biases": located.biases, "left_out": located.left_out, "warnings": located.warnings,
+    });
+    let mut report = Report::of(json);
     let way = match observer {
         Observer::Smooth => "smoothed over the whole flight",
         Observer::Filter => "filtered as in flight",
         Observer::Enlarged => "by the enlarged filter and its hand-over",
         Observer::Shared => "by the shared-anchor observer",
     };
-    let drones = located.position_m.len();
-    let mut text = line("located", &format!("{drones} of {drones} drones, {way}"));
-    text += &line("ranges", &format!("{} in {span_s:.1} s", located.ranges));
-    let interval = nis_interval(located.ranges);
-    if let Some(nis) = located.nis {
-        text += &line("refused", &format!("{:.1} % of the ranges", 100.0 * located.refused_frac));
-        let [least, most] = interval;
-        let meaning = "where noise and motion are as assumed";
-        text += &line("NIS", &format!("{nis:.2} (from {least:.2} to {most:.2} {meaning})"));
+    let (drones, n) = (located.position_m.len(), located.ranges);
+    report.line("located", &format!("{drones} of {drones} drones, {way}"));
+    report.figure("ranges", n, "ranges", &format!("{n} in {span_s:.1} s"));
+    if located.nis.is_some() {
+        let percent = 100.0 * located.refused_frac;
+        report.line("refused", &format!("{percent:.1} % of the ranges"));
     }
-    let sigmas_m = sigmas_m(located);
-    if let Some([median_m, worst_m]) = sigmas_m {
-        let [median_cm, worst_cm] = [100.0 * median_m, 100.0 * worst_m];
-        let sigmas =
-            format!("{median_cm:.1} cm over three axes (median), {worst_cm:.1} cm at worst");
-        text += &line("sigma", &sigmas);
-    }
-    for bias in &located.biases {
-        text += &line("bias", &bias_text(bias));
+    report.optional("nis", located.nis, "NIS", |nis| {
+        format!("{nis:.2} (from {least:.2} to {most:.2} where noise and motion are as assumed)")
+    });
+    let [median_m, worst_m] = sigmas_m(located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
+    report.value("sigma_max_m", worst_m);
+    report.optional("sigma_median_m", median_m, "sigma", |median_m| {
+        let [median_cm, worst_cm] = [*median_m, worst_m.unwrap_or_default()].map(|m| 100.0 * m);
+        format!("{median_cm:.1} cm over three axes (median), {worst_cm:.1} cm at worst")
+    });
+    for Bias { of, bias_m, sigma_m, in_doubt, .. } in &located.biases {
+        let [bias_cm, sigma_cm] = [bias_m, sigma_m].map(|m| 100.0 * m);
+        let doubt = match in_doubt {
+            true => "; the ranges do not tell which of these links is wrong, so each has a bias",
+            false => "",
+        };
+        report.line(
+            "bias",
+            &format!("{of}: {bias_cm:+.1} cm ± {sigma_cm:.1}, estimated and taken off{doubt}"),
+        );
     }
     if !located.left_out.is_empty() {
-        text += &line("left out", &located.left_out.join(", "));
+        report.line("left out", &located.left_out.join(", "));
     }
-    let json = json!({
-        "ranges": located.ranges, "span_s": span_s, "nis": located.nis, "nis_interval": interval,
-        "refused_frac": located.refused_frac, "sigma_median_m": sigmas_m.map(|s| s[0]),
-        "sigma_max_m": sigmas_m.map(|s| s[1]), "residuals": located.links,
-        "biases": located.biases, "left_out": located.left_out, "ambiguities": located.ambiguities,
-        "warnings": located.warnings,
-    });
-    (text, json)
-}
-
-/// A bias that was taken off.
-fn bias_text(bias: &Bias) -> String {
-    let [bias_cm, sigma_cm] = [bias.bias_m, bias.sigma_m].map(|m| 100.0 * m);
-    let doubt = if bias.in_doubt {
-        "; the ranges do not tell which of these links is wrong, so each has a bias"
-    } else {
-        ""
-    };
-    format!("{}: {bias_cm:+.1} cm \u{b1} {sigma_cm:.1}, estimated and taken off{doubt}", bias.of)
+    report
 }
 
 /// Median and greatest standard deviation of the positions over three axes.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
-    let of_drone = |(drone, covariances): (usize, &Vec<Matrix3<f64>>)| {
-        let heard = covariances[located.heard(drone)].iter();
-        heard.map(|covariance| covariance.trace().max(0.0).sqrt()).collect::<Vec<_>>()
-    };
-    let all = located.covariance_m2.iter().enumerate().flat_map(of_drone);
-    let sigmas_m: Vec<f64> = all.collect();
+    let drones = located.covariance_m2.iter().enumerate();
+    let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
+    let sigmas_m: Vec<f64> = heard.map(|covariance| covariance.trace().max(0.0).sqrt()).collect();
     let worst_m = sigmas_m.iter().copied().fold(0.0, f64::max);
     Some([median(sigmas_m)?, worst_m])
 }
 
 /// When the place of a drone is not certain.
-fn ambiguity_lines(located: &Located) -> String {
-    let text = |(k, ambiguity): (usize, &Ambiguity)| {
-        let Ambiguity { drone, from_s, to_s, apart_m } = ambiguity;
+fn tell_ambiguities(report: &mut Report, ambiguities: &[Ambiguity]) {
+    for (k, Ambiguity { drone, from_s, to_s, apart_m }) in ambiguities.iter().enumerate() {
         let text = format!(
             "drone {drone} from {from_s:.1} to {to_s:.1} s: a place up to {apart_m:.1} m away has \
              the same ranges"
         );
-        line(if k == 0 { "ambiguous" } else { "" }, &text)
-    };
-    let rows: String = located.ambiguities.iter().enumerate().map(text).collect();
-    let advice = "name the room with `--within`, if only one of the two places is inside it; \
-                  otherwise add an anchor outside the plane of the others";
-    if rows.is_empty() { rows } else { rows + &line("advice", advice) }
+        report.line(if k == 0 { "ambiguous" } else { "" }, &text);
+    }
+    report.value("ambiguities", ambiguities);
+    if !ambiguities.is_empty() {
+        let advice = "name the room with `--within`, if only one of the two places is inside it; \
+                      otherwise add an anchor outside the plane of the others";
+        report.line("advice", advice);
+    }
 }
 
-/// What the located positions leave of the ranges, by link.
-fn residual_table(located: &Located) -> String {
-    let row = |link: &LinkResidual| {
-        let LinkResidual { link, refused, ranges, median_m, scatter_m, .. } = link;
-        let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
-        format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{refused}\t{ranges}")
-    };
-    let head = "residuals, cm<32|median>8|scatter>9|refused>9|ranges>8";
-    "\n".to_owned() + &table(head, located.links.iter().map(row))
-}
-
-/// The errors of the positions against the references.
-fn reference_table(rows: &[PositionError]) -> String {
-    let row = |(drone, row): (usize, &PositionError)| {
-        let [x, y, z] = row.rmse_m.map(|m| 100.0 * m);
-        let nees = row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}"));
-        let (whole, samples) = (100.0 * row.rmse_3d_m, row.samples);
+/// What the located positions leave of the ranges, by link; against the references, the errors of
+/// the positions, and of the ranges by link.
+fn tell_tables(
+    report: &mut Report,
+    residuals: &[LinkResidual],
+    errors: &[PositionError],
+    links: &[LinkError],
+) {
+    let rows = residuals.iter().map(
+        |LinkResidual { link, refused, ranges, median_m, scatter_m, .. }| {
+            let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
+            format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{refused}\t{ranges}")
+        },
+    );
+    report.table(&table("residuals, cm<32|median>8|scatter>9|refused>9|ranges>8", rows));
+    let rows = errors.iter().enumerate().map(|(drone, error)| {
+        let [x, y, z] = error.rmse_m.map(|m| 100.0 * m);
+        let nees = error.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}"));
+        let (whole, samples) = (100.0 * error.rmse_3d_m, error.samples);
         format!("drone {}\t{x:.1}\t{y:.1}\t{z:.1}\t{whole:.1}\t{nees}\t{samples}", drone + 1)
-    };
-    let head = "RMSE, cm<10|x>5|y>8|z>8|3-D>8|NEES>8|samples>9";
-    before(&table(head, rows.iter().enumerate().map(row)))
-}
-
-/// The errors of the ranges by link, against the references.
-fn link_table(links: &[LinkError]) -> String {
-    let row = |error: &LinkError| {
-        let [median_cm, scatter_cm] = [error.median_m, error.scatter_m].map(|m| 100.0 * m);
-        format!("{}\t{median_cm:+.1}\t{scatter_cm:.1}\t{}", error.link, error.ranges)
-    };
-    let head = "ranges minus true distances, cm<32|median>8|scatter>9|ranges>8";
-    before(&table(head, links.iter().map(row)))
-}
-
-/// A table after an empty line, if it has rows.
-fn before(table: &str) -> String {
-    if table.is_empty() { String::new() } else { format!("\n{table}") }
+    });
+    report.table(&table("RMSE, cm<10|x>5|y>8|z>8|3-D>8|NEES>8|samples>9", rows));
+    let rows = links.iter().map(|LinkError { link, median_m, scatter_m, ranges, .. }| {
+        let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
+        format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{ranges}")
+    });
+    report.table(&table("ranges minus true distances, cm<32|median>8|scatter>9|ranges>8", rows));
+    report.text.push('\n');
+    report.value("residuals", residuals);
+    report.value("reference", errors);
+    report.value("links", links);
 }
 
 /// The least and the greatest coordinates of a box.
@@ -450,8 +415,6 @@ fn room(text: &str) -> std::result::Result<Room, String> {
         low_m: Vector3::new(left, front, bottom),
         high_m: Vector3::new(right, back, top),
     });
-    let holds = |room: &Room| (room.high_m - room.low_m).min() > 0.0;
-    room.filter(holds).ok_or_else(|| {
-        "wanted the least x, y, z and the greatest in meters, such as -2,-2,0,2,2,2.4".to_owned()
-    })
+    let wanted = "wanted the least x, y, z and the greatest in meters, such as -2,-2,0,2,2,2.4";
+    room.filter(|room| (room.high_m - room.low_m).min() > 0.0).ok_or_else(|| wanted.to_owned())
 }

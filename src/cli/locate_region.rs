@@ -2,11 +2,8 @@
 //! word.
 
 use nalgebra::Vector3;
-use serde_json::{Value, json};
 
-use super::outcome::Report;
-use super::table::table;
-use crate::error::{Error, Result};
+use super::{Error, Report, Result, Value, json, table};
 use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
 use crate::scene::Scene;
 use crate::sensors::UwbOptions;

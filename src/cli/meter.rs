@@ -2,18 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::{Value, json};
-
 use super::advice::mentioned;
-use super::flags::{FlightFlags, SubjectFlags};
-use super::outcome::{Report, wrapped};
-use super::picture::PictureFlags;
-use super::progress::watch;
-use super::table::table;
-use super::warn;
+use super::{
+    Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, table, warn, watch,
+    wrapped,
+};
 use crate::camera::Camera;
-use crate::error::Result;
 use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};
 use crate::shoot::{Metered, in_stops};
 
@@ -62,7 +56,22 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         fixed_aperture: scene.camera.body.fixed_lens().is_some(),
         readings,
     };
-    Ok(Report::new(text_of(&metered), json(&metered)))
+    let lamps = metered.readings.iter().map(|reading| {
+        let mut lamp = json!(reading);
+        lamp["evenness_stops"] = reading.evenness_stops().into();
+        lamp["advice"] = json!(reading.advice(&metered.camera, metered.target_stops));
+        if metered.fixed_aperture {
+            lamp["advice"]["f_number"] = Value::Null;
+        }
+        lamp
+    });
+    let json = json!({
+        "saturation_lx_s": metered.camera.saturation_lx_s(), "f_number": metered.camera.f_number,
+        "iso": metered.camera.iso, "target_stops": metered.target_stops,
+        "recommended": metered.recommended, "ambient_stops": metered.ambient_stops,
+        "floor_stops": metered.floor_stops, "lamps": lamps.collect::<Vec<_>>(),
+    });
+    Ok(Report::new(text_of(&metered), json))
 }
 
 /// Exposures of the lamps, of the room and of the floor.
@@ -81,6 +90,9 @@ struct Found {
     floor_stops: Option<f64>,
 }
 
+/// Hot spots that a table lists.
+const MOST_SPOTS: usize = 20;
+
 fn text_of(metered: &Found) -> String {
     let Found { camera, target_stops, ambient_stops, floor_stops, .. } = metered;
     let readings = &grouped(&metered.readings);
@@ -92,13 +104,13 @@ fn text_of(metered: &Found) -> String {
         focal_length_m * 1000.0,
         camera.saturation_lx_s()
     );
+    // Names are cut where they fill their column.
     let row = |reading: &LampReading| {
-        let LampReading { lit_s, median_stops: middle, p5_stops, p95_stops, streak_s, .. } =
-            reading;
-        let (name, uneven) = (cut(&reading.name), reading.evenness_stops());
+        let LampReading { name, lit_s, median_stops, p5_stops, p95_stops, streak_s, .. } = reading;
+        let uneven = reading.evenness_stops();
         format!(
-            "{name}\t{lit_s:.1}\t{middle:+.1}\t{p5_stops:+.1}\t{p95_stops:+.1}\t{uneven:.1}\t\
-             {streak_s:.1}"
+            "{name:.18}\t{lit_s:.1}\t{median_stops:+.1}\t{p5_stops:+.1}\t{p95_stops:+.1}\t\
+             {uneven:.1}\t{streak_s:.1}"
         )
     };
     let surfaces =
@@ -112,37 +124,32 @@ fn text_of(metered: &Found) -> String {
     text += &format!("\nto put the middle of a lamp's trail at {target_stops:+.1} stops, one of\n");
     let row = |reading: &LampReading| {
         let ExposureAdvice { f_number, iso, level } = reading.advice(camera, *target_stops);
-        let iso = iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
-        let level = level.map_or("-".to_owned(), |level| format!("{level:.3}"));
-        let aperture = match metered.fixed_aperture {
-            true => "-".to_owned(),
-            false => format!("f/{f_number:.1}"),
-        };
-        format!("{}\t{aperture}\t{iso}\t{level}", cut(&reading.name))
+        let f_number = Some(f_number).filter(|_| !metered.fixed_aperture);
+        let cells = [
+            f_number.map(|f_number| format!("f/{f_number:.1}")),
+            iso.map(|iso| format!("{iso:.0}")),
+            level.map(|level| format!("{level:.3}")),
+        ];
+        let [aperture, iso, level] = cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned()));
+        format!("{:.18}\t{aperture}\t{iso}\t{level}", reading.name)
     };
     text += &table("lamp<18|aperture>10|ISO>10|level times>14", readings.iter().map(row));
-    let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot)));
+    let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     // What stays under saturation leaves no blob, however long the lamp lingers.
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
     spots.sort_by(|(_, a), (_, b)| b.stops.total_cmp(&a.stops));
     if !spots.is_empty() {
         text += "\nhot spots (two stops over the middle, saturated): the lamp lingers there, or\nfaces the camera\n";
     }
-    let rows = spots.iter().take(MOST_SPOTS).map(|(reading, spot)| {
-        let (name, HotSpot { time_s, duration_s, at_px: [x, y], stops }) =
-            (cut(&reading.name), spot);
-        format!("{name}\t{time_s:.2}\t{duration_s:.2}\t{x:.0},{y:.0}\t{stops:+.1}")
+    let rows = spots.iter().take(MOST_SPOTS).map(|(name, spot)| {
+        let HotSpot { time_s, duration_s, at_px: [x, y], stops } = spot;
+        format!("{name:.18}\t{time_s:.2}\t{duration_s:.2}\t{x:.0},{y:.0}\t{stops:+.1}")
     });
     text += &table("lamp<18|from s>10|for s>8|at pixel>11|stops>10", rows);
     if spots.len() > MOST_SPOTS {
         text += &format!("and {} more (--json has them all)\n", spots.len() - MOST_SPOTS);
     }
     text
-}
-
-/// As much of a lamp's name as its column holds.
-fn cut(name: &str) -> String {
-    name.chars().take(18).collect()
 }
 
 /// What to set for the brightest trail.
@@ -177,13 +184,11 @@ fn in_one_sentence(figures: &Found) -> String {
     let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
     let aperture = (!figures.fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
     let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
-    match ways.is_empty() {
-        true => format!("The brightest trail ({name}) is {now}: it takes a neutral filter."),
-        false => format!(
-            "The brightest trail ({name}) is {now}: set {} for {wanted}.",
-            ways.join(" or ")
-        ),
-    }
+    let advice = match ways.is_empty() {
+        true => "it takes a neutral filter".to_owned(),
+        false => format!("set {} for {wanted}", ways.join(" or ")),
+    };
+    format!("The brightest trail ({name}) is {now}: {advice}.")
 }
 
 /// The readings with the LEDs of a ring as one row, that of the brightest.
@@ -195,45 +200,16 @@ fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
     };
     let mut rows: Vec<LampReading> = Vec::new();
     for reading in readings {
-        let Some(name) = group(reading) else {
-            rows.push(reading.clone());
-            continue;
+        let ring = group(reading);
+        let row = LampReading {
+            name: ring.clone().unwrap_or_else(|| reading.name.clone()),
+            ..reading.clone()
         };
-        match rows.iter_mut().find(|row| row.name == name) {
-            Some(row) if row.median_stops >= reading.median_stops => {}
-            Some(row) => *row = LampReading { name, ..reading.clone() },
-            None => rows.push(LampReading { name, ..reading.clone() }),
+        match rows.iter_mut().find(|row| ring.as_ref() == Some(&row.name)) {
+            Some(brightest) if brightest.median_stops >= row.median_stops => {}
+            Some(brightest) => *brightest = row,
+            None => rows.push(row),
         }
     }
     rows
-}
-
-/// Hot spots that a table lists.
-const MOST_SPOTS: usize = 20;
-
-fn json(metered: &Found) -> Value {
-    let Found {
-        camera,
-        recommended,
-        target_stops,
-        ambient_stops,
-        floor_stops,
-        readings,
-        fixed_aperture,
-    } = metered;
-    let lamp = |reading: &LampReading| {
-        let mut lamp = json!(reading);
-        lamp["evenness_stops"] = reading.evenness_stops().into();
-        lamp["advice"] = json!(reading.advice(camera, *target_stops));
-        if *fixed_aperture {
-            lamp["advice"]["f_number"] = Value::Null;
-        }
-        lamp
-    };
-    json!({
-        "saturation_lx_s": camera.saturation_lx_s(), "target_stops": target_stops,
-        "lamps": readings.iter().map(lamp).collect::<Vec<_>>(), "f_number": camera.f_number,
-        "iso": camera.iso, "recommended": recommended, "ambient_stops": ambient_stops,
-        "floor_stops": floor_stops,
-    })
 }

@@ -8,10 +8,23 @@ use std::io::Write;
 use std::num::NonZero;
 use std::process::ExitCode;
 
-use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
-use outcome::{Outcome, wrapped};
+// What most verbs name is named here once.
+use flags::{
+    DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
+    SubjectFlags, find_scene, read_plans, set_word, warn_of, warn_of_fewer_drones,
+    warn_of_idle_keys,
+};
+use names::{Corners, named, names, numbers};
+use outcome::{Outcome, line, shell_word, typed_command, wrapped};
+use output::{Output, OutputFolder, Outputs, is_svg};
+use picture::{CameraFlags, PictureFlags, StandFlag};
+use progress::{Progress, watch};
+use table::table;
 
 mod advice;
 mod check;
@@ -52,19 +65,17 @@ mod robustness;
 mod scene;
 mod score;
 mod serve;
-mod set;
 mod show;
 mod spread;
-mod square_on;
 mod studies;
 mod table;
 mod tune;
 mod typefaces;
 
-pub use self::outcome::Report;
 pub use self::show::verdict_table;
 pub use self::studies::ranking_report;
-pub use self::tune::report as tuning_table;
+pub use self::tune::table_of as tuning_table;
+pub use outcome::Report;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
@@ -75,7 +86,7 @@ pub use self::tune::report as tuning_table;
     after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or ambiguous, 2 \
                   error."
 )]
-struct Args {
+struct CommandLine {
     #[command(subcommand)]
     verb: Verb,
     /// Print one JSON object instead of a table
@@ -185,7 +196,7 @@ verbs! {
 /// The command, whose help names the verbs by their use: the first with what they do, so that all
 /// of it fits a screen. clap has no groups of verbs.
 fn command() -> Command {
-    let mut command = Args::command();
+    let mut command = CommandLine::command();
     let mut verbs = String::new();
     for (k, (title, members)) in GROUPS.iter().enumerate() {
         let names: Vec<String> =
@@ -229,18 +240,19 @@ pub fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     let command = command();
-    let matches = match command.clone().try_get_matches() {
-        Ok(matches) => matches,
-        Err(error) => return usage(&error),
-    };
-    let args = match Args::from_arg_matches(&matches) {
-        Ok(args) => args,
+    let typed = command
+        .clone()
+        .try_get_matches()
+        .and_then(|matches| Ok((CommandLine::from_arg_matches(&matches)?, matches)));
+    let (args, matches) = match typed {
+        Ok(typed) => typed,
         Err(error) => return usage(&error),
     };
     let done = on_threads(args.threads, || run_warned(&args.verb)).and_then(|report| {
-        let json =
-            args.json.then(|| escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")));
-        let text = json.unwrap_or_else(|| printable(&report.text));
+        let text = match args.json {
+            true => escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")),
+            false => printable(&report.text),
+        };
         if report.aside {
             let _ = std::io::stderr().write_all(text.as_bytes());
         } else {
@@ -252,16 +264,11 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotLegible | Outcome::NotSafe | Outcome::Ambiguous) => ExitCode::from(1),
         Err(error) => {
-            message("error: ", &error.to_string());
-            message("hint: ", error.hint());
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {
                 (verb, matches) = (verb.find_subcommand(name).expect("it was matched"), below);
             }
-            for advice in advice::advice(&error, verb) {
-                message("hint: ", &advice);
-            }
-            ExitCode::from(2)
+            failed(&error, &advice::advice(&error, verb))
         }
     }
 }
@@ -274,42 +281,46 @@ pub fn main() -> ExitCode {
 pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
-    match args.and_then(|matches| Args::from_arg_matches(&matches)) {
+    match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
         Ok(args) => on_threads(args.threads, || run_warned(&args.verb)),
         Err(error) if !error.use_stderr() => {
-            Ok(Report::new(error.render().to_string(), serde_json::Value::Null))
+            Ok(Report::new(error.render().to_string(), Value::Null))
         }
         Err(error) => {
-            let text = error.render().to_string();
-            let found = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-            Err(Error::input("options", found, "those of the command", "see its --help"))
+            Err(Error::input("options", refused(&error), "those of the command", "see its --help"))
         }
     }
+}
+
+/// What arguments are refused for.
+fn refused(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
+}
+
+fn failed(error: &Error, advice: &[String]) -> ExitCode {
+    message("error: ", &error.to_string());
+    message("hint: ", error.hint());
+    advice.iter().for_each(|advice| message("hint: ", advice));
+    ExitCode::from(2)
 }
 
 /// Prints the help that was asked for, or what is wrong with the arguments.
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
-        return match print(&text) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => {
-                message("error: ", &error.to_string());
-                message("hint: ", error.hint());
-                ExitCode::from(2)
-            }
-        };
+        return print(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
     }
     // clap names a similar argument as a tip, and ends with where help is.
     let text = text.replace("\n  tip: ", "\nhint: ");
-    let (text, more) = match text.split_once("\nFor more information") {
-        Some((text, _)) => (text, "--help lists the arguments and what they take"),
-        None => (&*text, ""),
+    let (text, has_more) = match text.split_once("\nFor more information") {
+        Some((text, _)) => (text, true),
+        None => (&*text, false),
     };
     let text = printable(text.trim_end());
     let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
-    if !more.is_empty() && !text.contains("\nhint: ") {
-        message("hint: ", more);
+    if has_more && !text.contains("\nhint: ") {
+        message("hint: ", "--help lists the arguments and what they take");
     }
     ExitCode::from(2)
 }
@@ -345,31 +356,28 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     }
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS);
     let mut fewer = std::iter::successors(Some(cores), |n| Some(n / 2)).take_while(|n| *n > 0);
-    match fewer.find_map(|n| pool(n).ok()) {
-        Some(pool) => {
-            if pool.current_num_threads() < cores {
-                let n = pool.current_num_threads();
-                message("note: ", &format!("the system starts {n} of {cores} threads"));
-            }
-            pool.install(work)
+    if let Some(pool) = fewer.find_map(|n| pool(n).ok()) {
+        let n = pool.current_num_threads();
+        if n < cores {
+            message("note: ", &format!("the system starts {n} of {cores} threads"));
         }
-        None => {
-            message("note: ", "the system starts no thread: one does all the work");
-            let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
-            alone.build_global().map_err(|error| Error::Infeasible {
-                what: format!("no thread can be started: {error}"),
-                hint: "allow more processes (ulimit -u)".into(),
-            })?;
-            work()
-        }
+        return pool.install(work);
     }
+    message("note: ", "the system starts no thread: one does all the work");
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+    alone.build_global().map_err(no_thread)?;
+    work()
+}
+
+fn no_thread(error: impl std::fmt::Display) -> Error {
+    let hint = "allow more processes (ulimit -u)".into();
+    Error::Infeasible { what: format!("no thread can be started: {error}"), hint }
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.
 fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    match written {
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::write("standard output".as_ref(), source))
         }
@@ -405,17 +413,12 @@ fn run_warned(verb: &Verb) -> Result<Report> {
     WARNED.take();
     let mut report = run(verb)?;
     let mut warned = WARNED.take();
-    if let Some(object) = report.json.as_object_mut()
-        && !warned.is_empty()
+    if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
+        && let Some(said) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
-        let said = object.entry("warnings").or_insert_with(|| serde_json::json!([]));
-        if let Some(said) = said.as_array_mut() {
-            // Those of a file are there without its name.
-            let is_there =
-                |text: &String| said.iter().filter_map(|s| s.as_str()).any(|s| text.ends_with(s));
-            warned.retain(|text| !is_there(text));
-            said.extend(warned.into_iter().map(serde_json::Value::from));
-        }
+        // Those of a file are there without its name.
+        warned.retain(|text| !said.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
+        said.extend(warned.into_iter().map(Value::from));
     }
     Ok(report)
 }
@@ -428,7 +431,6 @@ fn message(head: &str, text: &str) {
     let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }
 
-/// Prints warnings.
 fn warn(warnings: impl IntoIterator<Item: ToString>) {
     warnings.into_iter().for_each(|warning| message(WARNING, &warning.to_string()));
 }
@@ -469,21 +471,8 @@ mod tests {
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
         // `scene` writes it down. `export` refuses what `check`, which flies, stops.
-        let noisy = [
-            "preview",
-            "check",
-            "export",
-            "expose",
-            "fly",
-            "meter",
-            "rank",
-            "tune",
-            "learn",
-            "robustness",
-            "hold",
-            "scene",
-        ];
-        assert_eq!(names, noisy, "a plan has no noise");
+        let noisy = "preview check export expose fly meter rank tune learn robustness hold scene";
+        assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 
     /// The verb and the flags of each command of ours in a text.

@@ -3,9 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::output::Output;
-use super::progress::Progress;
-use crate::error::{Error, Result};
+use super::{Error, Output, Progress, Result};
 use crate::photo::Animation;
 use crate::shoot::Shot;
 

@@ -3,8 +3,8 @@
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
-use serde_json::Value;
 
+use super::{Value, json};
 use crate::score::Verdict;
 use noctograph_core::files::STANDARD_OUTPUT;
 
@@ -14,7 +14,7 @@ const WIDTH: usize = 80;
 /// Columns of the names of lines.
 const NAME_WIDTH: usize = 10;
 
-/// Result of a verb.
+/// Result of a verb: figure by figure, a line for people and a member of an object for programs.
 #[derive(Debug)]
 pub struct Report {
     /// What people read: a table of at most 80 columns.
@@ -24,6 +24,8 @@ pub struct Report {
     pub(super) outcome: Outcome,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,
+    /// Columns of the names of lines.
+    name_width: usize,
 }
 
 /// What decides the exit code.
@@ -39,21 +41,75 @@ impl Report {
     /// The table, and what serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
-        Self { text, json, outcome: Outcome::Done, aside: false }
+        Self { text, json, outcome: Outcome::Done, aside: false, name_width: NAME_WIDTH }
     }
 
-    /// Adds the files that were written.
+    /// What is for programs alone, to which figures are added.
+    pub(super) fn of(json: impl Serialize) -> Self {
+        Self::new(String::new(), json)
+    }
+
+    /// A report to which figures are added.
+    pub(super) fn empty() -> Self {
+        Self::of(json!({}))
+    }
+
+    /// The same with names of up to so many columns, less one.
+    pub(super) fn with_names_of(name_width: usize) -> Self {
+        Self { name_width, ..Self::empty() }
+    }
+
+    /// Adds a figure: its key and value for programs; its name for people, and the value with its
+    /// unit, digits and explanation.
+    pub(super) fn figure(&mut self, key: &str, value: impl Serialize, name: &str, text: &str) {
+        self.value(key, value);
+        self.line(name, text);
+    }
+
+    /// Adds a figure that may be missing: null for programs, and no line.
+    pub(super) fn optional<T: Serialize>(
+        &mut self,
+        key: &str,
+        value: Option<T>,
+        name: &str,
+        text: impl Fn(&T) -> String,
+    ) {
+        value.iter().for_each(|value| self.line(name, &text(value)));
+        self.value(key, value);
+    }
+
+    /// Adds a value for programs alone.
+    pub(super) fn value(&mut self, key: &str, value: impl Serialize) {
+        self.json[key] = serde_json::to_value(value).expect("a figure is plain data");
+    }
+
+    /// Adds a line for people alone: its name, and text that is wrapped beside it. A name that
+    /// fills its column, such as that of a file, has the text below it.
+    pub(super) fn line(&mut self, name: &str, text: &str) {
+        let width = self.name_width;
+        self.text += &match name.chars().count() < width {
+            true => wrapped(&format!("{name:width$}"), text),
+            false => wrapped("", name) + &wrapped(&" ".repeat(width), text),
+        };
+    }
+
+    /// Adds a table after an empty line, if it has rows.
+    pub(super) fn table(&mut self, table: &str) {
+        if !table.is_empty() {
+            self.text += &format!("\n{table}");
+        }
+    }
+
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         for (index, file) in files.iter().enumerate() {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:NAME_WIDTH$}{}\n", file.display());
         }
-        self.json["files"] = serde_json::json!(files);
+        self.value("files", files);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
         self
     }
 
-    /// Sets the outcome.
     pub(super) fn with_outcome(self, outcome: Outcome) -> Self {
         Self { outcome, ..self }
     }
@@ -65,17 +121,15 @@ impl From<&Verdict> for Outcome {
     }
 }
 
-/// A line of a table: its name, and text that is wrapped beside it. A name that fills its column,
-/// such as that of a file, has the text below it.
+/// A line as [`Report::line`] adds it.
 pub(super) fn line(name: &str, text: &str) -> String {
-    if name.chars().count() < NAME_WIDTH {
-        return wrapped(&format!("{name:NAME_WIDTH$}"), text);
-    }
-    wrapped("", name) + &wrapped(&" ".repeat(NAME_WIDTH), text)
+    let mut report = Report::empty();
+    report.line(name, text);
+    report.text
 }
 
 /// A path as one types it into a shell: quoted where it has to be.
-pub(super) fn typed(path: &Path) -> String {
+pub(super) fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
     if !text.is_empty() && text.chars().all(is_plain) {
@@ -88,8 +142,8 @@ pub(super) fn typed(path: &Path) -> String {
 }
 
 /// The command that is running, as one types it.
-pub(super) fn command() -> String {
-    let words = std::env::args().skip(1).map(|word| typed(Path::new(&word)));
+pub(super) fn typed_command() -> String {
+    let words = std::env::args().skip(1).map(|word| shell_word(Path::new(&word)));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
@@ -165,7 +219,7 @@ mod tests {
             ("zażółć.png", "zażółć.png"),
             ("", "''"),
         ] {
-            assert_eq!(typed(Path::new(path)), in_shell);
+            assert_eq!(shell_word(Path::new(path)), in_shell);
             let echo = format!("printf %s {in_shell}");
             let echoed = std::process::Command::new("sh").args(["-c", &echo]).output().unwrap();
             assert_eq!(String::from_utf8_lossy(&echoed.stdout), path);

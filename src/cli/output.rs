@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use super::{Error, Result};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
@@ -34,7 +34,6 @@ impl Outputs {
         })
     }
 
-    /// Writes all.
     pub(super) fn keep<T>(
         self,
         items: &[T],

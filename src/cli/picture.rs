@@ -2,13 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::flags::find_scene;
-use super::names::{named, numbers};
-use super::warn;
+use super::{Args, Result, find_scene, named, numbers, warn};
 use crate::camera::{FixedPose, Framing};
-use crate::error::Result;
 use crate::expose::BackendChoice;
 use crate::photo::Noise;
 use crate::scene::{Preset, Scene};
@@ -25,7 +20,6 @@ pub(super) struct CameraFlags {
 }
 
 impl CameraFlags {
-    /// Whether a camera was named.
     pub(super) fn is_given(&self) -> bool {
         self.camera.is_some() || self.camera_from.is_some()
     }

@@ -1,19 +1,14 @@
 //! `noctograph plan`: a word becomes setpoints and light commands, or a drawing of them.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::Args;
-
-use super::flags::{DesignFlags, FlightFlags, set_word, warn_of_fewer_drones};
-use super::outcome::{Report, line};
-use super::output::{Output, Outputs, is_svg};
-use super::{show, warn};
-use crate::error::Result;
+use super::{
+    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
+    warn, warn_of_fewer_drones,
+};
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
-use crate::scene::Scene;
 use crate::shoot::{Planned, Shoot};
 
 #[derive(Debug, Args)]
@@ -37,101 +32,74 @@ pub(super) struct PlanArgs {
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let mut scene = args.design.load(&[])?;
     if let Some(path) = &args.after {
-        scene.plan.mean_error_m = mean_error(path, &args.flight, &scene)?;
+        let earlier = track(&args.flight.read(path, Some(&scene))?, Part::Letters)?;
+        scene.plan.mean_error_m = earlier.mean_error_m.into();
     }
     scene.check()?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
     }
     let strokes = scene.strokes()?;
-    let output = match &args.output {
-        Some(path) if is_svg(path) => Sink::Drawing(Output::create(path)?),
-        path => {
+    let svg = args.output.as_deref().filter(|path| is_svg(path));
+    let outputs = match svg {
+        Some(path) => Outputs::One(Output::create(path)?),
+        None => {
             let n = scene.plan.drones as usize;
-            Sink::Plans(Outputs::create(path.as_deref(), "plan", n)?)
+            Outputs::create(args.output.as_deref(), "plan", n)?
         }
     };
     // With the colors of a drawing.
     let shoot = Shoot::new(scene.clone())?;
     warn_of_fewer_drones(&shoot);
-    let planned = shoot.plans;
-    let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
+    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
-    let files = match output {
-        Sink::Plans(outputs) => outputs.keep(&plans, |plan, mut out| plan.write_csv(&mut out))?,
-        Sink::Drawing(file) => {
-            vec![
-                file.keep(|out| {
-                    out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes())
-                })?,
-            ]
-        }
-    };
-    let (mut text, mut json) = (table(title, &planned), json(title, &planned));
-    show::add_drawing(&strokes, &mut text, &mut json);
+    let files = outputs.keep(&plans, |plan, mut out| match svg {
+        Some(_) => out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes()),
+        None => plan.write_csv(&mut out),
+    })?;
+    let mut report = described(title, &shoot.plans);
+    show::tell_drawing(&mut report, &strokes);
     warn(&strokes.warnings);
-    Ok(Report::new(text, json).with_files(&files))
+    Ok(report.with_files(&files))
 }
 
-enum Sink {
-    Plans(Outputs),
-    Drawing(Output),
-}
-
-/// The mean error of an earlier flight while it wrote.
-fn mean_error(path: &Path, flags: &FlightFlags, scene: &Scene) -> Result<[f64; 3]> {
-    Ok(track(&flags.read(path, Some(scene))?, Part::Letters)?.mean_error_m.into())
-}
-
-/// Seconds of light.
 fn light_s(plan: &Plan) -> f64 {
     let lit = plan.lit();
     let rows = plan.setpoints.windows(2).zip(&lit).filter(|(_, lit)| **lit > 0.0);
     rows.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum()
 }
 
-/// Largest streak at the end of a stroke.
-fn worst_streak_m(planned: &Planned) -> Option<f64> {
-    planned.ends.iter().map(|end| end.streak_m.abs()).max_by(f64::total_cmp)
-}
-
-fn json(word: &str, planned: &[Planned]) -> serde_json::Value {
-    let drones = planned.iter().map(|planned| {
-        let plan = &planned.plan;
-        let ends = planned.ends.iter().map(|end| {
-            serde_json::json!({
-                "time_s": end.time_s, "x_m": end.at_m.x, "z_m": end.at_m.z, "on": end.on,
-                "streak_mm": 1e3 * end.streak_m,
-            })
-        });
-        serde_json::json!({
-            "duration_s": plan.duration_s(), "lit_s": light_s(plan),
-            "setpoints": plan.setpoints.len(), "stroke_ends": ends.collect::<Vec<_>>(),
-            "worst_streak_mm": worst_streak_m(planned).map(|m| 1e3 * m),
-        })
-    });
-    let longest_s = planned.iter().map(|p| p.plan.duration_s()).fold(0.0, f64::max);
-    let n: usize = planned.iter().map(|planned| planned.plan.setpoints.len()).sum();
-    serde_json::json!({
-        "word": word, "duration_s": longest_s, "setpoints": n,
-        "drones": drones.collect::<Vec<_>>(),
-    })
-}
-
-fn table(word: &str, planned: &[Planned]) -> String {
-    let mut text = String::new();
-    for (index, drone) in planned.iter().enumerate() {
-        let plan = &drone.plan;
+/// The plan of each drone, and of all.
+fn described(word: &str, planned: &[Planned]) -> Report {
+    let (mut report, mut drones) = (Report::empty(), Vec::new());
+    for (index, Planned { plan, ends }) in planned.iter().enumerate() {
         let name = match planned.len() {
             1 => word.to_owned(),
             _ => format!("drone {}", index + 1),
         };
         let (duration_s, lit_s, n) = (plan.duration_s(), light_s(plan), plan.setpoints.len());
-        let mut figures = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints");
-        if let Some(streak_m) = worst_streak_m(drone) {
-            figures += &format!(", light up to {:.1} mm off the strokes' ends", 1e3 * streak_m);
-        }
-        text += &line(&name, &figures);
+        // Largest streak at the end of a stroke.
+        let worst_mm = ends.iter().map(|end| 1e3 * end.streak_m.abs()).max_by(f64::total_cmp);
+        let streak = worst_mm.map_or_else(String::new, |mm| {
+            format!(", light up to {mm:.1} mm off the strokes' ends")
+        });
+        let figures = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints{streak}");
+        report.line(&name, &figures);
+        let ends = ends.iter().map(|end| {
+            json!({
+                "time_s": end.time_s, "x_m": end.at_m.x, "z_m": end.at_m.z, "on": end.on,
+                "streak_mm": 1e3 * end.streak_m,
+            })
+        });
+        drones.push(json!({
+            "duration_s": duration_s, "lit_s": lit_s, "setpoints": n,
+            "stroke_ends": ends.collect::<Vec<_>>(), "worst_streak_mm": worst_mm,
+        }));
     }
-    text
+    report.value("word", word);
+    let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
+    report.value("duration_s", durations_s.fold(0.0, f64::max));
+    report.value("setpoints", planned.iter().map(|it| it.plan.setpoints.len()).sum::<usize>());
+    report.value("drones", drones);
+    report
 }

@@ -3,23 +3,14 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::{Value, json};
-
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
-use super::flags::{ProfileFlags, SubjectFlags};
-use super::names::named;
-use super::outcome::{Outcome, Report, command, line, wrapped};
-use super::output::OutputFolder;
-use super::picture::PictureFlags;
-use super::progress::watch;
-use super::show::FlightFigures;
 use super::spread::SpreadFlags;
-use super::table::table;
-use super::{findings, movie, show, warn};
-use crate::error::Result;
+use super::{
+    Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
+    findings, json, line, movie, named, show, table, typed_command, warn, watch, wrapped,
+};
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
@@ -63,7 +54,6 @@ pub(super) struct PreviewArgs {
 }
 
 impl PreviewArgs {
-    /// The scene with what was typed.
     pub(super) fn scene(&self) -> Result<Scene> {
         self.subject.scene()
     }
@@ -109,21 +99,17 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     warn(problems(false).map(sentence));
 
     let verdict = shot.verdict.as_ref();
-    let mut json = show::verdict_json(verdict, shot.flight_sha256());
+    let json = show::verdict_json(verdict, shot.flight_sha256());
     let mut names = write(&shot, &json, &folder)?;
+    let mut report = Report::of(json);
     let spread = args.spread.run(&before, &conditions, &folder)?;
-    names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
 
-    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
-    let flights = shot.flights.iter().zip(shot.digests().iter().cloned()).zip(shot.tracking());
-    let figures =
-        flights.map(|((flight, sha256), known)| FlightFigures::new(flight, sha256, *known));
-    let figures: Vec<FlightFigures<'_>> = figures.collect();
-    json["flights"] = figures.iter().map(FlightFigures::json).collect();
-    json["camera"] = show::camera_json(&shot);
-    json["backend"] = backend.into();
-    json["adapter"] = adapter.as_str().into();
-    json["photo_sha256"] = shot.file.as_deref().map(sha256).into();
+    let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
+    let flights =
+        flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
+    let flights: Vec<Report> = flights.collect();
+    report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
+    report.value("photo_sha256", shot.file.as_deref().map(sha256));
     let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
@@ -131,12 +117,12 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     };
     let typed_json =
         |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes });
-    json["remedies"] = remedies.iter().map(typed_json).collect();
-    let mut text = verdict_text(&shot, &remedies);
+    report.value("remedies", remedies.iter().map(typed_json).collect::<Vec<_>>());
     if let Some(obstacle) = obstacles.first() {
-        text = wrapped("photo     ", obstacle) + &text;
+        report.line("photo", obstacle);
     }
-    text.push('\n');
+    report.text += &verdict_text(&shot, &remedies);
+    report.text.push('\n');
     let profile = args.profile.profile(&args.subject);
     let findings = match args.report {
         true => {
@@ -156,31 +142,32 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);
-    json["obstacles"] = obstacles.into();
-    json["stops"] = stops.clone().into();
-    text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
+    report.value("obstacles", obstacles);
+    report.value("stops", &stops);
+    report.text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
     if let Some(strokes) = &shot.strokes {
-        show::add_drawing(strokes, &mut text, &mut json);
+        show::tell_drawing(&mut report, strokes);
     }
-    text.extend(figures.iter().map(FlightFigures::text));
-    text += &show::camera_line(&shot);
+    report.text.extend(flights.iter().map(|flight| &*flight.text));
+    show::tell_camera(&mut report, &shot);
     let mut drawings = Vec::new();
     if let Some(spread) = spread {
-        text += &spread.text;
-        json["spread"] = spread.json;
+        report.text += &spread.report.text;
+        report.value("spread", spread.report.json);
         drawings = spread.drawings;
+        names.extend(spread.names);
     }
-    text += &line("exposed", &format!("by {backend} on {adapter}"));
+    show::tell_backend(&mut report, &shot);
     if args.report {
         let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
         let notes = ShotNotes {
             lead: &verdict.map_or_else(String::new, show::verdict_sentence),
-            printed: &text,
+            printed: &report.text,
             findings: &findings,
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: mentioned,
-            command: &args.command.clone().unwrap_or_else(command),
+            command: &args.command.clone().unwrap_or_else(typed_command),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();
@@ -195,7 +182,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),
     };
-    Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files).with_outcome(outcome))
 }
 
 /// Writes photo, flights, plans, scene and, of a word, the verdict; returns their names.

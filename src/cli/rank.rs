@@ -2,16 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::outcome::{Report, line};
 use super::studies::{
     RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use crate::error::Result;
+use super::{Args, Report, Result, json, line};
 use crate::shoot::Stop;
-use crate::study::{Record, Shard, Trial, evaluate, rank, shards};
+use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \
@@ -43,7 +39,12 @@ pub(super) struct RankArgs {
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
-    let study = args.study.study(&args.scenes)?;
+    let conditions = args.study.conditions("room")?;
+    let contenders = args.scenes.iter().map(|named| args.study.scene(named, &conditions));
+    let contenders = contenders.collect::<Result<_>>()?;
+    let (words, seed) = (args.study.words(50)?, args.study.seed);
+    let study = Study { contenders, words, conditions, seed };
+    study.check()?;
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;

@@ -2,16 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::names::Corners;
-use super::outcome::{Outcome, Report};
-use super::picture::CameraFlags;
-use super::square_on::square_on;
-use super::table::table;
-use crate::error::Result;
-use crate::photo::{self};
-use crate::score::read;
+use super::{Args, CameraFlags, Corners, Outcome, Report, Result, table};
+use crate::camera::Framing;
+use crate::photo::{self, Photo};
+use crate::score::{View, read};
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
@@ -36,4 +30,19 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let letters = reading.letters.iter().map(|it| format!("{}\t{:.2}", it.letter, it.p));
     let text = format!("{}\n\n{}", reading.text, table("letter<10|share<0", letters));
     Ok(Report::new(text, &reading))
+}
+
+/// The photo with its line of writing seen square on, if corners or a camera are given.
+fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {
+    if let Some(Corners(corners_px)) = corners {
+        return View::rectified_by_corners(&photo, *corners_px);
+    }
+    if !flags.is_given() {
+        return Ok(photo);
+    }
+    let mut scene = flags.scene()?;
+    (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
+    let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();
+    let bounds_m = if fixed { [0.0; 4] } else { scene.strokes()?.bounds_m() };
+    View::rectified_by_camera(&photo, &scene.camera.camera(bounds_m, 0.0)?)
 }

@@ -3,9 +3,7 @@
 
 use std::path::Path;
 
-use super::message;
-use super::outcome::typed;
-use crate::error::{Error, Result};
+use super::{Error, Result, message, shell_word};
 use crate::flight::{Flight, Quantity, airborne};
 use crate::plan::relight;
 use crate::scene::{Preset, Scene};
@@ -62,8 +60,8 @@ fn relit(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
                 "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
                  SCENE.toml`; style even flies strokes in another order, which only a log with lights \
                  tells",
-                typed(path),
-                typed(scene.word.as_ref()),
+                shell_word(path),
+                shell_word(scene.word.as_ref()),
             );
             Err(Error::Input { place, found, wanted, hint })
         }

@@ -3,14 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde_json::{Value, json};
-
-use super::outcome::{Report, line};
-use super::output::Output;
 use super::show::sentence;
-use crate::error::{Error, Result};
-use crate::photo::{self};
+use super::{Args, Error, Output, Report, Result, Value, line};
+use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
@@ -44,7 +39,8 @@ const QUALITY: u8 = 82;
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
-    let (mut shown, mut page) = (Vec::new(), Page::new(&title(&args.folder), &lead(&files)?));
+    let title = name(&std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
+    let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
     let rank = |path: &&PathBuf| {
         let order = ["png", "svg", "toml", "csv"];
@@ -64,19 +60,16 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         let hint = "name the folder that rank, tune, hold, locate or preview wrote";
         return Err(Error::input("folder", found, wanted, hint));
     }
-    let more = match n_more {
-        0 => String::new(),
-        n => line("left out", &format!("{n} files more than the {MAX_FILES} of a page")),
-    };
-    let page = if n_more > 0 { page.printed(&more) } else { page };
+    let mut report = Report::empty();
+    report.text = format!("shown     {}\n", shown.join(", "));
+    report.value("shown", shown);
+    if n_more > 0 {
+        let more = line("left out", &format!("{n_more} files more than the {MAX_FILES} of a page"));
+        report.text += &more;
+        page = page.printed(&more);
+    }
     let file = output.keep(|out| out.write_all(page.html().as_bytes()))?;
-    let text = format!("shown     {}\n", shown.join(", ")) + &more;
-    Ok(Report::new(text, json!({ "shown": shown })).with_files(&[file]))
-}
-
-fn title(folder: &Path) -> String {
-    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    name(&folder)
+    Ok(report.with_files(&[file]))
 }
 
 fn name(path: &Path) -> String {
@@ -93,14 +86,13 @@ fn shows(path: &Path) -> bool {
     match &*end(path) {
         "png" | "svg" => true,
         // Flights of a study and what is sampled over time are for programs.
-        "csv" => name(path) != "flights.csv" && small() && !is_over_time(path),
+        "csv" => {
+            let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
+            name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
+        }
         "toml" => name(path) == "scene.toml",
         _ => false,
     }
-}
-
-fn is_over_time(path: &Path) -> bool {
-    LIMIT.read(path).is_ok_and(|table| table.starts_with(b"time_s"))
 }
 
 /// The verdict of the folder's photo, if there is one.
@@ -147,12 +139,11 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     }
     if head.len() > MAX_COLUMNS && rows.len() < MAX_COLUMNS {
         // A column for each row, as there are fewer of them.
-        let row = |i: usize| {
-            let cell = |row: &Vec<String>| row.get(i).cloned().unwrap_or_default();
-            [head[i].clone()].into_iter().chain(rows.iter().map(cell)).collect()
-        };
-        let all: Vec<Vec<String>> = (0..head.len()).map(row).collect();
-        return Ok(page.rows(&all[0], &all[1..]));
+        let all = || std::iter::once(&head).chain(&rows);
+        let turned = (0..head.len())
+            .map(|i| all().map(|row| row.get(i).cloned().unwrap_or_default()).collect());
+        let turned: Vec<Vec<String>> = turned.collect();
+        return Ok(page.rows(&turned[0], &turned[1..]));
     }
     let page = page.rows(&head, &rows);
     Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })

@@ -3,13 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::outcome::{Report, line};
 use super::studies::{StudyFlags, counter, open_results, open_store};
-use super::table::table;
-use crate::error::Result;
+use super::{Args, Report, Result, json, table};
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
 
@@ -34,7 +29,7 @@ pub(super) struct RobustnessArgs {
 }
 
 pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
-    let usual = args.study.conditions_or("evening")?;
+    let usual = args.study.conditions("evening")?;
     let options = RobustnessOptions {
         contender: args.study.scene(&args.scene, &usual)?,
         words: args.study.words(20)?,
@@ -50,46 +45,48 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let endurances = robustness(&options, Some(&store), &bar)?;
     drop(bar);
     let title = format!("{}: disturbances that break the word", options.contender.name);
-    let curves: Vec<_> = endurances.iter().map(|e| (name(e).to_owned(), points(e))).collect();
-    let of_radio = endurances.iter().find(|e| e.factor == Some(Factor::Radio));
-    let advice = match of_radio.and_then(|radio| radio.breaks_at) {
-        Some(times) if times > 0.0 => line("advice", ON_BOARD),
-        Some(_) => line("advice", "the word does not read without disturbances: mend that first"),
-        None => String::new(),
-    };
+    let curves = endurances.iter().map(|endurance| {
+        let points = endurance.levels.iter().map(|level| (level.times, level.legible.value));
+        (name(endurance).to_owned(), points.collect::<Vec<_>>())
+    });
+    let curves: Vec<_> = curves.collect();
     let [csv, svg] = FILES;
     results.write(csv, |out| out.write_all(robustness_csv(&endurances).as_bytes()))?;
     results.write(svg, |out| out.write_all(endurance(&title, &curves).as_bytes()))?;
     let files = results.keep(&FILES)?;
     let json = json!({ "factors": endurances });
-    Ok(Report::new(text(&options, &endurances) + &advice + "\n", json).with_files(&files))
+    let mut report = Report::new(text(&options, &endurances), json);
+    let of_radio = endurances.iter().find(|e| e.factor == Some(Factor::Radio));
+    match of_radio.and_then(|radio| radio.breaks_at) {
+        Some(times) if times > 0.0 => report.line("advice", ON_BOARD),
+        Some(_) => {
+            report.line("advice", "the word does not read without disturbances: mend that first");
+        }
+        None => {}
+    }
+    report.text.push('\n');
+    Ok(report.with_files(&files))
 }
 
 fn name(endurance: &Endurance) -> &'static str {
     endurance.factor.map_or("all together", Factor::name)
 }
 
-fn points(endurance: &Endurance) -> Vec<(f64, f64)> {
-    endurance.levels.iter().map(|level| (level.times, level.legible.value)).collect()
-}
-
 /// The usual disturbance, in the factor's own unit.
 fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
+    let Some(factor) = factor else { return String::new() };
     match factor {
-        None => String::new(),
-        Some(Factor::Mass) => format!("σ {:.1} %", 100.0 * conditions.mass_frac),
-        Some(Factor::CenterOfMass) => format!("σ {:.1} mm", 1e3 * conditions.center_of_mass_m),
-        Some(Factor::MotorLag) => format!("to {:.0} ms", 1e3 * conditions.motor_lag_s),
-        Some(Factor::Lighthouse) => format!("σ {:.0} mm", 1e3 * conditions.lighthouse_distortion_m),
-        Some(Factor::AirspeedMoment) => {
-            format!("to {:.2} mN s", 1e3 * conditions.airspeed_moment_n_s)
-        }
-        Some(Factor::Gusts) => format!("σ {:.2} m/s", conditions.gust_m_s),
-        Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
-        Some(Factor::Radio) => format!("{:.0} ms out", 1e3 * conditions.radio_outage_s),
-        Some(Factor::Yaw) => format!("σ {:.2} °/s", conditions.yaw_drift_rad_s.to_degrees()),
-        Some(Factor::Propeller) => format!("to {:.0} %", 100.0 * conditions.motor_loss_frac),
-        Some(Factor::Battery) => format!("to age {:.1}", conditions.battery_age),
+        Factor::Mass => format!("σ {:.1} %", 100.0 * conditions.mass_frac),
+        Factor::CenterOfMass => format!("σ {:.1} mm", 1e3 * conditions.center_of_mass_m),
+        Factor::MotorLag => format!("to {:.0} ms", 1e3 * conditions.motor_lag_s),
+        Factor::Lighthouse => format!("σ {:.0} mm", 1e3 * conditions.lighthouse_distortion_m),
+        Factor::AirspeedMoment => format!("to {:.2} mN s", 1e3 * conditions.airspeed_moment_n_s),
+        Factor::Gusts => format!("σ {:.2} m/s", conditions.gust_m_s),
+        Factor::LedDelay => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
+        Factor::Radio => format!("{:.0} ms out", 1e3 * conditions.radio_outage_s),
+        Factor::Yaw => format!("σ {:.2} °/s", conditions.yaw_drift_rad_s.to_degrees()),
+        Factor::Propeller => format!("to {:.0} %", 100.0 * conditions.motor_loss_frac),
+        Factor::Battery => format!("to age {:.1}", conditions.battery_age),
     }
 }
 

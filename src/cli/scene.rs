@@ -3,13 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{DesignFlags, SeedFlag};
-use super::outcome::Report;
-use super::output::Output;
-use crate::error::Result;
+use super::{Args, DesignFlags, Output, Report, Result, SeedFlag};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
@@ -37,5 +31,5 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         return Ok(Report::new(toml, &scene));
     };
     let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
-    Ok(Report::new(String::new(), json!({})).with_files(&[file]))
+    Ok(Report::empty().with_files(&[file]))
 }

@@ -3,16 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::flags::{FlightFlags, SceneFlags, set_word};
-use super::names::Corners;
-use super::outcome::{Outcome, Report, line, typed};
-use super::output::{Output, is_svg};
-use super::picture::CameraFlags;
 use super::relit::relit_where_dark;
-use super::{message, show};
-use crate::error::{Error, Result};
+use super::{
+    Args, CameraFlags, Corners, Error, FlightFlags, Outcome, Output, Report, Result, SceneFlags,
+    is_svg, message, set_word, shell_word, show,
+};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::photo::{self, Photo};
@@ -92,9 +87,9 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         Ok((&scene.camera.camera(bounds_m, 0.0)?).into())
     };
     let view = match &args.corners {
-        Some(corners) => {
+        Some(Corners(corners_px)) => {
             let size_px = [photo.width_px, photo.height_px];
-            View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
+            View::Plane(Homography::from_corners(strokes.bounds_m(), *corners_px, size_px)?)
         }
         None if has_camera => framed()?,
         None => by_light(&photo, &strokes)?.map_or_else(framed, Ok)?,
@@ -113,8 +108,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let reader = Reader::new(&strokes, &scene.score)?;
     let (verdict, marks) = reader.explain(&photo, &view, &known)?;
+    let svg = args.output.as_deref().is_some_and(is_svg);
     let overlay = |output: Output| {
-        let svg = args.output.as_deref().is_some_and(is_svg);
         output.keep(|out| match svg {
             true => out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes()),
             false => photo::write_png(&overlay_photo(&photo, &marks, &verdict), out, None, &[]),
@@ -122,29 +117,24 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     };
     let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
-    let outcome = Outcome::from(&verdict);
-    let mut text = show::verdict_table(&verdict);
+    let mut report = Report::new(show::verdict_table(&verdict), json);
     // To fly a scene many times for a photo of unknown origin is left to who trusts it.
     if inside.is_some() && !verdict.legible {
-        let again = format!("`noctograph preview --scene {}`", typed(&args.photo));
-        text += &line(
-            "settings",
-            &format!("{again} flies its scene again, and names settings that help"),
-        );
+        let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
+        let text = format!("{again} flies its scene again, and names settings that help");
+        report.line("settings", &text);
     }
-    Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files).with_outcome(Outcome::from(&verdict)))
 }
 
 /// Refuses a font or drawing that is not the one of the photo, where the photo says which.
 fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
-    match of_photo.filter(|digest| strokes.sha256() != **digest) {
-        None => Ok(()),
-        Some(digest) => {
-            let hint = "find the font or drawing that the photo was made with";
-            let found = "a font or drawing with other strokes";
-            Err(Error::input(file, found, format!("that of digest {digest}"), hint))
-        }
-    }
+    let Some(digest) = of_photo.filter(|digest| strokes.sha256() != **digest) else {
+        return Ok(());
+    };
+    let found = "a font or drawing with other strokes";
+    let hint = "find the font or drawing that the photo was made with";
+    Err(Error::input(file, found, format!("that of digest {digest}"), hint))
 }
 
 /// The key of a file that the photo's scene names, unless it was typed.

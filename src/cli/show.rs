@@ -1,12 +1,9 @@
 //! Tables and JSON that several verbs share.
 
 use serde::Serialize;
-use serde_json::{Value, json};
 
-use super::outcome::{line, wrapped};
-use super::table::table;
+use super::{Report, Value, json, line, table, wrapped};
 use crate::camera::Camera;
-use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::{Picture, Strokes};
@@ -41,7 +38,6 @@ pub fn verdict_table(verdict: &Verdict) -> String {
     text
 }
 
-/// The verdict in a sentence.
 pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
@@ -53,7 +49,6 @@ pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> Str
     format!("{word} reads as {read}: {legible} (readability {readability:.2})")
 }
 
-/// The lines of a text as one.
 fn in_one_line(text: &str) -> String {
     text.replace('\n', " ")
 }
@@ -84,108 +79,89 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     text.to_owned()
 }
 
-/// Figures of a flight, each computed once for people and for programs.
-pub(super) struct FlightFigures<'a> {
-    flight: &'a Flight,
-    tracking: Result<Tracking>,
-    sha256: String,
-}
-
 /// Adds the strokes of a drawing, and what its detail leaves out.
-pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value) {
+pub(super) fn tell_drawing(report: &mut Report, strokes: &Strokes) {
     if strokes.font.is_some() {
         return;
     }
     let (n, length_m, left_out) = (strokes.n_strokes(), strokes.length_m(), strokes.left_out);
-    let mut drawn = format!("{n} strokes, {length_m:.2} m");
+    let mut text = format!("{n} strokes, {length_m:.2} m");
     if left_out.strokes > 0 {
-        let share = 100.0 * left_out.share;
-        drawn +=
-            &format!("; left out: {} short ones, {share:.1} % of the length", left_out.strokes);
+        let percent = 100.0 * left_out.share;
+        text +=
+            &format!("; left out: {} short ones, {percent:.1} % of the length", left_out.strokes);
     }
-    drawn += match strokes.picture {
+    text += match strokes.picture {
         Picture::Auto => "",
         Picture::Drawing => "; ink on paper (for a photograph set letters.picture=photograph)",
         Picture::Photograph => {
             "; edges of a photograph (for ink on paper set letters.picture=drawing)"
         }
     };
-    *text += &line("drawing", &drawn);
     let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
-    json["drawing"] = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
+    let mut json = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
     if !strokes.warnings.is_empty() {
-        json["drawing"]["warnings"] = json!(strokes.warnings);
+        json["warnings"] = json!(strokes.warnings);
     }
     if strokes.picture != Picture::Auto {
-        json["drawing"]["picture"] = json!(strokes.picture.name());
+        json["picture"] = json!(strokes.picture.name());
     }
+    report.figure("drawing", json, "drawing", &text);
 }
 
-impl<'a> FlightFigures<'a> {
-    /// Of a flight, its digest and its tracking errors, where they are known already.
-    pub(super) fn new(flight: &'a Flight, sha256: String, known: Option<Tracking>) -> Self {
-        let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
-        Self { flight, tracking, sha256 }
-    }
-
-    /// Flight time, tracking error over the letters or, where none was written, in the air, and
-    /// digest.
-    pub(super) fn text(&self) -> String {
-        let flight = self.flight;
-        let duration_s = duration_s(flight);
-        let digest = format!("digest    {}\n", self.sha256);
-        let tracking = match &self.tracking {
-            Ok(tracking) => tracking,
-            Err(error) => {
-                let why = on_floor(flight).map_or_else(
-                    || format!("no tracking error: {error}"),
-                    |why| format!("on the floor: {why}"),
-                );
-                return line("flight", &format!("{duration_s:.1} s, {why}")) + &digest;
+/// Figures of a flight, its digest and its tracking errors, where they are known already: flight
+/// time, tracking error over the letters or, where none was written, in the air, and, for programs,
+/// final values of the simulator's own columns. The error is null where the drone never left the
+/// floor.
+pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
+    let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
+    let duration_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+    let mut report = Report::empty();
+    match &tracking {
+        Ok(tracking) => {
+            let (rmse, contour) = (tracking.rmse_m, tracking.contour);
+            let (part, lag_s) = (in_part(tracking.part), tracking.lag_s);
+            let errors = format!(
+                "{duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\nlag {lag_s:.2} s, \
+                 contour error {:.3} m (mean), {:.3} m (max)",
+                rmse.x, rmse.y, rmse.z, contour.mean_m, contour.max_m
+            );
+            report.line("flight", &errors);
+            let height = format!(
+                "RMSE {:.3} m without the lag: enough for letters of {:.2} m and more",
+                tracking.rmse_after_lag_m.z,
+                tracking.least_cap_height_m()
+            );
+            report.line("height", &height);
+            if let Some((volts, joules)) = flight.at_end(BATTERY_V).zip(flight.at_end(ENERGY_J)) {
+                let battery = format!("{volts:.2} V at the end, {joules:.0} J used");
+                report.line("battery", &battery);
             }
-        };
-        let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
-        let battery = flight.at_end(BATTERY_V).zip(flight.at_end(ENERGY_J));
-        let battery = battery.map_or_else(String::new, |(volts, joules)| {
-            line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
-        });
-        let (part, max_m) = (in_part(tracking.part), contour.max_m);
-        let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
-        let height = line(
-            "height",
-            &format!(
-                "RMSE {height_m:.3} m without the lag: enough for letters of {least_m:.2} m and more"
-            ),
-        );
-        format!(
-            "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
-             {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{height}{battery}{digest}",
-            rmse.x, rmse.y, rmse.z, contour.mean_m,
-        )
-    }
-
-    /// Flight time, tracking error and final values of the simulator's own columns for programs;
-    /// the error is null where the drone never left the floor.
-    pub(super) fn json(&self) -> Value {
-        let flight = self.flight;
-        let nothing = ["part", "rmse_m", "lag_s", "contour"].map(|key| (key, Value::Null));
-        let mut json = match &self.tracking {
-            Ok(tracking) => json!(TrackingFigures::from(tracking)),
-            Err(_) => nothing.into_iter().collect(),
-        };
-        json["duration_s"] = duration_s(flight).into();
-        for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
-            if let Some(last) = flight.at_end(column) {
-                json[column] = last.into();
+            report.json = json!(TrackingFigures::from(tracking));
+        }
+        Err(error) => {
+            let why = match on_floor(flight) {
+                Some(why) => format!("on the floor: {why}"),
+                None => format!("no tracking error: {error}"),
+            };
+            report.line("flight", &format!("{duration_s:.1} s, {why}"));
+            for key in ["part", "rmse_m", "lag_s", "contour"] {
+                report.value(key, Value::Null);
             }
         }
-        json["sha256"] = self.sha256.as_str().into();
-        json
     }
+    report.value("duration_s", duration_s);
+    for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
+        if let Some(last) = flight.at_end(column) {
+            report.value(column, last);
+        }
+    }
+    report.figure("sha256", sha256, "digest", sha256);
+    report
 }
 
-/// Aperture and sensitivity, and what the meter found.
-pub(super) fn camera_line(shot: &Shot) -> String {
+/// Adds aperture and sensitivity, and what the meter found; null where it did not set them.
+pub(super) fn tell_camera(report: &mut Report, shot: &Shot) {
     let Camera { f_number, iso, .. } = shot.camera;
     let metered = shot.metered.map_or_else(String::new, |metered| {
         let room = metered.room_stops.map_or("dark".to_owned(), in_stops);
@@ -198,13 +174,15 @@ pub(super) fn camera_line(shot: &Shot) -> String {
         let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
         format!("; metered: ambient {room}, trail {trail}{gave_way}{help}")
     });
-    line("camera", &format!("f/{f_number}, ISO {iso}{metered}"))
+    let json = json!({ "f_number": f_number, "iso": iso, "metered": shot.metered });
+    report.figure("camera", json, "camera", &format!("f/{f_number}, ISO {iso}{metered}"));
 }
 
-/// Camera settings for programs; `metered` is null where the meter did not set them.
-pub(super) fn camera_json(shot: &Shot) -> Value {
-    let Camera { f_number, iso, .. } = shot.camera;
-    json!({ "f_number": f_number, "iso": iso, "metered": shot.metered })
+/// Adds what computed the exposure.
+pub(super) fn tell_backend(report: &mut Report, shot: &Shot) {
+    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
+    report.value("backend", backend);
+    report.figure("adapter", adapter, "exposed", &format!("by {backend} on {adapter}"));
 }
 
 /// Figures of tracking for programs.
@@ -243,9 +221,4 @@ pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<Stri
     let mut json = serde_json::to_value(verdict).expect("a verdict is plain data");
     json["flight_sha256"] = flight_sha256.into();
     json
-}
-
-/// The final value of one of the simulator's own columns.
-fn duration_s(flight: &Flight) -> f64 {
-    flight.samples.last().map_or(0.0, |last| last.time_s)
 }

@@ -2,15 +2,9 @@
 
 use std::io::Write;
 
-use clap::Args;
-use serde_json::{Value, json};
-
-use super::outcome::{line, wrapped};
-use super::output::OutputFolder;
 use super::studies::counter;
-use super::warn;
-use crate::error::Result;
-use crate::photo::{self, Photo};
+use super::{Args, OutputFolder, Report, Result, Value, json, warn};
+use crate::photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
 use crate::study::statistics::median;
@@ -29,10 +23,9 @@ pub(super) struct SpreadFlags {
     conditions: String,
 }
 
-/// A spread in words and as JSON, with the names of its files.
+/// What a spread adds to a preview.
 pub(super) struct Shown {
-    pub(super) text: String,
-    pub(super) json: Value,
+    pub(super) report: Report,
     pub(super) names: Vec<String>,
     /// The band, from the front and over time (SVG).
     pub(super) drawings: Vec<String>,
@@ -54,21 +47,22 @@ impl SpreadFlags {
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
-            let text = format!(
-                "{n} flights are too few for a band of 90 % of further ones, which takes {LEAST_FLIGHTS}: \
-                 this band is that of the {n}"
-            );
-            warn(&[text]);
+            warn([format!(
+                "{n} flights are too few for a band of 90 % of further ones, which takes \
+                 {LEAST_FLIGHTS}: this band is that of the {n}"
+            )]);
         }
         let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
         let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
-        let photos = band
-            .flights
-            .iter()
-            .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
+        let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
+            let shot = shot.as_ref().ok()?;
+            let verdict =
+                shot.verdict.as_ref().map(|v| format!(": {} {:.2}", v.read, v.readability));
+            Some((shot.photo.clone(), format!("{seed}{}", verdict.unwrap_or_default())))
+        });
         let title = format!("{n} flights, conditions {}", self.conditions);
-        let sheet = spread_sheet(&title, &photos.collect::<Vec<(Photo, String)>>());
+        let sheet = spread_sheet(&title, &photos.collect::<Vec<_>>());
         folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
@@ -78,24 +72,16 @@ impl SpreadFlags {
             names.push(name);
             drawings.push(drawing);
         }
-        let json = json(&band, &self.conditions);
-        Ok(Some(Shown { text: text(&band, &title), json, names, drawings }))
+        let mut report = described(&band, title);
+        report.value("conditions", &self.conditions);
+        Ok(Some(Shown { report, names, drawings }))
     }
 }
 
-/// What stands below a photo.
-fn caption(flight: &SpreadFlight) -> String {
-    let verdict = flight.shot.as_ref().ok().and_then(|shot| shot.verdict.as_ref());
-    match verdict {
-        Some(verdict) => format!("{}: {} {:.2}", flight.seed, verdict.read, verdict.readability),
-        None => flight.seed.to_string(),
-    }
-}
-
-fn text(flown: &Spread, title: &str) -> String {
-    let shots = flown.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
+fn described(spread: &Spread, title: String) -> Report {
+    let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let verdicts: Vec<_> = shots.clone().filter_map(|shot| shot.verdict.as_ref()).collect();
-    let mut words = title.to_owned();
+    let mut words = title;
     let mut readability: Vec<f64> = verdicts.iter().map(|v| v.readability).collect();
     readability.sort_by(f64::total_cmp);
     if let [least, .., most] = readability[..] {
@@ -105,16 +91,30 @@ fn text(flown: &Spread, title: &str) -> String {
             median(&mut readability)
         );
     }
-    let lost = flown.flights.len() - shots.count();
+    let lost = spread.flights.len() - shots.count();
     if lost > 0 {
         words += &format!("; {lost} lost the drone");
     }
-    let mut text = wrapped("spread    ", &words);
-    for (all, within) in flown.all.iter().zip(&flown.within) {
-        text += &line("", &format!("{} {}", holds(all), millimeters(all)));
-        text += &line("", &format!("one drone in one room: {}", millimeters(within)));
+    let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
+        Err(lost) => json!({ "seed": seed, "lost": lost }),
+        Ok(shot) => {
+            let verdict = shot.verdict.as_ref();
+            json!({
+                "seed": seed, "read": verdict.map(|verdict| &verdict.read),
+                "legible": verdict.map(|verdict| verdict.legible),
+                "readability": verdict.map(|verdict| verdict.readability),
+            })
+        }
+    });
+    let mut report = Report::empty();
+    report.figure("flights", flights.collect::<Vec<_>>(), "spread", &words);
+    for (all, within) in spread.all.iter().zip(&spread.within) {
+        report.line("", &format!("{} {}", holds(all), millimeters(all)));
+        report.line("", &format!("one drone in one room: {}", millimeters(within)));
     }
-    text
+    report.value("bands", spread.all.iter().map(band_json).collect::<Vec<_>>());
+    report.value("bands_within", spread.within.iter().map(band_json).collect::<Vec<_>>());
+    report
 }
 
 /// What lies in a band.
@@ -132,25 +132,8 @@ fn millimeters(band: &Band) -> String {
     format!("x ±{x:.0}, y ±{y:.0}, z ±{z:.0} mm over the letters")
 }
 
-fn json(spread: &Spread, conditions: &str) -> Value {
-    let flight = |flight: &SpreadFlight| match &flight.shot {
-        Err(lost) => json!({ "seed": flight.seed, "lost": lost }),
-        Ok(shot) => json!({
-            "seed": flight.seed,
-            "read": shot.verdict.as_ref().map(|verdict| &verdict.read),
-            "legible": shot.verdict.as_ref().map(|verdict| verdict.legible),
-            "readability": shot.verdict.as_ref().map(|verdict| verdict.readability),
-        }),
-    };
-    let band = |band: &Band| {
-        let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
-        json!({ "holds_frac": band.holds_frac(), "half_width_m": band.half_width_m(),
-                "time_s": band.time_s, "low_m": end(0), "median_m": end(1), "high_m": end(2) })
-    };
-    json!({
-        "conditions": conditions,
-        "flights": spread.flights.iter().map(flight).collect::<Vec<_>>(),
-        "bands": spread.all.iter().map(band).collect::<Vec<_>>(),
-        "bands_within": spread.within.iter().map(band).collect::<Vec<_>>(),
-    })
+fn band_json(band: &Band) -> Value {
+    let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
+    json!({ "holds_frac": band.holds_frac(), "half_width_m": band.half_width_m(),
+            "time_s": band.time_s, "low_m": end(0), "median_m": end(1), "high_m": end(2) })
 }

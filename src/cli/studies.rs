@@ -6,19 +6,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use clap::Args;
-use serde_json::json;
-
-use super::flags::{find_scene, warn_of_idle_keys_under};
-use super::message;
-use super::outcome::{Report, wrapped};
-use super::output::OutputFolder;
-use super::progress::Progress;
-use super::set::SetFlag;
-use super::table::table;
-use crate::error::{Error, Result};
+use super::{
+    Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message, table,
+    warn_of_idle_keys, wrapped,
+};
 use crate::report::study_sheet;
-use crate::scene::NamedScene;
+use crate::scene::{NamedScene, Scene};
 use crate::study::statistics::Estimate;
 use crate::study::{
     Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
@@ -49,34 +42,17 @@ pub(super) struct StudyFlags {
 }
 
 impl StudyFlags {
-    /// A study of some scenes.
-    pub(super) fn study(&self, scenes: &[String]) -> Result<Study> {
-        let conditions = self.conditions()?;
-        let contenders = scenes.iter().map(|named| self.scene(named, &conditions));
-        let study = Study {
-            contenders: contenders.collect::<Result<_>>()?,
-            words: self.words(50)?,
-            conditions,
-            seed: self.seed,
-        };
-        study.check()?;
-        Ok(study)
-    }
-
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let named = find_scene(named, &self.set.set)?;
-        warn_of_idle_keys_under(conditions, &named.scene);
+        // Conditions may bring a radio that loses packets.
+        let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
+        warn_of_idle_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
     }
 
-    /// The conditions that were named, or a room's.
-    pub(super) fn conditions(&self) -> Result<Conditions> {
-        self.conditions_or("room")
-    }
-
     /// The conditions that were named, or others by their name.
-    pub(super) fn conditions_or(&self, usual: &str) -> Result<Conditions> {
+    pub(super) fn conditions(&self, usual: &str) -> Result<Conditions> {
         Conditions::find(self.conditions.as_deref().unwrap_or(usual))
     }
 
@@ -85,7 +61,7 @@ impl StudyFlags {
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
-                let text = read_text(named)?;
+                let text = LIST.read_text(named.as_ref())?;
                 let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
@@ -118,10 +94,11 @@ fn is_path(named: &str) -> bool {
         || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
 }
 
-fn read_text(file: &str) -> Result<String> {
-    let hint = "split it, or shorten it";
-    Limit { bytes: 1 << 20, what: "a list of words or conditions", hint }.read_text(file.as_ref())
-}
+const LIST: Limit = Limit {
+    bytes: 1 << 20,
+    what: "a list of words or conditions",
+    hint: "split it, or shorten it",
+};
 
 /// Opens a study's folder of flights, and says how many are there already.
 pub(super) fn open_store(folder: &Path) -> Result<Store> {
@@ -152,7 +129,6 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 /// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
-/// Writes a ranking to its folder.
 pub(super) fn write_ranking(
     folder: OutputFolder,
     study: &Study,
@@ -174,17 +150,13 @@ pub(super) fn write_ranking(
 
 /// A ranking for people and for programs.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
-    let (measures, pairs) = (&ranking.measures, &ranking.pairs);
     let json = json!({
-        "flights": flights,
-        "measures": measures,
-        "pairs": pairs,
+        "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
         "least_flights": ranking.least_flights,
     });
     Report::new(ranking_table(study, ranking) + "\n", json)
 }
 
-/// The ranking for people.
 pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     let words = match study.words.as_slice() {
         [(word, n)] => format!("{word}, {n} seeds"),

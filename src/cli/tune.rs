@@ -4,23 +4,14 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use clap::Args;
-use serde_json::{Value, json};
-
-use super::message;
-use super::outcome::{Report, line};
-use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
-use super::table::table;
-use crate::error::{Error, Result};
+use super::{Args, Error, Progress, Report, Result, json, line, table, warn};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;
-use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::study::{
-    Candidate, Conditions, Knob, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank,
-    tune,
+    Candidate, Knob, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank, tune,
 };
 
 /// Files that are written once the best scene is found.
@@ -67,53 +58,67 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// What may be spent.
-struct Budget {
-    flights: usize,
-    time: Option<Duration>,
-}
-
-impl std::str::FromStr for Budget {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let wanted = "a number of flights, or minutes such as 5min";
-        let broken = || Error::input("budget", text, wanted, "for example 2000, or 5min");
-        if let Some(minutes) = text.strip_suffix("min") {
-            let minutes: f64 = minutes.trim().parse().map_err(|_not_a_number| broken())?;
-            let time = Duration::try_from_secs_f64(60.0 * minutes);
-            let time = time.map_err(|_negative| broken())?;
-            return Ok(Self { flights: 10_000_000, time: Some(time) });
+/// Flights and time that may be spent.
+fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
+    let budget = match text.strip_suffix("min") {
+        Some(minutes) => {
+            let minutes = minutes.trim().parse::<f64>().ok();
+            let time = minutes.and_then(|n| Duration::try_from_secs_f64(60.0 * n).ok());
+            time.map(|time| (10_000_000, Some(time)))
         }
-        let flights = text.parse().map_err(|_not_a_number| broken())?;
-        Ok(Self { flights, time: None })
-    }
+        None => text.parse().ok().map(|flights| (flights, None)),
+    };
+    let wanted = "a number of flights, or minutes such as 5min";
+    budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
 }
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
-    let budget: Budget = args.budget.parse()?;
-    let conditions = args.study.conditions()?;
+    let (flights, time) = budget(&args.budget)?;
+    let conditions = args.study.conditions("room")?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;
         let scaled = letters.scaled(cap_height_m / letters.cap_height_m);
         *letters = LetterOptions { cap_height_m, ..scaled };
     }
-    let options = options(args, &base.scene, conditions, budget.flights)?;
+    if let Some(longest_s) = args.longest {
+        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
+    }
+    let options = TuneOptions {
+        knobs: match args.knob.as_slice() {
+            [] => Knob::usual(&base.scene),
+            knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
+        },
+        words: args.study.words(6)?,
+        budget: flights,
+        longest_s: args.longest,
+        conditions,
+        seed: args.study.seed,
+    };
+    options.check()?;
     let store = open_store(&args.output)?;
     let results = open_results(&args.output, &FILES)?;
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
-        let spent = budget.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
+        let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            warn_of_short_time(&args.budget, options.least_budget(), spent, n_flights);
+            // The time that the first flights took tells that of the least.
+            let least_flights = options.least_budget();
+            let needed = spent * least_flights as f64 / n_flights as f64;
+            if needed > 1.0 {
+                let budget = &args.budget;
+                warn([format!(
+                    "{budget} is too short: {least_flights} flights, the least, take about \
+                     {needed:.1} of it"
+                )]);
+            }
         }
-        let spent = spent.unwrap_or(n_flights as f64 / budget.flights as f64);
+        let spent = spent.unwrap_or(n_flights as f64 / flights as f64);
         progress.update(spent);
         progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
-        budget.time.is_none() || spent < 1.0
+        time.is_none() || spent < 1.0
     };
     let tuned = tune(&base.scene, &options, Some(&store), &Stop::default(), &mut watch)?;
     drop(progress);
@@ -125,54 +130,15 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
     results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
     let paths = results.keep(&FILES)?;
-    let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
     let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
     let json = json!({
-        "flights": tuned.n_flights,
-        "candidates": tuned.candidates.len(),
-        "helped": tuned.helped(),
-        "best": tuned.best,
-        "before": tuned.before,
-        "front": front,
-        "tests": tests,
+        "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
+        "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    Ok(Report::new(report(&options, &tuned) + &tested + "\n", json).with_files(&paths))
-}
-
-fn options(
-    args: &TuneArgs,
-    scene: &Scene,
-    conditions: Conditions,
-    budget: usize,
-) -> Result<TuneOptions> {
-    let knobs = match args.knob.as_slice() {
-        [] => Knob::usual(scene),
-        knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
-    };
-    if let Some(longest_s) = args.longest {
-        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
-    }
-    let options = TuneOptions {
-        knobs,
-        words: args.study.words(6)?,
-        budget,
-        longest_s: args.longest,
-        conditions,
-        seed: args.study.seed,
-    };
-    options.check()?;
-    Ok(options)
-}
-
-/// Warns where the time that the first flights took says that the budget is too short.
-fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights: usize) {
-    let needed = spent * least_flights as f64 / n_flights as f64;
-    if needed > 1.0 {
-        let text = format!(
-            "{budget} is too short: {least_flights} flights, the least, take about {needed:.1} of it"
-        );
-        message("warning: ", &text);
-    }
+    let mut report = Report::new(table_of(&options, &tuned), json);
+    test(&mut report, args, &options, &base, &tuned, &store)?;
+    report.text.push('\n');
+    Ok(report.with_files(&paths))
 }
 
 /// Origin of a tuned scene, as the head of its file.
@@ -202,7 +168,7 @@ fn plot(tuned: &Tuned) -> String {
 }
 
 /// The candidates that are best in time and legibility, and what the best one changed.
-pub fn report(options: &TuneOptions, tuned: &Tuned) -> String {
+pub fn table_of(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let front = tuned.front.iter().map(|number| {
         let c = &tuned.candidates[*number];
@@ -235,36 +201,30 @@ fn shown(value: &toml::Value) -> String {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
             format!("{number:.3e}")
         }
-        Some(number) => {
-            let digits = if number.abs() < 1.0 { 5 } else { 3 };
-            format!("{number:.digits$}")
-        }
+        Some(number) if number.abs() < 1.0 => format!("{number:.5}"),
+        Some(number) => format!("{number:.3}"),
         None => value.as_str().map_or_else(|| value.to_string(), str::to_owned),
     }
 }
 
-/// Compares a result that is not the scene as it was with it, on new seeds and on new words:
-/// tables, and the same for programs.
+/// Compares a result that is not the scene as it was with it, on new seeds and on new words.
 fn test(
+    report: &mut Report,
     args: &TuneArgs,
     options: &TuneOptions,
     base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
-) -> Result<(String, Vec<Value>)> {
-    let (mut text, mut json) = (String::new(), Vec::new());
-    if !tuned.helped() {
-        return Ok((text, json));
-    }
-    let seen = |word: &str| options.words.iter().any(|(known, _)| known == word);
-    let others = args.test_words.iter().cloned();
-    let others: Vec<_> =
-        others.filter(|word| !seen(word)).map(|word| (word, args.test_seeds)).collect();
-    let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds)).collect();
-    for (new, words) in [("seeds", again), ("words and seeds", others)] {
-        if words.is_empty() || args.test_seeds == 0 {
-            continue;
-        }
+) -> Result<()> {
+    let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds));
+    let seen = |word: &&String| options.words.iter().any(|(known, _)| known == *word);
+    let others = args.test_words.iter().filter(|word| !seen(word));
+    let others = others.map(|word| (word.clone(), args.test_seeds));
+    let tests: [(_, Vec<_>); 2] =
+        [("seeds", again.collect()), ("words and seeds", others.collect())];
+    let is_made = |words: &[_]| tuned.helped() && !words.is_empty() && args.test_seeds > 0;
+    let mut told = Vec::new();
+    for (new, words) in tests.into_iter().filter(|(_, words)| is_made(words)) {
         let study = Study {
             contenders: vec![base.clone(), NamedScene::new("tuned", tuned.scene.clone())],
             words,
@@ -277,8 +237,10 @@ fn test(
         let records =
             evaluate(&study, &study.prepare()?, &trials, Some(store), &Stop::default(), &bar)?;
         let ranking = rank(&study, &records);
-        text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
-        json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
+        let table = ranking_table(&study, &ranking);
+        report.text += &format!("\ntested on new {new}: {table}");
+        told.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
     }
-    Ok((text, json))
+    report.value("tests", told);
+    Ok(())
 }

@@ -5,20 +5,13 @@ use std::path::{Path, PathBuf};
 use crate::letters::has_outline;
 use noctograph_core::files::{Limit, entries_in};
 
-/// Folders of typefaces, and those below the user's own folder.
+/// Folders of typefaces; `~` is the user's own folder.
 const FOLDERS: &[&str] = if cfg!(windows) {
-    &["C:\\Windows\\Fonts"]
+    &["C:\\Windows\\Fonts", "~\\AppData\\Local\\Microsoft\\Windows\\Fonts"]
 } else if cfg!(target_vendor = "apple") {
-    &["/Library/Fonts", "/System/Library/Fonts"]
+    &["/Library/Fonts", "/System/Library/Fonts", "~/Library/Fonts"]
 } else {
-    &["/usr/share/fonts", "/usr/local/share/fonts"]
-};
-const OWN: &[&str] = if cfg!(windows) {
-    &["AppData\\Local\\Microsoft\\Windows\\Fonts"]
-} else if cfg!(target_vendor = "apple") {
-    &["Library/Fonts"]
-} else {
-    &[".fonts", ".local/share/fonts"]
+    &["/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts"]
 };
 
 /// Deepest folders, most files that are looked at, and the most bytes that are read of all.
@@ -34,9 +27,11 @@ const LIMIT: Limit =
 /// first, whose center lines are nearest to their strokes.
 pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
-    let own = OWN.iter().map(|folder| home.join(folder));
-    let folders: Vec<PathBuf> = FOLDERS.iter().map(PathBuf::from).chain(own).collect();
-    first_with(&folders, characters)
+    let folders = FOLDERS.iter().map(|folder| match folder.strip_prefix('~') {
+        Some(own) => home.join(own.trim_start_matches(['/', '\\'])),
+        None => folder.into(),
+    });
+    first_with(&folders.collect::<Vec<PathBuf>>(), characters)
 }
 
 /// The first file of folders with some characters, light and upright ones before others by their
@@ -78,12 +73,10 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));
-    let weight = if any(&["thin", "light"]) {
-        0
-    } else if any(&["bold", "black", "heavy", "medium"]) {
-        2
-    } else {
-        1
+    let weight = match (any(&["thin", "light"]), any(&["bold", "black", "heavy", "medium"])) {
+        (true, _) => 0,
+        (_, true) => 2,
+        _ => 1,
     };
     (any(&["italic", "oblique"]), weight)
 }

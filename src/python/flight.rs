@@ -9,7 +9,10 @@ use pyo3::prelude::*;
 use super::columns::Columns;
 use super::plan::PyPlan;
 use super::scene::PyScene;
-use super::{Ends, Reduced, array, data_frame, numbers, raised, reduced, run, run_showing, save};
+use super::{
+    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing, save,
+    text_of,
+};
 use noctograph::error::{Error, Result};
 use noctograph::flight::table::MAX_DURATION_S;
 use noctograph::flight::{Flight, FlightSample, Quantity};
@@ -98,25 +101,21 @@ impl PyFlight {
         let designs_m = columns.points("design_m", design_m.or(Some(position_m)))?;
         let lights = columns.lights(light, 1.0)?;
         let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
-        let samples = times_s.iter().enumerate().map(|(row, time_s)| FlightSample {
-            time_s: *time_s,
-            position_m: positions_m[row],
-            attitude: {
-                let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
-                Attitude { yaw_rad, pitch_rad, roll_rad }
-            },
-            design_m: designs_m[row],
-            letter: is_lit(row).then_some(0),
-            ..FlightSample::default()
-        });
-        let samples = samples.collect();
-        Ok(Self::new(Flight {
-            samples,
-            lights,
-            unlogged: [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors]
-                .into(),
-            ..Flight::default()
-        }))
+        let sample = |row: usize| {
+            let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
+            FlightSample {
+                time_s: times_s[row],
+                position_m: positions_m[row],
+                attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
+                design_m: designs_m[row],
+                letter: is_lit(row).then_some(0),
+                ..FlightSample::default()
+            }
+        };
+        let samples = (0..times_s.len()).map(sample).collect();
+        let unlogged =
+            [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
+        Ok(Self::new(Flight { samples, lights, unlogged, ..Flight::default() }))
     }
 
     /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.
@@ -128,9 +127,8 @@ impl PyFlight {
     /// Reads a flight from the text that ``to_csv`` makes.
     #[staticmethod]
     fn from_csv(py: Python<'_>, csv: &str) -> PyResult<Self> {
-        Flight::parse_csv(csv.as_bytes(), "flight")
-            .map(Self::new)
-            .map_err(|error| raised(py, &error))
+        let flight = Flight::parse_csv(csv.as_bytes(), "flight");
+        flight.map(Self::new).map_err(|error| raised(py, &error))
     }
 
     /// list of str: Warnings: what was guessed of a log, and what was left out, a sentence each.
@@ -194,16 +192,14 @@ impl PyFlight {
     /// (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
-        let columns = self.flight.lights.iter();
-        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
+        arrays(py, &self.flight.lights)
     }
 
     /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of
     /// shape (N,).
     #[getter]
     fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
-        let columns = self.flight.extra.iter();
-        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
+        arrays(py, &self.flight.extra)
     }
 
     /// str: SHA-256 of the flight, as the command line prints it.
@@ -214,9 +210,7 @@ impl PyFlight {
 
     /// The flight as CSV, one row a sample.
     fn to_csv(&self) -> String {
-        let mut csv = Vec::new();
-        self.flight.write_csv(&mut csv).expect("memory can be written");
-        String::from_utf8_lossy(&csv).into_owned()
+        text_of(|csv| self.flight.write_csv(csv))
     }
 
     /// Writes ``to_csv`` to a file, which appears when it is whole.
@@ -267,14 +261,12 @@ fn takes_time(py: Python<'_>, function: &Py<PyAny>) -> bool {
         let parameters = inspect.call_method1("signature", (function,))?.getattr("parameters")?;
         let mut places = 0;
         for parameter in parameters.call_method0("values")?.try_iter()? {
-            match parameter?.getattr("kind")?.str()?.to_cow()?.as_ref() {
-                "POSITIONAL_ONLY"
-                | "POSITIONAL_OR_KEYWORD"
-                | "positional-only"
-                | "positional or keyword" => places += 1,
-                "VAR_POSITIONAL" | "variadic positional" => places += 3,
-                _ => {}
-            }
+            // As a number, 0 to 4: of a place alone, of a place or a name, any more places, ...
+            places += match parameter?.getattr("kind")?.extract::<u8>()? {
+                0 | 1 => 1,
+                2 => 3,
+                _ => 0,
+            };
         }
         Ok(places >= 3)
     };
@@ -295,17 +287,15 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
                 false => function.call1((state, reference))?,
             };
             let motors = numbers(&motors, "controller", 1)?;
-            let refuse = |found: String, wanted: &str| {
-                let hint = "return m1 to m4, 0 to 65535";
+            let refuse = |found: String| {
+                let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
                 raised(py, &Error::input("controller", found, wanted, hint))
             };
             if let Some(motor) = motors.iter().position(|motor| motor.is_nan()) {
-                let found = format!("NaN for m{} at {time_s:.3} s", motor + 1);
-                return Err(refuse(found, "four motor commands"));
+                return Err(refuse(format!("NaN for m{} at {time_s:.3} s", motor + 1)));
             }
-            motors.try_into().map_err(|motors: Vec<f64>| {
-                refuse(format!("{} numbers", motors.len()), "four motor commands")
-            })
+            let n = motors.len();
+            motors.try_into().map_err(|_motors| refuse(format!("{n} numbers")))
         });
         match motors {
             Ok(motors) => session.command(motors)?,
@@ -371,8 +361,7 @@ pub(super) fn fly(
                 Ok(Ok(vec![session.finish()]))
             }
             (Some(function), 1) => {
-                let flown = flown_by(function, session()?, &until)?;
-                Ok(flown.map(|flight| vec![flight]))
+                Ok(flown_by(function, session()?, &until)?.map(|flight| vec![flight]))
             }
             (Some(_), n) => {
                 let hint = "fly each plan by itself";

@@ -12,6 +12,7 @@ mod sessions;
 mod shot;
 mod study;
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -31,25 +32,21 @@ const LOOK: Duration = Duration::from_millis(50);
 type Reduced<T> = (Py<PyAny>, T);
 
 #[pymodule]
-fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_class::<scene::PyScene>()?;
-    module.add_class::<plan::PyPlan>()?;
-    module.add_class::<flight::PyFlight>()?;
-    module.add_class::<shot::PyShot>()?;
-    module.add_class::<sessions::PySessions>()?;
-    module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
-    module.add_function(wrap_pyfunction!(flight::fly, module)?)?;
-    module.add_function(wrap_pyfunction!(flight::import_log, module)?)?;
-    module.add_function(wrap_pyfunction!(shot::photograph, module)?)?;
-    module.add_function(wrap_pyfunction!(shot::score, module)?)?;
-    module.add_function(wrap_pyfunction!(shot::read, module)?)?;
-    module.add_function(wrap_pyfunction!(command, module)?)?;
-    module.add_function(wrap_pyfunction!(scene::setting, module)?)?;
-    module.add_function(wrap_pyfunction!(study::outcomes, module)?)?;
-    module.add_function(wrap_pyfunction!(study::trials, module)?)?;
-    module.add_function(wrap_pyfunction!(study::ranking, module)?)?;
-    module.add_function(wrap_pyfunction!(study::tuning, module)?)
+mod _noctograph {
+    #[pymodule_export]
+    use super::{
+        command,
+        flight::{PyFlight, fly, import_log},
+        plan::{PyPlan, plan},
+        scene::{PyScene, setting},
+        sessions::PySessions,
+        shot::{PyShot, photograph, read, score},
+        study::{outcomes, ranking, trials, tuning},
+    };
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "Python names it")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
 /// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
@@ -86,6 +83,13 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
 fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
     let report = run(py, &Stop::default(), move || noctograph::cli::report_of(&words))?;
     Ok((report.text, to_python(py, &report.json)?))
+}
+
+/// The text that a writer of CSV makes.
+fn text_of(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
+    let mut csv = Vec::new();
+    write(&mut csv).expect("memory can be written");
+    String::from_utf8(csv).expect("CSV is text")
 }
 
 /// A CSV text as a table of pandas.
@@ -187,6 +191,14 @@ fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound
     let rows = values.len() / columns;
     let shape: &[usize] = if columns == 1 { &[rows] } else { &[rows, columns] };
     array_of(py, bytemuck::cast_slice(values), "f8", shape)
+}
+
+/// Columns by their names, each an array of `(rows,)`.
+fn arrays<'py>(
+    py: Python<'py>,
+    columns: &BTreeMap<String, Vec<f64>>,
+) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
+    columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
 /// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes

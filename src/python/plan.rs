@@ -7,8 +7,7 @@ use pyo3::prelude::*;
 
 use super::columns::Columns;
 use super::scene::PyScene;
-use super::{Reduced, array, data_frame, raised, reduced, run, save};
-use noctograph::error::Error;
+use super::{Reduced, array, arrays, data_frame, raised, reduced, run, save, text_of};
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
@@ -34,6 +33,17 @@ use noctograph::shoot::{Shoot, Stop};
 #[derive(Debug)]
 pub(super) struct PyPlan(pub(super) Plan);
 
+impl PyPlan {
+    /// An array of rows, one for each setpoint.
+    fn array<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        row: impl Fn(usize) -> [f64; N],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &(0..self.0.setpoints.len()).flat_map(row).collect::<Vec<_>>(), N)
+    }
+}
+
 #[pymethods]
 impl PyPlan {
     #[new]
@@ -53,10 +63,7 @@ impl PyPlan {
         let positions_m = columns.points("position_m", Some(position_m))?;
         let velocities_m_s = columns.points("velocity_m_s", velocity_m_s)?;
         let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
-        let sent_m = match sent_m {
-            Some(_) => columns.points("sent_m", sent_m)?,
-            None => Vec::new(),
-        };
+        let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
         let lights = columns.lights(light, 0.0)?;
         let setpoint = |row: usize| Setpoint {
             time_s: columns.times_s[row],
@@ -66,11 +73,10 @@ impl PyPlan {
             letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
         };
         let setpoints = (0..columns.times_s.len()).map(setpoint).collect();
-        let plan = Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad };
+        let sent_m = sent_m.unwrap_or_default();
         // The file's reader is the one check of times, levels and reach.
-        let mut csv = Vec::new();
-        plan.write_csv(&mut csv).expect("memory can be written");
-        Plan::parse_csv(&csv, "plan").map(Self).map_err(|error| raised(py, &error))
+        let plan = Self(Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad });
+        Self::from_csv(py, &plan.to_csv())
     }
 
     /// Reads the plan that ``save`` or ``noctograph plan`` wrote to a file.
@@ -94,49 +100,41 @@ impl PyPlan {
     /// numpy.ndarray: Time of each setpoint in s, shape (N,), float64.
     #[getter]
     fn time_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let values: Vec<f64> = self.0.setpoints.iter().map(|setpoint| setpoint.time_s).collect();
-        array(py, &values, 1)
+        self.array(py, |row| [self.0.setpoints[row].time_s])
     }
 
     /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up; shape (N,
     /// 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let points = self.0.setpoints.iter().flat_map(|setpoint| setpoint.position_m.data.0[0]);
-        array(py, &points.collect::<Vec<_>>(), 3)
+        self.array(py, |row| self.0.setpoints[row].position_m.data.0[0])
     }
 
     /// numpy.ndarray: Velocity of each setpoint in m/s, in the axes of the position; shape (N, 3).
     #[getter]
     fn velocity_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let points = self.0.setpoints.iter().flat_map(|setpoint| setpoint.velocity_m_s.data.0[0]);
-        array(py, &points.collect::<Vec<_>>(), 3)
+        self.array(py, |row| self.0.setpoints[row].velocity_m_s.data.0[0])
     }
 
     /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position; shape (N,
     /// 3).
     #[getter]
     fn acceleration_m_s2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let all = self.0.setpoints.iter();
-        let points = all.flat_map(|setpoint| setpoint.acceleration_m_s2.data.0[0]);
-        array(py, &points.collect::<Vec<_>>(), 3)
+        self.array(py, |row| self.0.setpoints[row].acceleration_m_s2.data.0[0])
     }
 
     /// numpy.ndarray: Position that is sent with each setpoint in m: the design's, or one that leads
     /// the drone's controller; shape (N, 3).
     #[getter]
     fn sent_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let rows = 0..self.0.setpoints.len();
-        let points = rows.flat_map(|row| self.0.sent_m(row).data.0[0]);
-        array(py, &points.collect::<Vec<_>>(), 3)
+        self.array(py, |row| self.0.sent_m(row).data.0[0])
     }
 
     /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel; each
     /// of shape (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
-        let columns = self.0.lights.iter();
-        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
+        arrays(py, &self.0.lights)
     }
 
     /// numpy.ndarray: Whether a lamp is to be lit from each setpoint on, 0 to 1; shape (N,).
@@ -147,9 +145,7 @@ impl PyPlan {
 
     /// The plan as CSV, one row a setpoint.
     fn to_csv(&self) -> String {
-        let mut csv = Vec::new();
-        self.0.write_csv(&mut csv).expect("memory can be written");
-        String::from_utf8_lossy(&csv).into_owned()
+        text_of(|csv| self.0.write_csv(csv))
     }
 
     /// Writes ``to_csv`` to a file, which appears when it is whole.
@@ -192,7 +188,6 @@ impl PyPlan {
 #[pyfunction]
 pub(super) fn plan(py: Python<'_>, scene: &PyScene) -> PyResult<Vec<PyPlan>> {
     let scene = scene.0.clone();
-    let stage = move || Ok::<_, Error>(Shoot::new(scene)?.plans);
-    let plans = run(py, &Stop::default(), stage)?;
-    Ok(plans.into_iter().map(|planned| PyPlan(planned.plan)).collect())
+    let shoot = run(py, &Stop::default(), move || Shoot::new(scene))?;
+    Ok(shoot.plans.into_iter().map(|planned| PyPlan(planned.plan)).collect())
 }

@@ -17,7 +17,7 @@ use noctograph::sim::Session;
 use noctograph::study::{Conditions, Outcome, Prepared};
 
 /// One of the flights, and what became of it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Flying {
     seed: u64,
     session: Option<Session>,
@@ -55,8 +55,7 @@ impl PySessions {
             }
         };
         let prepared = run(py, &Stop::default(), stage)?;
-        let grounded = || Flying { seed: 0, session: None, lost: None };
-        let flying = std::iter::repeat_with(grounded).take(n).collect();
+        let flying = std::iter::repeat_with(Flying::default).take(n).collect();
         Ok(Self { prepared: Arc::new(prepared), flying: Mutex::new(flying) })
     }
 
@@ -154,11 +153,7 @@ impl PySessions {
     /// Ends all flights: the outcomes of their photos, as columns of one row and as JSON. Those who
     /// were lost have none.
     fn outcomes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
-        let mut flying = self.all();
-        let grounded = || Flying { seed: 0, session: None, lost: None };
-        let ended: Vec<Flying> =
-            flying.iter_mut().map(|flying| std::mem::replace(flying, grounded())).collect();
-        drop(flying);
+        let ended: Vec<Flying> = self.all().iter_mut().map(std::mem::take).collect();
         let prepared = Arc::clone(&self.prepared);
         let stop = Stop::default();
         let until = stop.clone();
@@ -180,14 +175,8 @@ impl PySessions {
 
     /// Ends a flight: the outcome of its photo.
     fn outcome<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
-        let mut flying = self.all();
-        let Some((seed, session)) = flying
-            .get_mut(index)
-            .and_then(|it| it.session.take().map(|session| (it.seed, session)))
-        else {
-            return Ok(py.None().into_bound(py));
-        };
-        drop(flying);
+        let ended = self.all().get_mut(index).and_then(|it| Some((it.session.take()?, it.seed)));
+        let Some((session, seed)) = ended else { return Ok(py.None().into_bound(py)) };
         let prepared = Arc::clone(&self.prepared);
         let stage = move || prepared.judge(vec![session.finish()], seed);
         let (outcome, _) = run(py, &Stop::default(), stage)?;

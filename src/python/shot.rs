@@ -14,7 +14,7 @@ use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
 use noctograph::photo::{self, Photo};
-use noctograph::report::escaped;
+use noctograph::report::{escaped, photos::shrink};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
 
@@ -36,13 +36,7 @@ impl PyShot {
 
     /// The photo as JPEG of at most [`MOST_BYTES`]: of lower quality, and then halved, until it is.
     fn small(&self) -> Vec<u8> {
-        let Photo { width_px, height_px, rgb8, .. } = &self.shot.photo;
-        let mut photo = Photo {
-            width_px: *width_px,
-            height_px: *height_px,
-            rgb8: rgb8.clone(),
-            scene_toml: None,
-        };
+        let mut photo = self.shot.photo.clone();
         loop {
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
@@ -50,29 +44,10 @@ impl PyShot {
                     return bytes;
                 }
             }
-            photo = halved(&photo);
+            let longest_px = photo.width_px.max(photo.height_px) / 2;
+            photo = shrink(photo, longest_px);
         }
     }
-}
-
-/// A photo of half the width and height: each pixel the mean of four.
-fn halved(photo: &Photo) -> Photo {
-    let (width_px, height_px) = (photo.width_px / 2, photo.height_px / 2);
-    let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
-    let at = |x: u32, y: u32, channel: usize| {
-        u16::from(photo.rgb8[3 * (y as usize * photo.width_px as usize + x as usize) + channel])
-    };
-    for (y, x) in (0..height_px).flat_map(|y| (0..width_px).map(move |x| (2 * y, 2 * x))) {
-        for channel in 0..3 {
-            let sum = at(x, y, channel)
-                + at(x + 1, y, channel)
-                + at(x, y + 1, channel)
-                + at(x + 1, y + 1, channel);
-            #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes")]
-            rgb8.push((sum / 4) as u8);
-        }
-    }
-    Photo { width_px, height_px, rgb8, scene_toml: None }
 }
 
 #[pymethods]
@@ -261,15 +236,13 @@ pub(super) fn score<'py>(
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String> {
-    if photo.hasattr("dtype")? {
-        let photo = pixels(photo)?;
-        return run(py, &Stop::default(), move || {
-            Ok(noctograph::score::read(&photo).of_writing().text)
-        });
-    }
-    let path: PathBuf = photo.extract()?;
+    let photo = match photo.hasattr("dtype")? {
+        true => Ok(pixels(photo)?),
+        false => Err(photo.extract::<PathBuf>()?),
+    };
     run(py, &Stop::default(), move || {
-        Ok(noctograph::score::read(&photo::read(&path)?).of_writing().text)
+        let photo = photo.or_else(|path| photo::read(&path))?;
+        Ok(noctograph::score::read(&photo).of_writing().text)
     })
 }
 

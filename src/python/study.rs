@@ -21,18 +21,20 @@ use noctograph::study::{
     TuneOptions, evaluate, rank, tune,
 };
 
-/// Calls `progress(done, total)` of Python as flights end.
-fn shown<'a>(
-    progress: Option<&'a Py<PyAny>>,
-    done: &'a AtomicUsize,
+/// Runs a stage that counts what is done, and calls `progress(done, total)` of Python meanwhile.
+fn counted<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
     total: usize,
-) -> impl FnMut(Python<'_>) -> PyResult<()> + 'a {
-    move |py| match progress {
-        Some(progress) => {
-            progress.call1(py, (done.load(Ordering::Relaxed), total)).map(|_nothing| ())
-        }
+    stage: impl FnOnce(&Stop, &AtomicUsize) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
+    let (until, counter) = (stop.clone(), Arc::clone(&done));
+    let show = |py: Python<'_>| match &progress {
+        Some(progress) => progress.call1(py, (done.load(Ordering::Relaxed), total)).map(drop),
         None => Ok(()),
-    }
+    };
+    run_showing(py, &stop, show, Ends::ByItself, move || stage(&until, &counter))
 }
 
 /// Flies every scene with every seed: see `fly_many` of `noctograph/studies.py`.
@@ -45,10 +47,8 @@ pub(super) fn outcomes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let scenes: Vec<_> = scenes.iter().map(|scene| scene.0.clone()).collect();
-    let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
-    let (n_scenes, n_seeds) = (scenes.len(), seeds.len());
-    let (until, counter, conditions) = (stop.clone(), Arc::clone(&done), conditions.to_owned());
-    let stage = move || -> Result<Vec<Outcome>> {
+    let (shape, conditions) = ([scenes.len(), seeds.len()], conditions.to_owned());
+    let judged = counted(py, progress, shape[0] * shape[1], move |until, counter| {
         let conditions = Conditions::find(&conditions)?;
         let of_scene = |scene: Scene| {
             until.check()?;
@@ -63,10 +63,8 @@ pub(super) fn outcomes<'py>(
             seeds.par_iter().map(outcome).collect::<Result<Vec<_>>>()
         };
         Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
-    };
-    let tick = shown(progress.as_ref(), &done, n_scenes * n_seeds);
-    let judged = run_showing(py, &stop, tick, Ends::ByItself, stage)?;
-    columns(py, &judged, [n_scenes, n_seeds])
+    })?;
+    columns(py, &judged, shape)
 }
 
 /// Outcomes as arrays of (scenes, seeds): those of `Outcomes` of `noctograph/studies.py`.
@@ -134,20 +132,19 @@ pub(super) fn ranking<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let mut study = study(scenes, words, seed);
-    let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
-    let (until, counter, conditions) = (stop.clone(), Arc::clone(&done), conditions.to_owned());
+    let conditions = conditions.to_owned();
     let each = study.words.iter().map(|(_, n)| *n as usize).sum::<usize>();
     let total = each * study.contenders.len() - flown.len();
-    let stage = move || {
+    let (text, json) = counted(py, progress, total, move |until, counter| {
         study.conditions = Conditions::find(&conditions)?;
         study.check()?;
         let trials: Vec<Trial> = study.trials().collect();
         let rest = trials.iter().enumerate().filter(|(at, _)| !flown.contains_key(at));
         let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let counted = |n| counter.store(n, Ordering::Relaxed);
+        let count = |n| counter.store(n, Ordering::Relaxed);
         let ready = study.prepare()?;
-        let others = evaluate(&study, &ready, &rest, store.as_ref(), &until, &counted)?;
+        let others = evaluate(&study, &ready, &rest, store.as_ref(), until, &count)?;
         let mut others = others.into_iter();
         let record = |(at, trial): (usize, &Trial)| match flown.get(&at) {
             None => others.next().expect("a record for each trial"),
@@ -164,9 +161,7 @@ pub(super) fn ranking<'py>(
         let mut json = report.json;
         json["flights"] = json!(records);
         Ok((report.text, json))
-    };
-    let show = shown(progress.as_ref(), &done, total);
-    let (text, json) = run_showing(py, &stop, show, Ends::ByItself, stage)?;
+    })?;
     Ok((text, to_python(py, &json)?))
 }
 

@@ -3,11 +3,11 @@
 
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener, UdpSocket};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use super::{Error, Result};
 use noctograph_core::files::Limit;
 
 const FILE: &str = "address.json";
@@ -42,16 +42,13 @@ impl Address {
         port: u16,
         ip: Ipv4Addr,
     ) -> Result<(Self, TcpListener)> {
-        let kept = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
-        let kept: Option<Self> = kept
-            .map(|path| {
-                let text = LIMIT.read_text(&path)?;
-                let refused = |error: serde_json::Error| {
-                    Error::input(path.display(), error, "an address of this program", LIMIT.hint)
-                };
-                serde_json::from_str(&text).map_err(refused)
+        let path = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
+        let read = |path: PathBuf| -> Result<Self> {
+            serde_json::from_str(&LIMIT.read_text(&path)?).map_err(|error| {
+                Error::input(path.display(), error, "an address of this program", LIMIT.hint)
             })
-            .transpose()?;
+        };
+        let kept = path.map(read).transpose()?;
         let wanted = match (port, &kept) {
             (0, Some(kept)) => kept.port,
             (port, _) => port,

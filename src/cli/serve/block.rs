@@ -6,32 +6,15 @@ use std::path::Path;
 use unicode_normalization::UnicodeNormalization;
 use unicode_normalization::char::is_combining_mark;
 
-use crate::error::Result;
+use super::Result;
 use noctograph_core::files::Limit;
 
 const LIST: Limit = Limit { bytes: 1 << 20, what: "a list of words", hint: "shorten the list" };
 
-/// Characters that stand for Latin letters: digits, signs, Cyrillic and Greek of the same shape.
-const ALIKE: &[(&str, char)] = &[
-    ("4@αа", 'a'),
-    ("8βв", 'b'),
-    ("с¢(", 'c'),
-    ("3€εе", 'e'),
-    ("9", 'g'),
-    ("ηн", 'h'),
-    ("1!|ιіl", 'i'),
-    ("κк", 'k'),
-    ("μм", 'm'),
-    ("νп", 'n'),
-    ("0οо", 'o'),
-    ("ρр", 'p'),
-    ("5$ѕ", 's'),
-    ("7+τт", 't'),
-    ("υu", 'v'),
-    ("χх", 'x'),
-    ("γу", 'y'),
-    ("2ζ", 'z'),
-];
+/// Latin letters, each with what stands for it: digits, signs, Cyrillic and Greek of the same
+/// shape.
+const ALIKE: &str = "a4@αа b8βв cс¢( e3€εе g9 hηн i1!|ιіl kκк mμм nνп o0οо pρр s5$ѕ t7+τт vυu xχх \
+                     yγу z2ζ";
 
 #[derive(Debug, Default)]
 pub(super) struct BlockList(Vec<String>);
@@ -54,8 +37,8 @@ impl BlockList {
 /// Letters alone, without case, accents and look-alikes; one that is repeated counts once.
 fn folded(text: &str) -> String {
     let alike = |letter: char| {
-        let found = ALIKE.iter().find(|(others, _)| others.contains(letter));
-        found.map_or(letter, |(_, latin)| *latin)
+        let known = ALIKE.split(' ').find(|alike| alike.contains(letter));
+        known.and_then(|alike| alike.chars().next()).unwrap_or(letter)
     };
     let plain = text.nfkd().filter(|c| !is_combining_mark(*c)).flat_map(char::to_lowercase);
     let mut letters: Vec<char> = plain.map(alike).filter(|c| c.is_alphanumeric()).collect();

@@ -13,10 +13,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
-use serde_json::{Value, json};
 
-use super::super::message;
-use crate::error::{Error, Result};
+use super::{Error, Result, Value, json, warn};
 use crate::letters::{Ink, LetterOptions, draw};
 use noctograph_core::files::Limit;
 
@@ -55,21 +53,16 @@ impl Brand {
             Error::input(key, found, wanted, "see docs/page.md").at(path.display(), None)
         };
         let table: Table = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
-            refused(
-                "table",
-                error.message().to_owned(),
-                "title, accent, [sentence], [consent]".into(),
-            )
+            let wanted = "title, accent, [sentence], [consent]".into();
+            refused("table", error.message().to_owned(), wanted)
         })?;
-        let length = |text: &String| text.chars().count();
-        if let Some(title) = table.title.as_ref().filter(|title| length(title) > MAX_TITLE) {
-            let wanted = format!("at most {MAX_TITLE}");
-            return Err(refused("title", format!("{} characters", length(title)), wanted));
-        }
-        for text in table.sentence.values().chain(table.consent.values()) {
-            if length(text) > MAX_SENTENCE {
-                let wanted = format!("at most {MAX_SENTENCE}");
-                return Err(refused("sentence", format!("{} characters", length(text)), wanted));
+        let titles = table.title.iter().map(|title| ("title", title, MAX_TITLE));
+        let sentences = table.sentence.values().chain(table.consent.values());
+        let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));
+        for (key, text, most) in titles.chain(sentences) {
+            let n = text.chars().count();
+            if n > most {
+                return Err(refused(key, format!("{n} characters"), format!("at most {most}")));
             }
         }
         if let Some(accent) = &table.accent {
@@ -81,15 +74,14 @@ impl Brand {
                 return Err(refused("accent", found, format!("{LEAST_CONTRAST} : 1 at least")));
             }
         }
-        let logo = folder.join("logo.svg");
-        // What no drawing may hold, such as a letter whose typeface the tablets lack, no logo may.
-        let checked = |logo: &Path| -> Result<Vec<u8>> {
-            let bytes = LOGO.read(logo)?;
-            let drawn = draw(logo, &LetterOptions::default(), Ink::Alike)?;
-            drawn.warnings.iter().for_each(|warning| message("warning: ", warning));
-            Ok(bytes)
-        };
-        let logo = logo.is_file().then(|| checked(&logo)).transpose()?;
+        let path = folder.join("logo.svg");
+        let logo = path.is_file().then(|| LOGO.read(&path)).transpose()?;
+        if logo.is_some() {
+            // What no drawing may hold, such as a letter whose typeface the tablets lack, no logo
+            // may.
+            let drawn = draw(&path, &LetterOptions::default(), Ink::Alike)?;
+            warn(&drawn.warnings);
+        }
         Ok(Self { table, logo })
     }
 

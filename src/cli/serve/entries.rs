@@ -13,15 +13,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
-use super::super::message;
-use super::super::output::Output;
 use super::address::secret;
-use super::said::Key;
-use super::time::{days_since, now};
+use super::kept::Kept;
+use super::said::{Key, Told};
+use super::time::days_ago;
 use super::wish::Subject;
-use crate::error::{Error, Result};
+use super::{Error, Output, Result, Value, json, message};
 use noctograph_core::files::{Limit, entries_in, folder_in};
 
 const ENTRY: &str = "entry.json";
@@ -89,18 +87,6 @@ pub(super) struct Entry {
     found: Value,
 }
 
-/// What a visitor sends.
-#[derive(Debug)]
-pub(super) struct Sent<'a> {
-    pub(super) visitor: &'a str,
-    pub(super) language: &'a str,
-    /// Name of the large photo, the folder with its files, and what was said of it.
-    pub(super) photo: &'a str,
-    pub(super) folder: &'a Path,
-    pub(super) said: &'a Value,
-    pub(super) subject: &'a Subject,
-}
-
 #[derive(Debug)]
 struct Stored {
     entry: Entry,
@@ -147,11 +133,8 @@ impl Entries {
                 Err(error) => message("warning: ", &format!("left alone: {error}")),
             }
         }
-        let order = folder.join(ORDER);
-        let order = match is_regular(&order) {
-            true => TABLE.read_text(&order).ok().and_then(|text| serde_json::from_str(&text).ok()),
-            false => None,
-        };
+        let order = regular(folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());
+        let order = order.and_then(|text| serde_json::from_str(&text).ok());
         let Order { paused, numbers } = order.unwrap_or_default();
         let place = |stored: &Stored| {
             let place = numbers.iter().position(|number| *number == stored.entry.number);
@@ -163,11 +146,16 @@ impl Entries {
         Ok(Self { folder: folder.to_owned(), _lock: lock, is_open, list, changed })
     }
 
-    /// Keeps an entry. Returns its name and number, and whether it is new: the same photo is kept
-    /// once.
-    pub(super) fn add(&self, sent: &Sent<'_>) -> std::result::Result<(String, u32, bool), Key> {
+    /// Keeps a photo that a visitor sends. Returns the entry's name and number, and whether it is
+    /// new: the same photo is kept once.
+    pub(super) fn add(
+        &self,
+        photo: &Kept,
+        visitor: &str,
+        language: &str,
+    ) -> Told<(String, u32, bool)> {
         let mut list = self.list();
-        let same = |it: &&Stored| it.entry.photo == sent.photo && it.entry.visitor == sent.visitor;
+        let same = |it: &&Stored| it.entry.photo == photo.id && it.entry.visitor == visitor;
         if let Some(Stored { entry, .. }) = list.entries.iter().find(same) {
             return Ok((entry.id.clone(), entry.number, false));
         }
@@ -175,15 +163,14 @@ impl Entries {
             return Err(Key::Paused);
         }
         let waiting = list.entries.iter().filter(|it| it.entry.state == State::Waiting);
-        let own = waiting.clone().filter(|it| it.entry.visitor == sent.visitor);
-        if own.count() >= MOST_OF_VISITOR {
+        if waiting.clone().filter(|it| it.entry.visitor == visitor).count() >= MOST_OF_VISITOR {
             return Err(Key::EntriesMany);
         }
         if waiting.count() >= MOST {
             return Err(Key::QueueFull);
         }
         let number = list.entries.iter().map(|it| it.entry.number).max().map_or(1, |n| n + 1);
-        let stored = self.keep(sent, number).map_err(|error| {
+        let stored = self.keep(photo, visitor, language, number).map_err(|error| {
             message("warning: ", &error.to_string());
             Key::DiskFull
         })?;
@@ -194,32 +181,33 @@ impl Entries {
     }
 
     /// Writes an entry's folder: whole, on the disk, and then under its name.
-    fn keep(&self, sent: &Sent<'_>, number: u32) -> Result<Stored> {
-        let title = sent.subject.title().map(str::to_owned);
+    fn keep(&self, photo: &Kept, visitor: &str, language: &str, number: u32) -> Result<Stored> {
+        let said = photo.said();
+        let found = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
         let mut entry = Entry {
             id: secret()?,
             key: secret()?,
             number,
-            title,
-            made: now(),
+            title: photo.subject.title().map(str::to_owned),
+            made: days_ago(0.0),
             state: State::Waiting,
             hidden: false,
-            visitor: sent.visitor.to_owned(),
-            photo: sent.photo.to_owned(),
-            language: sent.language.to_owned(),
-            found: found(sent.said),
+            visitor: visitor.to_owned(),
+            photo: photo.id.clone(),
+            language: language.to_owned(),
+            found: found.into_iter().map(|name| (name, said[name].clone())).collect(),
         };
         let failed = |source| Error::write(&self.folder, source);
         let (staging, lock) = folder_in(&self.folder).map_err(failed)?;
         for name in super::KEPT {
-            copy(&sent.folder.join(name), &staging.path().join(name)).map_err(failed)?;
+            copy(&photo.file(name), &staging.path().join(name)).map_err(failed)?;
         }
-        let wish = serde_json::to_vec(sent.subject).expect("a wish is plain data");
+        let wish = serde_json::to_vec(&photo.subject).expect("a wish is plain data");
         write(&staging.path().join(WISH), &wish)?;
         loop {
             write(&staging.path().join(ENTRY), &pretty(&entry))?;
             synced(staging.path()).map_err(failed)?;
-            let folder = self.folder.join(name(&entry));
+            let folder = self.folder.join(entry.folder_name());
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {
                     synced(&self.folder).map_err(failed)?;
@@ -236,12 +224,7 @@ impl Entries {
     }
 
     /// Does what the operator says; `was` is the state that the operator saw.
-    pub(super) fn act(
-        &self,
-        id: &str,
-        act: Act,
-        was: Option<State>,
-    ) -> std::result::Result<Value, Key> {
+    pub(super) fn act(&self, id: &str, act: Act, was: Option<State>) -> Told<Value> {
         let mut list = self.list();
         let at = list.entries.iter().position(|it| it.entry.id == id).ok_or(Key::Gone)?;
         if was.is_some_and(|was| was != list.entries[at].entry.state) {
@@ -268,7 +251,7 @@ impl Entries {
     }
 
     /// Takes back what a visitor sent, as long as it waits.
-    pub(super) fn withdraw(&self, id: &str, visitor: &str) -> std::result::Result<(), Key> {
+    pub(super) fn withdraw(&self, id: &str, visitor: &str) -> Told<()> {
         let mut list = self.list();
         let is_own = |it: &Stored| it.entry.id == id && it.entry.visitor == visitor;
         let at = list.entries.iter().position(is_own).ok_or(Key::Gone)?;
@@ -281,7 +264,7 @@ impl Entries {
     }
 
     /// Puts entries first, in an order.
-    pub(super) fn reorder(&self, ids: &[String]) -> std::result::Result<u64, Key> {
+    pub(super) fn reorder(&self, ids: &[String]) -> Told<u64> {
         let mut list = self.list();
         let place = |it: &Stored| ids.iter().position(|id| *id == it.entry.id);
         list.entries.sort_by_key(|it| place(it).unwrap_or(usize::MAX));
@@ -289,13 +272,13 @@ impl Entries {
     }
 
     /// Takes no more entries, or takes them again.
-    pub(super) fn pause(&self, paused: bool) -> std::result::Result<u64, Key> {
+    pub(super) fn pause(&self, paused: bool) -> Told<u64> {
         let mut list = self.list();
         list.paused = paused;
         self.keep_order(&mut list)
     }
 
-    fn keep_order(&self, list: &mut List) -> std::result::Result<u64, Key> {
+    fn keep_order(&self, list: &mut List) -> Told<u64> {
         let numbers = list.entries.iter().map(|it| it.entry.number).collect();
         let order = pretty(&Order { paused: list.paused, numbers });
         write(&self.folder.join(ORDER), &order).map_err(|_cause| Key::DiskFull)?;
@@ -306,8 +289,8 @@ impl Entries {
     /// Removes entries that are older than some days.
     pub(super) fn sweep(&self, days: f64) {
         let mut list = self.list();
-        let is_old = |it: &mut Stored| days_since(&it.entry.made).is_some_and(|age| age > days);
-        let old: Vec<Stored> = list.entries.extract_if(.., is_old).collect();
+        let limit = days_ago(days);
+        let old: Vec<Stored> = list.entries.extract_if(.., |it| it.entry.made < limit).collect();
         if !old.is_empty() {
             old.iter().for_each(|it| remove(&it.folder));
             self.tell(&mut list);
@@ -348,17 +331,16 @@ impl Entries {
         let at = list.entries.iter().position(|it| it.entry.id == id)?;
         let Entry { number, title, made, state, language, found, .. } = &list.entries[at].entry;
         let flies = |it: &&Stored| !matches!(it.entry.state, State::Flown | State::Rejected);
-        let ahead: Vec<f64> =
-            list.entries[..at].iter().filter(flies).map(Stored::flight_s).collect();
-        let ahead_s = ahead.iter().fold(0.0, |sum, flight_s| sum + flight_s + BETWEEN_S);
+        let ahead = list.entries[..at].iter().filter(flies);
+        let flight_s = |it: &Stored| it.entry.found["flight_s"].as_f64().unwrap_or(0.0);
+        let ahead_s = ahead.clone().fold(0.0, |sum, it| sum + flight_s(it) + BETWEEN_S);
         Some(json!({
             "id": id, "number": number, "title": title, "made": made.get(..10), "state": state,
             "language": language, "flight_s": found["flight_s"], "read": found["read"],
-            "legible": found["legible"], "ahead": ahead.len(), "ahead_s": ahead_s,
+            "legible": found["legible"], "ahead": ahead.count(), "ahead_s": ahead_s,
         }))
     }
 
-    /// A file of an entry.
     pub(super) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
         self.file_of(|entry| entry.id == id, name)
     }
@@ -407,17 +389,14 @@ impl Entries {
         let list = self.list();
         let approved = list.entries.iter().filter(|it| it.entry.state == State::Approved);
         let subject = |it: &Stored| {
-            let path = it.folder.join(WISH);
-            let text = is_regular(&path).then(|| TABLE.read_text(&path).ok()).flatten()?;
-            serde_json::from_str(&text).ok()
+            serde_json::from_str(&TABLE.read_text(&regular(it.folder.join(WISH))?).ok()?).ok()
         };
         approved.map(|it| (it.entry.number, it.entry.title.clone(), subject(it))).collect()
     }
 
     fn file_of(&self, is_it: impl Fn(&Entry) -> bool, name: &str) -> Option<PathBuf> {
         let list = self.list();
-        let path = list.entries.iter().find(|it| is_it(&it.entry))?.folder.join(name);
-        is_regular(&path).then_some(path)
+        regular(list.entries.iter().find(|it| is_it(&it.entry))?.folder.join(name))
     }
 
     fn tell(&self, list: &mut List) {
@@ -432,67 +411,51 @@ impl Entries {
 
 impl Stored {
     /// Changes an entry, on the disk first.
-    fn change(&mut self, change: impl FnOnce(&mut Entry)) -> std::result::Result<(), Key> {
+    fn change(&mut self, change: impl FnOnce(&mut Entry)) -> Told<()> {
         let mut entry = self.entry.clone();
         change(&mut entry);
         write(&self.folder.join(ENTRY), &pretty(&entry)).map_err(|_cause| Key::DiskFull)?;
         self.entry = entry;
         Ok(())
     }
-
-    fn flight_s(&self) -> f64 {
-        self.entry.found["flight_s"].as_f64().unwrap_or(0.0)
-    }
 }
 
 impl Entry {
     fn for_operator(&self) -> Value {
-        let mut json = self.found.clone();
-        json["id"] = json!(self.id);
-        json["number"] = json!(self.number);
-        json["title"] = json!(self.title);
-        json["made"] = json!(self.made);
-        json["state"] = json!(self.state);
-        json["hidden"] = json!(self.hidden);
-        // Enough to tell visitors apart.
-        json["visitor"] = json!(self.visitor.get(..4));
+        let mut json = json!({
+            "id": self.id, "number": self.number, "title": self.title, "made": self.made,
+            "state": self.state, "hidden": self.hidden,
+            // Enough to tell visitors apart.
+            "visitor": self.visitor.get(..4),
+        });
+        let own = json.as_object_mut().expect("it is an object");
+        for (name, value) in self.found.as_object().into_iter().flatten() {
+            own.entry(name).or_insert_with(|| value.clone());
+        }
         json
     }
-}
 
-/// What is kept of what was said of a photo.
-fn found(said: &Value) -> Value {
-    let names = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
-    names
-        .iter()
-        .map(|name| ((*name).to_owned(), said[name].clone()))
-        .collect::<serde_json::Map<_, _>>()
-        .into()
-}
-
-/// The name of an entry's folder: `0012-NOOR`.
-fn name(entry: &Entry) -> String {
-    let title = entry.title.as_deref().unwrap_or("drawing");
-    let title: String = title.chars().filter(char::is_ascii_alphanumeric).collect();
-    format!("{:04}-{title}", entry.number)
+    /// The name of its folder: `0012-NOOR`.
+    fn folder_name(&self) -> String {
+        let title = self.title.as_deref().unwrap_or("drawing");
+        let title: String = title.chars().filter(char::is_ascii_alphanumeric).collect();
+        format!("{:04}-{title}", self.number)
+    }
 }
 
 /// Reads an entry; `None` for what is none.
 fn read(folder: &Path) -> Result<Option<Entry>> {
     let is_folder = folder.symlink_metadata().is_ok_and(|found| found.is_dir());
-    let path = folder.join(ENTRY);
-    if !is_folder || !is_regular(&path) {
-        return Ok(None);
-    }
+    let Some(path) = regular(folder.join(ENTRY)).filter(|_| is_folder) else { return Ok(None) };
     let refused = |error: serde_json::Error| {
         Error::input(path.display(), error, "an entry of this program", TABLE.hint)
     };
     serde_json::from_str(&TABLE.read_text(&path)?).map(Some).map_err(refused)
 }
 
-/// Whether a path is a file itself, not a link to one.
-fn is_regular(path: &Path) -> bool {
-    path.symlink_metadata().is_ok_and(|found| found.is_file())
+/// A path that is a file itself, not a link to one.
+fn regular(path: PathBuf) -> Option<PathBuf> {
+    path.symlink_metadata().is_ok_and(|found| found.is_file()).then_some(path)
 }
 
 fn pretty(value: &impl Serialize) -> Vec<u8> {

@@ -41,7 +41,6 @@ pub(super) struct Admitted {
 }
 
 impl Guard {
-    /// Admits a request.
     pub(super) fn admit(&self, head: &Head) -> Answered<Admitted> {
         if !self.is_own_host(head.field("host").unwrap_or_default()) {
             return Err(Refusal(421, "the address names another host"));

@@ -5,12 +5,12 @@
 //! and with them the limits that the page needs on silent and on many connections.
 
 use std::fs::File;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Cursor, ErrorKind, Read, Write};
 use std::net::{IpAddr, Shutdown, TcpStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use super::Value;
 
 /// Longest head, and most of its fields: browsers send 2 KiB in 20 fields.
 const MAX_HEAD: usize = 16 << 10;
@@ -66,7 +66,6 @@ impl Connection {
         Self { stream, deadline: Instant::now() + PATIENCE, bytes: Vec::new() }
     }
 
-    /// Reads the head.
     pub(super) fn head(&mut self) -> Answered<Head> {
         let peer = self.stream.peer_addr().map_err(|_gone| GONE)?.ip();
         loop {
@@ -103,15 +102,14 @@ impl Connection {
     fn read_more(&mut self) -> Answered<()> {
         let mut part = [0; PART];
         match self.read(&mut part, self.deadline) {
-            Ok(0) => Err(GONE),
-            Ok(n) => {
+            Ok(n @ 1..) => {
                 self.bytes.extend_from_slice(&part[..n]);
                 Ok(())
             }
             Err(error) if is_late(&error) => {
                 Err(Refusal(408, "the request did not arrive in time"))
             }
-            Err(_) => Err(GONE),
+            Ok(0) | Err(_) => Err(GONE),
         }
     }
 
@@ -133,39 +131,31 @@ impl Connection {
 
     /// Sends an answer within a time for the whole of it, and closes the connection.
     pub(super) fn answer(self, answer: Answer) {
-        let seconds = PATIENCE + Duration::from_secs(answer.body.length() / LEAST_BYTES_S);
+        let seconds = PATIENCE + Duration::from_secs(answer.length / LEAST_BYTES_S);
         let _ = self.send(answer, Instant::now() + seconds);
         let _ = self.stream.shutdown(Shutdown::Write);
         let (deadline, mut n_left) = (Instant::now() + LEFT_PATIENCE, LEFT);
         let mut part = [0; PART];
-        while let Ok(n @ 1..) = self.read(&mut part, deadline) {
+        while n_left > 0
+            && let Ok(n @ 1..) = self.read(&mut part, deadline)
+        {
             n_left = n_left.saturating_sub(n);
-            if n_left == 0 {
-                break;
-            }
         }
     }
 
     fn send(&self, answer: Answer, deadline: Instant) -> std::io::Result<()> {
         self.stream.set_nodelay(true)?;
-        let Answer { status, kind, fields, body } = answer;
-        let length = body.length();
+        let Answer { status, kind, fields, length, body } = answer;
         let head = format!(
             "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nConnection: close\r\n\
              X-Content-Type-Options: nosniff\r\nCross-Origin-Resource-Policy: same-origin\r\n\
              Referrer-Policy: no-referrer\r\n{fields}Content-Length: {length}\r\n\r\n"
         );
-        match body {
-            Body::Bytes(bytes) => self.write(&[head.into_bytes(), bytes].concat(), deadline),
-            Body::File(file, length) => {
-                self.write(head.as_bytes(), deadline)?;
-                let (mut file, mut part) = (file.take(length), vec![0; PART]);
-                loop {
-                    match file.read(&mut part)? {
-                        0 => return Ok(()),
-                        n => self.write(&part[..n], deadline)?,
-                    }
-                }
+        let (mut sent, mut part) = (head.as_bytes().chain(body.take(length)), vec![0; PART]);
+        loop {
+            match sent.read(&mut part)? {
+                0 => return Ok(()),
+                n => self.write(&part[..n], deadline)?,
             }
         }
     }
@@ -195,35 +185,19 @@ fn is_late(error: &std::io::Error) -> bool {
 /// The other side closed the connection: nobody reads an answer.
 const GONE: Refusal = Refusal(400, "the connection was closed");
 
-/// An answer.
-#[derive(Debug)]
 pub(super) struct Answer {
     status: u16,
     kind: &'static str,
     /// Further fields, each with its end of line.
     fields: String,
-    body: Body,
-}
-
-#[derive(Debug)]
-enum Body {
-    Bytes(Vec<u8>),
-    /// A file of a length: what a slow reader takes does not wait in memory.
-    File(File, u64),
-}
-
-impl Body {
-    fn length(&self) -> u64 {
-        match self {
-            Self::Bytes(bytes) => bytes.len() as u64,
-            Self::File(_, length) => *length,
-        }
-    }
+    length: u64,
+    /// Text, or a file: what a slow reader takes does not wait in memory.
+    body: Box<dyn Read>,
 }
 
 impl Answer {
     pub(super) fn whole(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
-        Self::new(kind, Body::Bytes(body.into())).with_field("Cache-Control", "no-store")
+        Self::new(kind, body.into()).with_field("Cache-Control", "no-store")
     }
 
     /// A file that does not change, and the browser may keep.
@@ -231,26 +205,25 @@ impl Answer {
     pub(super) fn file(kind: &'static str, path: &Path) -> std::io::Result<Self> {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
-        let kept = ("Cache-Control", "private, max-age=86400, immutable");
-        Ok(Self::new(kind, Body::File(file, length)).with_field(kept.0, kept.1))
+        let answer = Self { length, body: Box::new(file), ..Self::new(kind, Vec::new()) };
+        Ok(answer.with_field("Cache-Control", "private, max-age=86400, immutable"))
     }
 
     /// A file of the page, which the browser may keep as long as its mark is the same.
     pub(super) fn marked(kind: &'static str, body: &str, mark: &str, head: &Head) -> Self {
         let is_known = head.field("if-none-match") == Some(mark);
-        let body = if is_known { "" } else { body };
-        let answer = Self::new(kind, Body::Bytes(body.into()))
-            .with_status(if is_known { 304 } else { 200 })
-            .with_field("Cache-Control", "no-cache");
-        answer.with_field("ETag", mark)
+        let (status, body) = if is_known { (304, "") } else { (200, body) };
+        let answer = Self::new(kind, body.into()).with_status(status);
+        answer.with_field("Cache-Control", "no-cache").with_field("ETag", mark)
     }
 
     pub(super) fn json(value: &Value) -> Self {
         Self::whole("application/json", value.to_string())
     }
 
-    fn new(kind: &'static str, body: Body) -> Self {
-        Self { status: 200, kind, fields: String::new(), body }
+    fn new(kind: &'static str, body: Vec<u8>) -> Self {
+        let (length, body) = (body.len() as u64, Box::new(Cursor::new(body)));
+        Self { status: 200, kind, fields: String::new(), length, body }
     }
 
     pub(super) fn with_status(self, status: u16) -> Self {

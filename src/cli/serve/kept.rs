@@ -5,13 +5,11 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use serde_json::Value;
 use tempfile::TempDir;
 
-use super::super::output::Output;
 use super::studio::OUT;
 use super::wish::{Subject, Wish};
-use crate::error::Result;
+use super::{Output, Result, Value};
 use noctograph_core::files::Limit;
 
 const SAID: &str = "said.json";
@@ -41,13 +39,11 @@ impl Kept {
         Ok(kept)
     }
 
-    /// What was said of it.
     pub(super) fn said(&self) -> Value {
         let text = LIMIT.read_text(&self.file(SAID)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// A file of it.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(OUT).join(name)
     }
@@ -59,9 +55,9 @@ pub(super) struct Photos(Mutex<VecDeque<Kept>>);
 impl Photos {
     pub(super) fn keep(&self, kept: Kept) {
         let mut photos = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_visitor = photos.iter().filter(|it| it.visitor == kept.visitor).count();
-        let oldest = match of_visitor {
-            MOST_OF_VISITOR.. => photos.iter().position(|it| it.visitor == kept.visitor),
+        let is_own = |it: &Kept| it.visitor == kept.visitor;
+        let oldest = match photos.iter().filter(|it| is_own(it)).count() {
+            MOST_OF_VISITOR.. => photos.iter().position(is_own),
             _ if photos.len() == MOST => Some(0),
             _ => None,
         };

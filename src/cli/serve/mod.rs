@@ -14,12 +14,10 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::Args;
-use serde_json::json;
-
-use super::outcome::{Report, line};
-use super::{message, print};
-use crate::error::{Error, Result};
+use super::{
+    Args, CommandLine, Error, Output, Report, Result, Value, Verb, export, json, line, message,
+    no_thread, print, refused, shell_word, show, typefaces, warn,
+};
 use address::{Address, own_ip};
 use block::BlockList;
 use brand::Brand;
@@ -107,24 +105,22 @@ pub(super) struct ServeArgs {
 }
 
 pub(super) fn run(args: &ServeArgs) -> Result<Report> {
-    let base: Vec<OsString> = match &args.scene {
-        Some(scene) => vec!["--scene".into(), scene.clone()],
-        None => Vec::new(),
-    };
+    let scene = args.scene.iter().flat_map(|scene| ["--scene".into(), scene.clone()]);
+    let base: Vec<OsString> = scene.collect();
     match args.worker {
         true => worker::run(base, args.patient)?,
-        false => serve(args, base)?,
+        false => serve(args, &base)?,
     }
-    Ok(Report::new(String::new(), json!({})))
+    Ok(Report::empty())
 }
 
-fn serve(args: &ServeArgs, base: Vec<OsString>) -> Result<()> {
+fn serve(args: &ServeArgs, base: &[OsString]) -> Result<()> {
     if let Some(days) = args.keep {
         crate::error::within("--keep", days, 0.0, 36_500.0)?;
     }
     // A scene that cannot be flown is refused now, not by every visitor's photo. Its typeface may
     // lack our letter: visitors write others with it.
-    let warming = preview_args([base.clone(), vec!["--word=A".into()]].concat())?;
+    let warming = preview_args([base, &["--word=A".into()]].concat())?;
     let scene = match warming.shoot() {
         Err(Error::Letter { .. }) => warming.scene()?,
         shoot => shoot?.scene,
@@ -142,22 +138,16 @@ fn serve(args: &ServeArgs, base: Vec<OsString>) -> Result<()> {
     let outside = args.network.then(own_ip).flatten();
     announce(args, &address, outside)?;
     let [live, large] = [(); 2].map(|()| Arc::new(Queue::default()));
-    let lane = |queue: &Arc<Queue>, patience, is_patient| Lane {
-        queue: queue.clone(),
-        base: base.clone(),
-        scratch: scratch.path().to_owned(),
-        patience,
-        is_patient,
-    };
     // Two photos at a time: while one is planned, the other is exposed.
-    let lanes = [
-        lane(&live, LIVE_PATIENCE, false),
-        lane(&live, LIVE_PATIENCE, false),
-        lane(&large, LARGE_PATIENCE, true),
-    ];
+    let lanes = [&live, &live, &large].map(|queue| Lane {
+        queue: queue.clone(),
+        base: base.to_owned(),
+        scratch: scratch.path().to_owned(),
+        patience: if Arc::ptr_eq(queue, &large) { LARGE_PATIENCE } else { LIVE_PATIENCE },
+        is_patient: Arc::ptr_eq(queue, &large),
+    });
     for lane in lanes {
-        let worker = std::thread::Builder::new();
-        worker.spawn(move || lane.work()).map_err(|error| no_thread(&error))?;
+        std::thread::Builder::new().spawn(move || lane.work()).map_err(no_thread)?;
     }
     let hall = Hall {
         kiosk: args.kiosk,
@@ -178,7 +168,7 @@ fn serve(args: &ServeArgs, base: Vec<OsString>) -> Result<()> {
                 std::thread::sleep(SWEEP);
             }
         });
-        sweeping.map_err(|error| no_thread(&error))?;
+        sweeping.map_err(no_thread)?;
     }
     // A connection that failed before it was taken is of no concern.
     for stream in listener.incoming().flatten() {
@@ -213,15 +203,9 @@ fn open(address: &str) {
         "windows" => "explorer",
         _ => "xdg-open",
     };
-    let quiet = || Stdio::null();
-    let opened =
-        Command::new(opener).arg(address).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn();
-    if opened.is_err() {
+    let mut command = Command::new(opener);
+    let quiet = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    if quiet.arg(address).spawn().is_err() {
         message("note: ", &format!("no {opener} here: open the address in a browser"));
     }
-}
-
-fn no_thread(error: &dyn std::fmt::Display) -> Error {
-    let hint = "allow more processes (ulimit -u)".to_owned();
-    Error::Infeasible { what: format!("no thread can be started: {error}"), hint }
 }

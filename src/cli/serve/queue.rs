@@ -3,13 +3,13 @@
 //! A visitor's newer wish takes the place of the older one, so that whoever types fast waits no
 //! longer than others. A job that nobody waits for any more is stopped.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-use serde_json::Value;
 use tempfile::TempDir;
 
+use super::Value;
 use super::said::Said;
 use super::wish::Task;
 use crate::shoot::Stop;
@@ -82,7 +82,8 @@ impl Queue {
         let mut line = self.line();
         let place = line.leave(|waiting| waiting.visitor == visitor);
         let (answer, receiver) = channel();
-        let number = line.number();
+        line.next += 1;
+        let number = line.next;
         let asked = Waiting { number, visitor: visitor.to_owned(), answer };
         let line = &mut *line;
         let mut jobs = line.waiting.iter_mut().chain(&mut line.doing);
@@ -104,7 +105,6 @@ impl Queue {
         self.line().leave(|waiting| waiting.visitor == visitor);
     }
 
-    /// Gives a place up.
     pub(super) fn leave(&self, ticket: &Ticket) {
         self.line().leave(|waiting| waiting.number == ticket.number);
     }
@@ -138,11 +138,6 @@ impl Queue {
 }
 
 impl Line {
-    fn number(&mut self) -> u64 {
-        self.next += 1;
-        self.next
-    }
-
     /// Takes those out who leave, stops jobs that nobody waits for, and returns the place of the
     /// first that becomes free.
     fn leave(&mut self, leaves: impl Fn(&Waiting) -> bool) -> Option<usize> {
@@ -162,30 +157,23 @@ impl Line {
 /// Most visitors whose running numbers are known: a day's.
 const MAX_VISITORS: usize = 4096;
 
-/// The running number of each visitor's newest wish.
+/// The running number of each visitor's newest wish, in the order in which visitors came.
 #[derive(Debug, Default)]
-pub(super) struct Numbers {
-    newest: HashMap<String, u64>,
-    /// In the order in which they came.
-    visitors: VecDeque<String>,
-}
+pub(super) struct Numbers(VecDeque<(String, u64)>);
 
 impl Numbers {
     /// Whether a wish is the newest of its visitor; one without a number always is.
     pub(super) fn is_newest(&mut self, visitor: &str, number: Option<u64>) -> bool {
         let Some(number) = number else { return true };
-        if let Some(newest) = self.newest.get_mut(visitor) {
+        if let Some((_, newest)) = self.0.iter_mut().find(|(known, _)| known == visitor) {
             let is_newest = number >= *newest;
             *newest = number.max(*newest);
             return is_newest;
         }
-        if self.visitors.len() == MAX_VISITORS
-            && let Some(first) = self.visitors.pop_front()
-        {
-            self.newest.remove(&first);
+        if self.0.len() == MAX_VISITORS {
+            self.0.pop_front();
         }
-        self.visitors.push_back(visitor.to_owned());
-        self.newest.insert(visitor.to_owned(), number);
+        self.0.push_back((visitor.to_owned(), number));
         true
     }
 }
@@ -275,6 +263,6 @@ mod tests {
         assert!(!is_newest("a", Some(8)) && is_newest("b", Some(1)) && is_newest("a", None));
         (0..MAX_VISITORS).for_each(|n| assert!(is_newest(&format!("v{n}"), Some(1))));
         assert!(is_newest("a", Some(1)), "it was forgotten");
-        assert_eq!(numbers.newest.len(), MAX_VISITORS);
+        assert_eq!(numbers.0.len(), MAX_VISITORS);
     }
 }

@@ -3,8 +3,7 @@
 //! Times are in hundredths of a second of the flight, places in ten-thousandths of the photo's
 //! width and height, y down: whole numbers, of which a word has some kilobytes.
 
-use serde_json::{Value, json};
-
+use super::{Value, json};
 use crate::camera::Camera;
 use crate::light::{Lamp, LightSample};
 use crate::shoot::{Shot, writing};
@@ -25,7 +24,6 @@ struct Stroke<'a> {
     rgb: [f64; 3],
 }
 
-/// The map of a photo's light.
 pub(super) fn replay(shot: &Shot) -> Value {
     let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();

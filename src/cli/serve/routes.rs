@@ -5,22 +5,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use serde::Deserialize;
-use serde_json::{Value, json};
+use serde::de::DeserializeOwned;
 
 use super::block::BlockList;
 use super::brand::Brand;
 use super::door::{Door, Taken};
-use super::entries::{Act, Entries, MOST_OF_VISITOR, Sent, State};
+use super::entries::{Entries, MOST_OF_VISITOR};
 use super::guard::{Admitted, Base, Guard};
 use super::http::{Answer, Answered, Connection, Head, MAX_BODY};
 use super::kept::{Kept, Photos};
 use super::page::FILES;
 use super::queue::{Numbers, Outcome, Queue};
-use super::said::{Key, Said};
+use super::said::{Key, Said, Told};
 use super::studio::{JPEG, OUT, PNG, REPLAY};
 use super::wish::{MAX_WORD, Task, Wish, is_name};
-use super::{address, qr};
+use super::{Value, address, json, qr};
 use crate::export::zip::zip;
 use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
 use crate::scene::Scene;
@@ -68,17 +67,13 @@ pub(super) struct Server {
     mark: String,
 }
 
-/// A request that was let in, with its body, and its connection as long as it is answered.
+/// A request that was let in, and its connection as long as it is answered.
 struct Asked<'a> {
     head: &'a Head,
     admitted: Admitted,
-    body: Vec<u8>,
     connection: &'a Connection,
     taken: &'a Taken,
 }
-
-/// What a request leads to.
-type Told = Result<Answer, Key>;
 
 impl Server {
     pub(super) fn new(
@@ -110,24 +105,22 @@ impl Server {
         let head = connection.head()?;
         let admitted = self.guard.admit(&head)?;
         let body = admitted.length.map(|length| connection.body(length)).transpose()?;
-        let is_sent = body.is_some();
-        let body = body.unwrap_or_default();
-        let asked = Asked { head: &head, admitted, body, connection, taken };
-        let route = asked.admitted.route.clone();
+        let route = admitted.route.clone();
         let parts: Vec<&str> = route.split('/').collect();
-        let told = match (&asked.admitted.base, is_sent) {
-            (Base::Visitors, true) => self.post(&parts, &asked),
-            (Base::Operator, true) => self.operate(&parts, &asked),
-            (Base::Entry(_), true) => Err(Key::NotHere),
-            (Base::Visitors, false) => self.get(&parts, &asked),
-            (Base::Operator, false) => self.look(&parts, &asked),
-            (Base::Entry(id), false) => self.take_home(&id.clone(), &parts, &asked),
+        let asked = Asked { head: &head, admitted, connection, taken };
+        let told = match (&asked.admitted.base, body) {
+            (Base::Visitors, Some(body)) => self.post(&parts, &body, &asked),
+            (Base::Operator, Some(body)) => self.operate(&parts, &body),
+            (Base::Entry(_), Some(_)) => Err(Key::NotHere),
+            (Base::Visitors, None) => self.get(&parts, &asked),
+            (Base::Operator, None) => self.look(&parts, &asked),
+            (Base::Entry(id), None) => self.take_home(id, &parts, &asked),
         };
         Ok(told.unwrap_or_else(Answer::from))
     }
 
     /// What every address has: the page, who one is, and news.
-    fn common(&self, parts: &[&str], asked: &Asked<'_>) -> Told {
+    fn common(&self, parts: &[&str], asked: &Asked<'_>) -> Told<Answer> {
         let boot = &self.hall.boot;
         match *parts {
             ["alive"] => Ok(Answer::json(&json!({ "boot": boot }))),
@@ -146,8 +139,7 @@ impl Server {
         }
     }
 
-    /// A file of the page.
-    fn page(&self, route: &str, asked: &Asked<'_>) -> Told {
+    fn page(&self, route: &str, asked: &Asked<'_>) -> Told<Answer> {
         let first = match &asked.admitted.base {
             Base::Visitors => "index.html",
             Base::Operator => "operator.html",
@@ -195,7 +187,7 @@ impl Server {
         about
     }
 
-    fn get(&self, parts: &[&str], asked: &Asked<'_>) -> Told {
+    fn get(&self, parts: &[&str], asked: &Asked<'_>) -> Told<Answer> {
         match *parts {
             ["wall"] => Ok(Answer::json(&self.entries.wall())),
             ["wall", name] => {
@@ -214,7 +206,7 @@ impl Server {
         }
     }
 
-    fn take_home(&self, id: &str, parts: &[&str], asked: &Asked<'_>) -> Told {
+    fn take_home(&self, id: &str, parts: &[&str], asked: &Asked<'_>) -> Told<Answer> {
         let own = self.entries.own(id).ok_or(Key::Gone)?;
         match *parts {
             ["entry.json"] => Ok(Answer::json(&own)),
@@ -224,8 +216,7 @@ impl Server {
         }
     }
 
-    /// What the operator looks at.
-    fn look(&self, parts: &[&str], asked: &Asked<'_>) -> Told {
+    fn look(&self, parts: &[&str], asked: &Asked<'_>) -> Told<Answer> {
         match *parts {
             ["queue.json"] => Ok(Answer::json(&self.entries.queue())),
             ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
@@ -241,82 +232,71 @@ impl Server {
         }
     }
 
-    /// What the operator does.
-    fn operate(&self, parts: &[&str], asked: &Asked<'_>) -> Told {
-        let revision = |revision: u64| Answer::json(&json!({ "revision": revision }));
-        match *parts {
+    fn operate(&self, parts: &[&str], body: &[u8]) -> Told<Answer> {
+        let revision = match *parts {
             ["entries", id] => {
-                let Doing { act, was } = parsed(&asked.body)?;
-                Ok(Answer::json(&self.entries.act(id, act, was)?))
+                let (act, was) = (member(body, "do")?, member(body, "was")?);
+                return Ok(Answer::json(&self.entries.act(id, act, was)?));
             }
-            ["order"] => {
-                let Order { ids } = parsed(&asked.body)?;
-                self.entries.reorder(&ids).map(revision)
-            }
-            ["pause"] => {
-                let Pause { paused } = parsed(&asked.body)?;
-                self.entries.pause(paused).map(revision)
-            }
-            _ => Err(Key::Gone),
-        }
+            ["order"] => self.entries.reorder(&member::<Vec<String>>(body, "ids")?)?,
+            ["pause"] => self.entries.pause(member(body, "paused")?)?,
+            _ => return Err(Key::Gone),
+        };
+        Ok(Answer::json(&json!({ "revision": revision })))
     }
 
-    fn post(&self, parts: &[&str], asked: &Asked<'_>) -> Told {
+    fn post(&self, parts: &[&str], body: &[u8], asked: &Asked<'_>) -> Told<Answer> {
         match *parts {
-            ["live"] => self.wished(asked, |wish| Task::Live(wish.subject.clone())),
-            ["photos"] => self.wished(asked, |wish| Task::Large(wish.subject.clone(), wish.advice)),
-            ["entries"] => self.send(&asked.body),
-            ["entries", id] => {
-                let Withdrawal { act: Withdraw::Withdraw, visitor } = parsed(&asked.body)?;
-                self.entries.withdraw(id, &visitor)?;
+            ["live" | "photos"] => match Wish::parse(body) {
+                Ok(wish) => self.wished(asked, wish, parts == ["photos"]),
+                Err(said) => Ok(Answer::json(&said.json())),
+            },
+            ["entries"] => self.send(body),
+            ["entries", id] if member::<String>(body, "do")? == "withdraw" => {
+                self.entries.withdraw(id, &member::<String>(body, "visitor")?)?;
                 Ok(Answer::json(&json!({})))
             }
+            ["entries", _] => Err(Key::PageOld),
             _ => Err(Key::Gone),
         }
     }
 
     /// A photo, in place of older ones of the same visitor.
-    fn wished(&self, asked: &Asked<'_>, task: impl FnOnce(&Wish) -> Task) -> Told {
-        let wish = match Wish::parse(&asked.body) {
-            Ok(wish) => wish,
-            Err(said) => return Ok(Answer::json(&said.json())),
+    fn wished(&self, asked: &Asked<'_>, wish: Wish, is_large: bool) -> Told<Answer> {
+        let number = wish.number;
+        let numbered = |mut value: Value| {
+            value["number"] = json!(number);
+            Ok(Answer::json(&value))
         };
-        let task = task(&wish);
-        let is_large = matches!(task, Task::Large(..));
-        let number_of = wish.number;
-        let number = |mut value: Value| {
-            value["number"] = json!(number_of);
-            Answer::json(&value)
+        let subject = wish.subject.clone();
+        let (queue, other, task) = match is_large {
+            true => (&self.large, &self.live, Task::Large(subject, wish.advice)),
+            false => (&self.live, &self.large, Task::Live(subject)),
         };
         let ticket = {
             let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-            if !numbers.is_newest(&wish.visitor, wish.number) {
-                return Ok(number(json!({ "stopped": true })));
+            if !numbers.is_newest(&wish.visitor, number) {
+                return numbered(json!({ "stopped": true }));
             }
-            let (queue, other) =
-                if is_large { (&self.large, &self.live) } else { (&self.live, &self.large) };
             other.end(&wish.visitor);
-            queue.ask(&wish.visitor, task).map(|ticket| (queue, ticket))
+            queue.ask(&wish.visitor, task).ok_or(Key::Busy)?
         };
-        let (queue, ticket) = ticket.ok_or(Key::Busy)?;
-        let outcome = asked.waited(queue, &ticket);
-        Ok(number(match outcome {
+        match asked.waited(queue, &ticket) {
             Outcome::Made(said, folder) if is_large => {
                 let id = address::secret().map_err(|_cause| Key::Broken)?;
                 let mut said = (*said).clone();
                 said["id"] = json!(id);
                 let kept = Kept::new(id, wish, folder, &said).map_err(|_cause| Key::DiskFull)?;
                 self.photos.keep(kept);
-                said
+                numbered(said)
             }
-            Outcome::Made(said, _) => (*said).clone(),
-            Outcome::Failed(said) => said.json(),
-            Outcome::Stopped => json!({ "stopped": true }),
-        }))
+            Outcome::Made(said, _) => numbered((*said).clone()),
+            Outcome::Failed(said) => numbered(said.json()),
+            Outcome::Stopped => numbered(json!({ "stopped": true })),
+        }
     }
 
-    /// A file of a large photo.
-    fn file(&self, kept: &Kept, name: &str, asked: &Asked<'_>) -> Told {
+    fn file(&self, kept: &Kept, name: &str, asked: &Asked<'_>) -> Told<Answer> {
         let is_home = asked.head.peer.is_loopback() && !self.hall.kiosk;
         let subject = || kept.subject.clone();
         let (task, kind) = match name {
@@ -329,9 +309,11 @@ impl Server {
             "flight.zip" => (Task::Script(subject()), "application/zip"),
             _ => return Err(Key::Gone),
         };
-        let stops = if name == "flight.zip" { kept.said()["stops"].take() } else { json!([]) };
-        if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
-            return Ok(Said::of_stops(&stops).answer());
+        if name == "flight.zip" {
+            let stops = kept.said()["stops"].take();
+            if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
+                return Ok(Said::of_stops(&stops).answer());
+            }
         }
         // A place of its own: a download ends no photo, and another download of it does.
         let ticket = self.large.ask(&format!("{}/{name}", kept.id), task).ok_or(Key::Busy)?;
@@ -350,8 +332,9 @@ impl Server {
     }
 
     /// Keeps what a visitor sends to be flown.
-    fn send(&self, body: &[u8]) -> Told {
-        let Sending { visitor, photo, language } = parsed(body)?;
+    fn send(&self, body: &[u8]) -> Told<Answer> {
+        let [visitor, photo]: [String; 2] = [member(body, "visitor")?, member(body, "photo")?];
+        let language = member::<Option<String>>(body, "language")?.unwrap_or_default();
         if !is_name(&visitor) || language.len() > 8 {
             return Err(Key::PageOld);
         }
@@ -359,46 +342,37 @@ impl Server {
         if kept.subject.title().is_some_and(|title| self.hall.block.holds(title)) {
             return Err(Key::Blocked);
         }
-        let folder = kept.folder.path().join(OUT);
-        let (id, number, is_new) = self.entries.add(&Sent {
-            visitor: &visitor,
-            language: &language,
-            photo: &photo,
-            folder: &folder,
-            said: &kept.said(),
-            subject: &kept.subject,
-        })?;
+        let (id, number, is_new) = self.entries.add(&kept, &visitor, &language)?;
         let page = self.guard.address.of_entry(self.hall.ip, &id);
         let answer = Answer::json(&json!({ "id": id, "number": number, "page": page }));
         Ok(answer.with_status(if is_new { 201 } else { 200 }))
     }
 
     /// The scripts of the approved entries in the order of flight, and what became of each.
-    fn export(&self, asked: &Asked<'_>) -> Result<(Value, NamedFiles), Key> {
+    fn export(&self, asked: &Asked<'_>) -> Told<(Value, NamedFiles)> {
         let (mut told, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in self.entries.approved().into_iter().enumerate() {
             let title = title.unwrap_or_else(|| "drawing".to_owned());
             let plain: String = title.chars().filter(char::is_ascii_alphanumeric).collect();
             let name = format!("{:02}-{plain}", index + 1);
-            let said = match subject {
-                None => Some(Said::from(Key::Broken)),
+            let outcome = match subject {
+                None => Outcome::Failed(Key::Broken.into()),
                 Some(subject) => {
                     let ticket = self.large.ask("operator", Task::Script(subject));
-                    match asked.waited(&self.large, &ticket.ok_or(Key::Busy)?) {
-                        Outcome::Made(_, folder) => {
-                            let own = files_of(folder.path()).ok_or(Key::Broken)?;
-                            files.extend(
-                                own.into_iter().map(|(of, bytes)| (format!("{name}/{of}"), bytes)),
-                            );
-                            None
-                        }
-                        Outcome::Failed(said) => Some(said),
-                        Outcome::Stopped => return Err(Key::Conflict),
-                    }
+                    asked.waited(&self.large, &ticket.ok_or(Key::Busy)?)
                 }
             };
-            let folder = said.is_none().then_some(&name);
-            let refused: Vec<Said> = said.clone().into_iter().collect();
+            let refused = match outcome {
+                Outcome::Made(_, folder) => {
+                    let own = files_of(folder.path()).ok_or(Key::Broken)?.into_iter();
+                    files.extend(own.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+                    None
+                }
+                Outcome::Failed(said) => Some(said),
+                Outcome::Stopped => return Err(Key::Conflict),
+            };
+            let folder = refused.is_none().then_some(&name);
+            let refused: Vec<Said> = refused.into_iter().collect();
             told.push(json!({
                 "number": number, "title": title, "folder": folder, "refused": refused,
             }));
@@ -412,7 +386,7 @@ impl Server {
         drawing(Answer::whole(SVG, qr::svg(&self.guard.address.of_visitors(self.hall.ip))))
     }
 
-    fn code_of(&self, id: &str) -> Told {
+    fn code_of(&self, id: &str) -> Told<Answer> {
         self.entries.own(id).ok_or(Key::Gone)?;
         let page = self.guard.address.of_entry(self.hall.ip, id);
         Ok(drawing(Answer::whole(SVG, qr::svg(&page))))
@@ -436,52 +410,11 @@ impl Asked<'_> {
     }
 }
 
-/// What the page posts.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Sending {
-    visitor: String,
-    photo: String,
-    #[serde(default)]
-    language: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Withdrawal {
-    #[serde(rename = "do")]
-    act: Withdraw,
-    visitor: String,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Withdraw {
-    Withdraw,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Doing {
-    #[serde(rename = "do")]
-    act: Act,
-    was: Option<State>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Order {
-    ids: Vec<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Pause {
-    paused: bool,
-}
-
-fn parsed<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, Key> {
-    serde_json::from_slice(body).map_err(|_broken| Key::PageOld)
+/// A member of what the page posts.
+fn member<T: DeserializeOwned>(body: &[u8], name: &str) -> Told<T> {
+    let posted: Value = serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
+    let member = posted.get(name).cloned().unwrap_or_default();
+    serde_json::from_value(member).map_err(|_other| Key::PageOld)
 }
 
 const SVG: &str = "image/svg+xml";
@@ -511,14 +444,14 @@ fn kind_of(name: &str) -> &'static str {
 }
 
 /// A file that is there.
-fn sent(path: Option<PathBuf>) -> Told {
+fn sent(path: Option<PathBuf>) -> Told<Answer> {
     let path = path.ok_or(Key::Gone)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Answer::file(kind_of(&name), &path).map_err(|_cause| Key::Gone)
 }
 
 /// Names and contents of the files that a job made.
-fn files_of(folder: &Path) -> Option<Vec<(String, Vec<u8>)>> {
+fn files_of(folder: &Path) -> Option<NamedFiles> {
     let read = |path: PathBuf| {
         let name = path.file_name()?.to_string_lossy().into_owned();
         Some((name, FILE.read(&path).ok()?))
@@ -541,9 +474,7 @@ fn colors() -> Value {
     let entry = |(name, screen): (&str, [u8; 3])| {
         let deck = color_led_wrgb(screen, LightOptions::default().color_led_levels);
         let [r, g, b] = ring_rgb(screen);
-        let entry =
-            json!({ "name": name, "screen": screen, "color-led": deck, "ring": [0, r, g, b] });
-        entry
+        json!({ "name": name, "screen": screen, "color-led": deck, "ring": [0, r, g, b] })
     };
     colors.map(entry).into_iter().collect()
 }

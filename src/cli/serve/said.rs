@@ -3,11 +3,10 @@
 //! it.
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::super::advice::{mentioned, typed};
 use super::http::Answer;
-use crate::error::Error;
+use super::{Error, Value, json};
 use crate::preflight::{Checked, Severity};
 use crate::shoot::Problem;
 use crate::study::Remedy;
@@ -19,7 +18,6 @@ pub(super) struct Said {
     pub(super) key: String,
     /// Its figures, by name with their unit.
     pub(super) values: Value,
-    /// The sentence in English.
     pub(super) text: String,
     /// What to do, in English; may be empty.
     pub(super) hint: String,
@@ -78,65 +76,28 @@ keys! {
     Conflict "conflict" 409 "somebody else was faster" "look again";
 }
 
+/// What can be refused with a key.
+pub(super) type Told<T> = Result<T, Key>;
+
 /// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
-const STOPS: &[&str] = &[
-    "stop-acceleration",
-    "stop-altitude-hold",
-    "stop-battery",
-    "stop-camera",
-    "stop-corridor",
-    "stop-coverage",
-    "stop-doubled-stroke",
-    "stop-evenness",
-    "stop-flight",
-    "stop-flight-time",
-    "stop-frame",
-    "stop-headlights",
-    "stop-jump",
-    "stop-led-memory",
-    "stop-light-never-off",
-    "stop-lit-dwell",
-    "stop-lit-transit",
-    "stop-lost-stroke",
-    "stop-memory",
-    "stop-motors",
-    "stop-pen-jump",
-    "stop-picture",
-    "stop-separation",
-    "stop-speed",
-    "stop-tail",
-    "stop-tilt",
-    "stop-volume",
-    "stop-wake",
-    "stop-other",
-];
+const STOPS: &str = "stop-acceleration stop-altitude-hold stop-battery stop-camera stop-corridor \
+    stop-coverage stop-doubled-stroke stop-evenness stop-flight stop-flight-time \
+    stop-frame stop-headlights stop-jump stop-led-memory stop-light-never-off \
+    stop-lit-dwell stop-lit-transit stop-lost-stroke stop-memory stop-motors \
+    stop-pen-jump stop-picture stop-separation stop-speed stop-tail stop-tilt \
+    stop-volume stop-wake stop-other";
 
 /// Keys of advice: the settings that a remedy changes first.
-const ADVICE: &[&str] = &[
-    "set-camera.focus_m",
-    "set-camera.framing",
-    "set-camera.metering",
-    "set-camera.shutter_open_s",
-    "set-camera.width_px",
-    "set-controller.kind",
-    "set-letters.cap_height_m",
-    "set-letters.font",
-    "set-letters.spacing_m",
-    "set-light.led_bitmask",
-    "set-light.ring",
-    "set-photo.ambient_cd_m2",
-    "set-plan.light_clock",
-    "set-plan.lights",
-    "set-plan.reference",
-    "set-plan.stroke_speed_m_s",
-    "set-plan.style",
-    "set-other",
-];
+const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \
+    set-camera.width_px set-controller.kind set-letters.cap_height_m set-letters.font \
+    set-letters.spacing_m set-light.led_bitmask set-light.ring set-photo.ambient_cd_m2 \
+    set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
+    set-plan.style set-other";
 
 /// A key of a list, or the last, which stands for any other.
-fn listed(keys: &'static [&'static str], key: &str) -> String {
-    let known = keys.iter().find(|known| **known == key);
-    (*known.or(keys.last()).unwrap_or(&"")).to_owned()
+fn listed(keys: &str, key: &str) -> String {
+    let known = keys.split(' ').find(|known| *known == key);
+    known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
 impl Said {
@@ -205,9 +166,8 @@ impl Said {
             "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
             "drone": checked.drone,
         });
-        let key = format!("stop-{}", row.check.replace(' ', "-").to_lowercase());
+        let key = listed(STOPS, &format!("stop-{}", row.check.replace(' ', "-").to_lowercase()));
         let text = format!("{}: {}", row.check, checked.found());
-        let key = listed(STOPS, &key);
         let said = Self { key, values, text, hint: row.change(mentioned) };
         (row.severity == Severity::Stop).then_some(said)
     }
@@ -331,18 +291,12 @@ mod tests {
             Problem::NoPicture(String::new()),
         ];
         let obstacles: Vec<String> = problems.iter().map(|it| Said::of_problem(it).key).collect();
-        let reasons = [
-            "misread",
-            "no-light",
-            "not-in-photo",
-            "other-length",
-            "out-of-range",
-            "too-small",
-            "unsure",
-        ];
+        let reasons = "misread no-light not-in-photo other-length out-of-range too-small unsure";
+        let reasons: Vec<_> = reasons.split(' ').collect();
         let keys = json!({
-            "errors": errors, "obstacles": obstacles, "reasons": reasons, "advice": ADVICE,
-            "stops": STOPS,
+            "errors": errors, "obstacles": obstacles, "reasons": reasons,
+            "advice": ADVICE.split(' ').collect::<Vec<_>>(),
+            "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
         // What tests/exhibit.py compares with the tables of words.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/src/cli/serve/page/keys.json");

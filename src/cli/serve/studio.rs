@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
-use serde_json::{Value, json};
 
 use super::super::preview::{PreviewArgs, Seen, previewed};
-use super::super::{Args, Verb, export, outcome::typed as shell, output::Output, show, typefaces};
 use super::replay::{boxes, replay};
 use super::said::{Made, Said};
 use super::wish::{Subject, Task, preview_args};
-use crate::error::{Error, Result};
+use super::{
+    CommandLine, Error, Output, Result, Value, Verb, export, json, shell_word, show, typefaces,
+};
 use crate::expose::BackendChoice;
 use crate::photo::{Photo, jpeg};
 use crate::plan::Plan;
@@ -24,6 +24,7 @@ use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
 use crate::strokes::{Picture, Source, SourceStroke, Strokes};
+use crate::study::Remedy;
 use noctograph_core::files::files_in;
 use noctograph_core::geometry::{bounds, simplify};
 
@@ -123,10 +124,9 @@ impl Studio {
             _ => CROWDED,
         };
         typed.push(subject.size(pixels).into());
-        let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
         let args = preview_args(typed)?;
         let shoot = match args.shoot() {
-            Ok(shoot) => Shoot { judging, backend, stop: stop.clone(), ..shoot },
+            Ok(shoot) => shoot,
             // Of what is too much for a flight, the page leaves strokes out.
             Err(error) => {
                 let mut said = Said::of_error(&error, subject.is_picture());
@@ -136,6 +136,8 @@ impl Studio {
                 return Ok(Made::Failed(said));
             }
         };
+        let (judging, backend) = (Judging::Skipped, BackendChoice::Cpu);
+        let shoot = Shoot { judging, backend, stop: stop.clone(), ..shoot };
         stop.check()?;
         let shot = shoot.clone().take(&|_, _| {})?;
         stop.check()?;
@@ -165,27 +167,20 @@ impl Studio {
         let out = folder.join(OUT);
         let mut said = json!({});
         let mut kept = Ok(());
-        let report = previewed(&args, |seen| {
-            let Seen { shot, findings, remedies } = seen;
-            let photo = jpeg(&shot.photo, LARGE_QUALITY);
+        let report = previewed(&args, |Seen { shot, findings, remedies }| {
             let track = replay(shot);
-            kept = write(&out.join(JPEG), &photo)
+            kept = write(&out.join(JPEG), &jpeg(&shot.photo, LARGE_QUALITY))
                 .and_then(|()| write(&out.join(REPLAY), track.to_string().as_bytes()));
+            let remedy = |it: &Remedy| json!({ "gain": it.gain, "set": it.changes, "said": Said::of_remedy(it) });
             said["replay"] = track;
             said["stops"] = findings.iter().filter_map(Said::of_stop).map(|it| json!(it)).collect();
-            said["remedies"] = remedies
-                .iter()
-                .map(
-                    |it| json!({ "gain": it.gain, "set": it.changes, "said": Said::of_remedy(it) }),
-                )
-                .collect();
+            said["remedies"] = remedies.iter().map(remedy).collect();
             describe(shot, &mut said);
         })?;
         kept?;
         // Flights and plans are not asked for: their files are larger than the photo.
-        for path in
-            files_in(&out)?.iter().filter(|path| path.extension().is_some_and(|e| e == "csv"))
-        {
+        let is_table = |path: &&PathBuf| path.extension().is_some_and(|end| end == "csv");
+        for path in files_in(&out)?.iter().filter(is_table) {
             let _ = std::fs::remove_file(path);
         }
         let mut all = report.json;
@@ -199,16 +194,16 @@ impl Studio {
     /// The arguments of a large photo.
     fn preview(&self, subject: &Subject, folder: &Path) -> Result<PreviewArgs> {
         let mut typed = self.typed(subject, folder)?;
+        // As it is typed elsewhere: no path of this machine is in it.
         let shown = typed.iter().map(|word| match Path::new(word) {
-            path if path.is_absolute() => shell(path.file_name().unwrap_or_default().as_ref()),
-            word => shell(word),
+            path if path.is_absolute() => shell_word(path.file_name().unwrap_or_default().as_ref()),
+            word => shell_word(word),
         });
-        let shown: Vec<String> = shown.collect();
+        let shown = format!("noctograph preview {}", shown.collect::<Vec<_>>().join(" "));
         typed.extend([subject.size(LARGE).into(), "--backend=cpu".into()]);
         typed.extend(["-o".into(), folder.join(OUT).into()]);
         let mut args = preview_args(typed)?;
-        // As it is typed elsewhere: no path of this machine is in it.
-        args.command = Some(format!("noctograph preview {}", shown.join(" ")));
+        args.command = Some(shown);
         Ok(args)
     }
 
@@ -231,18 +226,16 @@ impl Studio {
     fn script(&self, subject: &Subject, folder: &Path) -> Result<Made> {
         let typed = ["noctograph", "export", "--to", "cflib", "-o"].map(OsString::from);
         let typed = [typed.to_vec(), vec![folder.join(OUT).into()], self.typed(subject, folder)?];
-        let Ok(Args { verb: Verb::Export(args), .. }) = Args::try_parse_from(typed.concat()) else {
+        let Ok(CommandLine { verb: Verb::Export(args), .. }) =
+            CommandLine::try_parse_from(typed.concat())
+        else {
             let hint = "reload the page";
             return Err(Error::input("settings", "others", "those of the page", hint));
         };
         let report = export::run(&args)?;
-        match report.json["stops"].as_str() {
-            None => Ok(Made::Done(Value::Null)),
-            Some(stops) => {
-                let stop = json!({ "key": "stop-export", "values": {}, "text": stops, "hint": "" });
-                Ok(Made::Failed(Said::of_stops(&json!([stop]))))
-            }
-        }
+        let Some(stops) = report.json["stops"].as_str() else { return Ok(Made::Done(Value::Null)) };
+        let stop = json!({ "key": "stop-export", "values": {}, "text": stops, "hint": "" });
+        Ok(Made::Failed(Said::of_stops(&json!([stop]))))
     }
 }
 

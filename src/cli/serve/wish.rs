@@ -13,13 +13,10 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
 use image::{ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
-use super::super::output::Output;
 use super::super::preview::PreviewArgs;
-use super::super::{Args, Verb};
 use super::said::{Key, Said};
-use crate::error::{Error, Result};
+use super::{CommandLine, Error, Output, Result, Verb, json, refused};
 use crate::letters::LetterOptions;
 
 /// Most characters of a word, and of the name of a visitor.
@@ -33,43 +30,13 @@ const MAX_VALUE: usize = 4096;
 const MAX_SIDE: u32 = 2000;
 
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 35] = [
-    "camera.body",
-    "camera.f_number",
-    "camera.focus_m",
-    "camera.framing",
-    "camera.framing.fill_frac",
-    "camera.iso",
-    "camera.lens",
-    "camera.metering",
-    "camera.shutter_close_s",
-    "camera.shutter_open_s",
-    "controller.kind",
-    "letters.canvas_m",
-    "letters.cap_height_m",
-    "letters.corners_px",
-    "letters.font",
-    "letters.ink",
-    "letters.pace",
-    "letters.picture",
-    "letters.spacing_m",
-    "letters.trace",
-    "letters.without",
-    "light.color_led_wrgb",
-    "light.deck",
-    "light.led_bitmask",
-    "light.letters_wrgb",
-    "light.ring",
-    "photo.ambient_cd_m2",
-    "plan.drones",
-    "plan.light_clock",
-    "plan.lights",
-    "plan.reference",
-    "plan.stroke_speed_m_s",
-    "plan.style",
-    "preset",
-    "seed",
-];
+const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
+    camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
+    controller.kind letters.canvas_m letters.cap_height_m letters.corners_px \
+    letters.font letters.ink letters.pace letters.picture letters.spacing_m \
+    letters.trace letters.without light.color_led_wrgb light.deck light.led_bitmask \
+    light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
+    plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
 
 /// Proportions of a photo that a page may ask for, width by height.
 const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
@@ -209,7 +176,7 @@ impl Wish {
         if !is_name(&visitor) {
             return refused(format!("a visitor of {} bytes", visitor.len()));
         }
-        if let Some(key) = settings.keys().find(|key| !KEYS.contains(&key.as_str())) {
+        if let Some(key) = settings.keys().find(|key| KEYS.split(' ').all(|known| known != *key)) {
             return refused(format!("the setting {key}"));
         }
         if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
@@ -285,18 +252,12 @@ impl Subject {
 /// The arguments of a preview, parsed as the command line's.
 pub(super) fn preview_args(arguments: Vec<OsString>) -> Result<PreviewArgs> {
     let typed = ["noctograph", "preview"].map(OsString::from).into_iter().chain(arguments);
-    match Args::try_parse_from(typed).map(|args| args.verb) {
+    match CommandLine::try_parse_from(typed).map(|args| args.verb) {
         Ok(Verb::Preview(args)) => Ok(args),
         Ok(_) => unreachable!("the verb is preview"),
         Err(error) => {
-            let text = error.to_string();
-            let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-            Err(Error::input(
-                "settings",
-                first,
-                "values that the controls offer",
-                "reload the page",
-            ))
+            let wanted = "values that the controls offer";
+            Err(Error::input("settings", refused(&error), wanted, "reload the page"))
         }
     }
 }

@@ -14,13 +14,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
 use super::queue::{Doing, Outcome, Queue};
 use super::said::{Key, Made, Said};
 use super::studio::Studio;
 use super::wish::Task;
-use crate::error::{Error, Result};
+use super::{Error, Result, json, no_thread, print};
 use crate::shoot::Stop;
 
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
@@ -39,7 +38,6 @@ enum Order {
     Make {
         number: u64,
         task: Task,
-        /// Where its files go.
         folder: PathBuf,
         /// How many wait behind it.
         n_waiting: usize,
@@ -64,7 +62,6 @@ pub(super) struct Lane {
     pub(super) base: Vec<OsString>,
     /// Where folders for jobs are made.
     pub(super) scratch: PathBuf,
-    /// Longest time of a job.
     pub(super) patience: Duration,
     /// Whether others go first on the processor.
     pub(super) is_patient: bool,
@@ -91,21 +88,14 @@ impl Lane {
             *worker = self.start().ok();
         }
         let Some(running) = worker else { return Outcome::Failed(Key::Busy.into()) };
-        match running.make(doing, folder.path(), self.patience) {
-            Ok(Made::Done(value)) => Outcome::Made(Arc::new(value), Arc::new(folder)),
-            Ok(Made::Failed(said)) => Outcome::Failed(said),
-            Ok(Made::Stopped) => Outcome::Stopped,
-            Err(end) => {
-                *worker = None;
-                match end {
-                    End::Stopped => Outcome::Stopped,
-                    End::Late => {
-                        let seconds = json!({ "seconds": self.patience.as_secs() });
-                        Outcome::Failed(Said::from(Key::TooSlow).with_values(seconds))
-                    }
-                    End::Broken => Outcome::Failed(Key::TooLarge.into()),
-                }
-            }
+        let made = running.make(doing, folder.path(), self.patience).unwrap_or_else(|ended| {
+            *worker = None;
+            ended
+        });
+        match made {
+            Made::Done(value) => Outcome::Made(Arc::new(value), Arc::new(folder)),
+            Made::Failed(said) => Outcome::Failed(said),
+            Made::Stopped => Outcome::Stopped,
         }
     }
 
@@ -124,14 +114,11 @@ impl Lane {
         let mut lines = BufReader::new(child.stdout.take().expect("it is piped"));
         std::thread::Builder::new().spawn(move || {
             let mut line = Vec::new();
-            loop {
+            while (&mut lines).take(MAX_LINE).read_until(b'\n', &mut line).is_ok()
+                && let Ok(answer) = serde_json::from_slice(&line)
+                && sender.send(answer).is_ok()
+            {
                 line.clear();
-                let read = (&mut lines).take(MAX_LINE).read_until(b'\n', &mut line);
-                let answer = read.ok().filter(|n| *n > 0).map(|_| serde_json::from_slice(&line));
-                let Some(Ok(answer)) = answer else { return };
-                if sender.send(answer).is_err() {
-                    return;
-                }
             }
         })?;
         let orders = child.stdin.take().expect("it is piped");
@@ -147,54 +134,45 @@ struct Worker {
     answers: Receiver<Answer>,
 }
 
-/// Why a worker had to be ended.
-#[derive(Debug)]
-enum End {
-    Stopped,
-    Late,
-    Broken,
-}
-
 impl Worker {
+    /// Makes something; `Err` is what is answered where the worker has to be ended.
     fn make(
         &mut self,
         doing: &Doing,
         folder: &Path,
         patience: Duration,
-    ) -> std::result::Result<Made, End> {
-        let Doing { number, n_waiting, .. } = *doing;
-        self.order(&Order::Make {
-            number,
-            task: doing.task.clone(),
-            folder: folder.into(),
-            n_waiting,
-        })?;
+    ) -> std::result::Result<Made, Made> {
+        let Doing { number, n_waiting, ref task, ref stop } = *doing;
+        let (task, folder) = (task.clone(), folder.into());
+        self.order(&Order::Make { number, task, folder, n_waiting })?;
         let begun = Instant::now();
-        let mut told = None;
+        let mut told: Option<Instant> = None;
         loop {
             match self.answers.recv_timeout(LOOK) {
-                Ok(Answer { number, made }) if number == doing.number => return Ok(made),
-                Ok(_) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(End::Broken),
-                Err(RecvTimeoutError::Timeout) => {}
+                Ok(answer) if answer.number == number => return Ok(answer.made),
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(Made::Failed(Key::TooLarge.into()));
+                }
+                Ok(_) | Err(RecvTimeoutError::Timeout) => {}
             }
-            if doing.stop.check().is_err() && told.is_none() {
+            if stop.check().is_err() && told.is_none() {
                 self.order(&Order::Stop { number })?;
                 told = Some(Instant::now());
             }
             if told.is_some_and(|told| told.elapsed() > STOP_PATIENCE) {
-                return Err(End::Stopped);
+                return Err(Made::Stopped);
             }
             if begun.elapsed() > patience {
-                return Err(End::Late);
+                let values = json!({ "seconds": patience.as_secs() });
+                return Err(Made::Failed(Said::from(Key::TooSlow).with_values(values)));
             }
         }
     }
 
-    fn order(&mut self, order: &Order) -> std::result::Result<(), End> {
+    fn order(&mut self, order: &Order) -> std::result::Result<(), Made> {
         let line = serde_json::to_string(order).expect("an order is plain data") + "\n";
         let sent = self.orders.write_all(line.as_bytes()).and_then(|()| self.orders.flush());
-        sent.map_err(|_gone| End::Broken)
+        sent.map_err(|_gone| Made::Failed(Key::TooLarge.into()))
     }
 }
 
@@ -212,13 +190,8 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
     let (orders, jobs) = channel();
     let told = doing.clone();
     let listening = std::thread::Builder::new().spawn(move || {
-        for line in std::io::stdin().lines() {
-            let Ok(order) = line
-                .map_err(|_cause| ())
-                .and_then(|line| serde_json::from_str(&line).map_err(|_broken| ()))
-            else {
-                break;
-            };
+        let lines = std::io::stdin().lines().map_while(|line| line.ok());
+        for order in lines.map_while(|line| serde_json::from_str(&line).ok()) {
             let mut doing = told.lock().unwrap_or_else(PoisonError::into_inner);
             match order {
                 Order::Stop { number } if number == doing.0 => doing.1.now(),
@@ -232,7 +205,7 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
         // The server is gone, and nobody wants what is being made.
         std::process::exit(0);
     });
-    listening.map_err(|error| super::no_thread(&error))?;
+    listening.map_err(no_thread)?;
     let studio = Studio::new(base);
     for (number, task, folder, n_waiting, stop) in jobs {
         // A job has nothing that outlives it: what a panic leaves broken is dropped.
@@ -244,7 +217,7 @@ pub(super) fn run(base: Vec<OsString>, is_patient: bool) -> Result<()> {
             Err(_) => Made::Failed(Key::Broken.into()),
         };
         let line = serde_json::to_string(&Answer { number, made }).expect("it is plain data");
-        super::super::print(&(line + "\n"))?;
+        print(&(line + "\n"))?;
     }
     Ok(())
 }
