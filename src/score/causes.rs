@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::distance;
 
 /// A fault in the photo, and the letter's gain without it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -129,8 +130,8 @@ impl LogGap {
 
     /// Whether the lamps can have been at a point of the plane during the gap: within the ellipse
     /// about its ends that the longest way spans.
-    pub(super) fn may_hold(&self, [x_m, y_m]: [f64; 2]) -> bool {
-        let away_m = self.ends_m.iter().map(|end| libm::hypot(x_m - end[0], y_m - end[1]));
+    pub(super) fn may_hold(&self, at_m: [f64; 2]) -> bool {
+        let away_m = self.ends_m.iter().map(|end| distance(*end, at_m));
         away_m.sum::<f64>() <= self.way_m
     }
 }

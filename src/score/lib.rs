@@ -1,7 +1,7 @@
 //! Score: whether the word in a photo is read at first sight.
 //!
-//! Product in: a [`Photo`], the [`Strokes`] of the word that it should show, and the [`Camera`]
-//! that took it. Product out: a [`Verdict`].
+//! Product in: a [`Photo`], the [`Strokes`] of the word that it should show, and the
+//! [`View`] of the camera that took it. Product out: a [`Verdict`], by a [`Reader`].
 //!
 //! 1. The photo's linear light is resampled into the plane of the word, the word is located around
 //!    its place, and each line of it is cut out as a strip of fixed height.
@@ -17,7 +17,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::photo::Photo;
 use noctograph_core::settings::settings;
@@ -98,24 +97,6 @@ settings! {
         /// Readability from which a word counts as legible.
         legible_probability: f64 = 0.7, in 0.0..=1.0;
     }
-}
-
-/// Reads a photo: prepares a [`Reader`] and uses it once.
-///
-/// # Errors
-///
-/// As [`Reader::new`] and [`Reader::score`].
-///
-/// # Panics
-///
-/// If the photo has not three bytes a pixel.
-pub fn score(
-    photo: &Photo,
-    strokes: &Strokes,
-    camera: &Camera,
-    options: &ScoreOptions,
-) -> Result<Verdict> {
-    Reader::new(strokes, options)?.score(photo, &camera.into())
 }
 
 /// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader

@@ -343,10 +343,7 @@ fn code_step(level: f32) -> f32 {
 }
 
 /// Light that each sRGB level gives, 65535 is white. Integers add up to the same sum in any order.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
 fn light_of_level() -> [u32; 256] {
-    linear_from_level().map(|linear| {
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
-        let light = (65535.0 * linear).round() as u32;
-        light
-    })
+    linear_from_level().map(|linear| (65535.0 * linear).round() as u32)
 }

@@ -195,8 +195,8 @@ impl Line {
         let mut ends: Vec<usize> =
             [self.columns[0]].into_iter().chain(between).chain([self.columns[1]]).collect();
         ends.sort_unstable();
-        let whole_line =
-            [self.columns[0] as f64, self.extent[0], self.columns[1] as f64, self.extent[1]];
+        let [left, right] = self.columns.map(|column| column as f64);
+        let whole_line = [left, self.extent[0], right, self.extent[1]];
         let boxes =
             ends.windows(2).map(|ends| self.ink_box(ends[0], ends[1]).unwrap_or(whole_line));
         boxes.map(|sides| sides.map(|side| side * self.step)).collect()

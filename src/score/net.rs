@@ -329,13 +329,17 @@ mod tests {
     /// Of the logits of the pattern below, with the weights of this program.
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;
 
-    #[test]
-    fn logits_around_a_part_are_those_of_the_whole_strip() {
-        let width = 300;
+    fn pattern(width: usize) -> Strip {
         let light = |step: usize| -> Vec<f32> {
             (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
         };
-        let strip = Strip { width, bright: light(7), pure: light(13), read: 0..width };
+        Strip { width, bright: light(7), pure: light(13), read: 0..width }
+    }
+
+    #[test]
+    fn logits_around_a_part_are_those_of_the_whole_strip() {
+        let width = 300;
+        let strip = pattern(width);
         let whole = logits(&strip);
         for part in [0..10, 130..151, 280..300, 0..300] {
             let (first, found) = logits_around(&strip, part.clone());
@@ -353,12 +357,8 @@ mod tests {
 
     #[test]
     fn logits_are_the_same_integers_on_every_machine() {
-        let width = 60;
-        let light = |step: usize| -> Vec<f32> {
-            (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
-        };
-        let logits = logits(&Strip { width, bright: light(7), pure: light(13), read: 0..width });
-        assert_eq!(logits.len(), width / COLUMN_PX);
+        let logits = logits(&pattern(60));
+        assert_eq!(logits.len(), 60 / COLUMN_PX);
         let bytes: Vec<u8> =
             logits.iter().flatten().flat_map(|logit| logit.to_le_bytes()).collect();
         assert_eq!(fnv_1a(bytes), LOGITS_FNV_1A, "other weights, or other arithmetic");

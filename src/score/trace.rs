@@ -2,6 +2,7 @@
 
 use super::PX_PER_H;
 use super::raster::{Raster, whole};
+use noctograph_core::geometry::distance;
 
 /// Light that counts as a line, of full light.
 const LIT: f32 = 0.4;
@@ -38,8 +39,8 @@ impl LightLines {
             |at: f64, end: usize| whole((at - reach).max(0.0))..end.min(whole(at + reach + 1.0));
         range(y, height).any(|row| {
             range(x, self.width).any(|column| {
-                let at = self.middle(row * self.width + column);
-                self.lit[row * self.width + column] && libm::hypot(at[0] - x, at[1] - y) <= reach_px
+                let index = row * self.width + column;
+                self.lit[index] && distance(self.middle(index), [x, y]) <= reach_px
             })
         })
     }
@@ -51,9 +52,8 @@ impl LightLines {
 
     /// Number of lit pixels near some points.
     pub(super) fn lit_near(&self, points: &[[f64; 2]]) -> usize {
-        let near =
-            |at: [f64; 2]| points.iter().any(|p| libm::hypot(p[0] - at[0], p[1] - at[1]) < 6.0);
-        (0..self.lit.len()).filter(|index| self.lit[*index] && near(self.middle(*index))).count()
+        let is_near = |at: [f64; 2]| points.iter().any(|point| distance(*point, at) < 6.0);
+        (0..self.lit.len()).filter(|index| self.lit[*index] && is_near(self.middle(*index))).count()
     }
 
     /// The middle of a pixel.

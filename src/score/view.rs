@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::distance;
 use noctograph_core::photo::Photo;
 
 /// Where points of the word's plane (x and height, meters) fall in the picture.
@@ -57,12 +58,9 @@ impl View {
     #[must_use]
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
-        let side = |length_m: f64| {
-            #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
-            let side_px = (length_m * px_per_m).clamp(1.0, MAX_SQUARE_ON_PX) as u32;
-            side_px
-        };
-        let (width_px, height_px) = (side(right - left), side(top - bottom));
+        #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
+        let [width_px, height_px] = [right - left, top - bottom]
+            .map(|length_m| (length_m * px_per_m).clamp(1.0, MAX_SQUARE_ON_PX) as u32);
         let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
         for y in 0..height_px {
             for x in 0..width_px {
@@ -83,10 +81,7 @@ impl View {
     ///
     /// As [`Homography::from_corners`].
     pub fn rectified_by_corners(photo: &Photo, corners_px: [[f64; 2]; 4]) -> Result<Photo> {
-        let side = |a: usize, b: usize| {
-            let [[x, y], [to_x, to_y]] = [corners_px[a], corners_px[b]];
-            libm::hypot(to_x - x, to_y - y)
-        };
+        let side = |a: usize, b: usize| distance(corners_px[a], corners_px[b]);
         let [width, height] = [side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2))];
         let size_px = [photo.width_px, photo.height_px];
         let plane = Homography::from_corners([0.0, 0.0, width, height], corners_px, size_px)?;

@@ -6,7 +6,7 @@ use noctograph::camera::CameraOptions;
 use noctograph::letters::{LetterOptions, Strokes, write};
 use noctograph::photo::{self, Metadata, Photo};
 use noctograph::scene::{Preset, Scene};
-use noctograph::score::{ScoreOptions, View, read as read_blind, score};
+use noctograph::score::{Reader, ScoreOptions, View, read as read_blind};
 
 /// Lengths of words, up to the longest that is written.
 const LENGTHS: [usize; 5] = [1, 4, 16, 61, 256];
@@ -43,7 +43,8 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     photo::write_png(&photo, std::fs::File::create(path).unwrap(), Some(&metadata), &[]).unwrap();
     let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
     let _ = read_blind(&photo);
-    score(&photo, &told, &camera, &ScoreOptions::default()).is_ok()
+    let reader = Reader::new(&told, &ScoreOptions::default());
+    reader.and_then(|reader| reader.score(&photo, &View::from(&camera))).is_ok()
 }
 
 /// White strokes of three pixels on black.

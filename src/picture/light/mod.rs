@@ -23,14 +23,13 @@ use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight, Quantity};
-use noctograph_core::srgb::{LUMINANCE, xyz};
+use noctograph_core::srgb::{LUMINANCE, luminance, rgb_from_xyz, xyz};
 use programs::Programs;
 use radio::Change;
 
 pub use noctograph_core::lamps::*;
 pub use programs::{color_led_wrgb, ring_rgb};
 
-mod color;
 pub mod csv;
 pub mod gaps;
 mod programs;
@@ -298,10 +297,20 @@ fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     Emitter {
         name: fixture.name.clone(),
         intensity_cd,
-        rgb: if intensity_cd > 0.0 { color::rgb(mixture) } else { [1.0; 3] },
+        rgb: if intensity_cd > 0.0 { rgb(mixture) } else { [1.0; 3] },
         beam_exponent: fixture.beam_exponent,
         spill: fixture.spill,
         visible_cos: fixture.visible_cos,
         diameter_m: fixture.diameter_m,
     }
+}
+
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
+/// at its faces.
+///
+/// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
+/// saturation: a film holds no negative light.
+fn rgb(xyz: [f64; 3]) -> [f64; 3] {
+    let rgb = rgb_from_xyz(xyz).map(|share| share.max(0.0));
+    rgb.map(|share| share / luminance(rgb))
 }

@@ -2,7 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::color::mixture;
+use nalgebra::{Matrix3, Vector3};
+
 use super::radio::{Chance, Change, Timer, arrivals};
 use super::ring::{Frame, byte, frames};
 use super::tables::{color_led, led_ring};
@@ -11,6 +12,7 @@ use super::{
 };
 use noctograph_core::crazyflie::COLOR_LED_TICK_S;
 use noctograph_core::flight::Flight;
+use noctograph_core::srgb::{RGB_FROM_XYZ, linear_from_encoded, xyz};
 
 /// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
@@ -207,6 +209,20 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
         (bytes, error)
     };
     (0..=16).map(fit).min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
+}
+
+/// Luminance of each die of a row for a color of the screen (sRGB) whose strongest channel is full,
+/// relative to that of white; what the dies cannot mix is clipped. Black is white.
+pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
+    let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
+    let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
+    let dies_from_rgb = (rgb_from_xyz * xyz_from_dies).try_inverse();
+    let linear = Vector3::from(srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)));
+    let full = match linear.max() {
+        most if most > 0.0 => linear / most,
+        _ => Vector3::repeat(1.0),
+    };
+    dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
 }
 
 /// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.

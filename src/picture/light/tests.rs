@@ -3,6 +3,7 @@
 use super::*;
 use noctograph_core::flight::{DroneIndex, FlightSample};
 use noctograph_core::geometry::Attitude;
+use noctograph_core::srgb;
 
 /// 0.2 m/s along x for 4 s at 100 Hz, with the named channels commanded on from 0.5 s to 2.5 s.
 fn flight(channels: &[&str]) -> Flight {
@@ -466,4 +467,32 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
         let off = (found.sum::<Vector3<f64>>() - wanted).norm();
         assert!(off < 1e-9 * wanted.norm(), "{row}: {off}");
     }
+}
+
+#[test]
+fn colors_have_luminance_one_and_no_negative_light() {
+    for chromaticity in [[0.7, 0.29], [0.15, 0.75], [0.13, 0.05], [0.3127, 0.329], [0.4, 0.4]] {
+        let [r, g, b] = rgb(xyz(chromaticity));
+        assert!(r >= 0.0 && g >= 0.0 && b >= 0.0, "{chromaticity:?}: {r} {g} {b}");
+        let luminance = luminance([r, g, b]);
+        assert!((luminance - 1.0).abs() < 1e-12, "{chromaticity:?}: luminance {luminance}");
+    }
+}
+
+#[test]
+fn a_mixture_of_dies_is_the_color_that_was_asked_for() {
+    let dies = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06]];
+    let found = programs::mixture(dies, [255, 165, 0]);
+    let wanted = Vector3::new(0.2126, 0.7152 * srgb::linear_from_encoded(165.0 / 255.0), 0.0);
+    assert!((found - wanted).norm() < 1e-3, "the primaries of sRGB themselves: {found}");
+    assert!((programs::mixture(dies, [255; 3]).sum() - 1.0).abs() < 1e-3, "white");
+}
+
+#[test]
+fn daylight_is_white_and_a_blue_led_is_the_blue_primary() {
+    for share in rgb(xyz([0.3127, 0.329])) {
+        assert!((share - 1.0).abs() < 1e-3, "D65 is white: {share}");
+    }
+    let [r, g, b] = rgb(xyz([0.131, 0.05]));
+    assert!(r == 0.0 && g < 0.02 && b > 13.7, "{r} {g} {b}");
 }

@@ -292,6 +292,7 @@ fn rounded(px: f64) -> isize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::geometry::{distance, segment_distance};
 
     /// A word of strokes in a dark room with a lit floor, drawn through a transform.
     fn word([width_px, height_px]: [u32; 2], place: Similarity, floor: f64) -> Photo {
@@ -307,12 +308,7 @@ mod tests {
         let strokes = strokes.map(|(a, b)| [place.apply(a), place.apply(b)]);
         let pixel = |x: u32, y: u32| {
             let p = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-            let near = strokes.iter().map(|[a, b]| {
-                let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-                let t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy);
-                let t = t.clamp(0.0, 1.0);
-                libm::hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy)
-            });
+            let near = strokes.iter().map(|ends| segment_distance(p, *ends));
             let off = near.fold(f64::INFINITY, f64::min) / (3.0 * place.scale);
             let room = floor * f64::from(y) / f64::from(height_px);
             let light = libm::exp(-0.5 * off * off) + room;
@@ -341,7 +337,7 @@ mod tests {
             let found = register(&render, &photo).unwrap();
             for corner in [[200.0, 300.0], [290.0, 120.0], [470.0, 310.0]] {
                 let (at, wanted) = (found.transform.apply(corner), place.apply(corner));
-                let off = libm::hypot(at[0] - wanted[0], at[1] - wanted[1]);
+                let off = distance(at, wanted);
                 assert!(off < 0.35 * place.scale.max(1.0), "{off} px off: {found:?} for {place:?}");
             }
             assert!(found.correlation > 0.9, "{found:?}");

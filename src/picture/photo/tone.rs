@@ -186,6 +186,7 @@ impl Levels16 {
     }
 
     /// The nearest level or its neighbor.
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
     pub(super) fn level(&self, light: f32) -> u16 {
         let encoded = if light < DARK {
             // Linear from the first node to 0, as sRGB is.
@@ -196,9 +197,7 @@ impl Levels16 {
             let share = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
             self.nodes[node] + share * (self.nodes[node + 1] - self.nodes[node])
         };
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
-        let level = (encoded * 65535.0 + 0.5) as u16;
-        level
+        (encoded * 65535.0 + 0.5) as u16
     }
 }
 

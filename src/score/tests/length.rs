@@ -70,10 +70,7 @@ fn equal_shapes_in_another_case_are_no_rivals() {
 #[test]
 fn two_lines_agree_with_their_light_as_one_does() {
     let strokes = simplex("HELLO\nWORLD");
-    let shot = Shot::of(&strokes);
-    let reader = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
-    let view = View::from(&shot.camera);
-    let (verdict, _) = reader.explain(&shot.photo(), &view, &Known::default()).unwrap();
+    let verdict = Shot::of(&strokes).explained(&strokes, &Known::default());
     assert!(verdict.faithfulness.unwrap() > 0.97, "{verdict:?}");
     assert_eq!(verdict.read, "HELLO\nWORLD");
 }

@@ -1,9 +1,10 @@
 //! The reader against photos drawn here: clean ones, faulty ones, and other things than the word.
 
 use super::*;
+use noctograph_core::camera::Camera;
 use noctograph_core::strokes::{Glyph, Move};
 use noctograph_letters::{LetterOptions, write};
-use studio::{Dice, Shot, camera, word};
+use studio::{Dice, Shot, camera, score, word};
 
 mod length;
 mod reading;
@@ -350,10 +351,7 @@ fn documented() -> Vec<Vec<&'static str>> {
 fn the_verdict_is_written_as_it_is_documented() {
     let noor = word("NOOR");
     let shot = Shot::of(&noor).ending_early(0.25);
-    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
-    let view = View::from(&shot.camera);
-    let (verdict, _) = reader.explain(&shot.photo(), &view, &Known::default()).unwrap();
-    let verdict = serde_json::to_value(verdict).unwrap();
+    let verdict = serde_json::to_value(shot.explained(&noor, &Known::default())).unwrap();
     let keys = |value: &serde_json::Value| -> Vec<String> {
         value.as_object().unwrap().keys().cloned().collect()
     };

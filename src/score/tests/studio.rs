@@ -5,8 +5,9 @@ use nalgebra::Vector3;
 use tiny_skia::Transform;
 
 use super::super::raster::{Page, Raster};
-use super::super::{ScoreOptions, Verdict, score};
+use super::super::{Known, Reader, ScoreOptions, Verdict};
 use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
 use noctograph_core::geometry::camera_from_world;
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::encoded_from_linear;
@@ -78,6 +79,16 @@ pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera
         width_px,
         height_px: width_px * 9 / 16,
     }
+}
+
+/// Reads a photo.
+pub(super) fn score(
+    photo: &Photo,
+    strokes: &Strokes,
+    camera: &Camera,
+    options: &ScoreOptions,
+) -> Result<Verdict> {
+    Reader::new(strokes, options)?.score(photo, &camera.into())
 }
 
 fn sq(value: f32) -> f32 {
@@ -169,6 +180,11 @@ impl Shot {
 
     pub(super) fn verdict(&self, strokes: &Strokes) -> Verdict {
         score(&self.photo(), strokes, &self.camera, &ScoreOptions::default()).unwrap()
+    }
+
+    pub(super) fn explained(&self, strokes: &Strokes, known: &Known) -> Verdict {
+        let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();
+        reader.explain(&self.photo(), &(&self.camera).into(), known).unwrap().0
     }
 
     /// Exposes and encodes: a trail of 2 cm that glows by 6 mm.

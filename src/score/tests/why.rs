@@ -6,9 +6,7 @@ use noctograph_core::strokes::Move;
 use noctograph_letters::{LetterOptions, write};
 
 fn explained(shot: &Shot, strokes: &Strokes) -> Verdict {
-    let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();
-    let known = Known { speed_m_s: Some(0.2), ..Known::default() };
-    reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0
+    shot.explained(strokes, &Known { speed_m_s: Some(0.2), ..Known::default() })
 }
 
 #[test]
@@ -120,10 +118,8 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
 fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
     let noor = word("NOOR");
     let shot = Shot::of(&noor).ending_early(0.25);
-    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let explained = |gaps: Vec<LogGap>| {
-        let known = Known { lag_s: Some(0.5), gaps, ..Known::default() };
-        reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0
+        shot.explained(&noor, &Known { lag_s: Some(0.5), gaps, ..Known::default() })
     };
     let of_r = |verdict: &Verdict| {
         let causes = verdict.causes.iter().filter(|cause| cause.letter == Some(3));
@@ -186,10 +182,8 @@ fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
             step.from_m = short(after.to_m, after.from_m);
         }
     }
-    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let missing = |gaps: Vec<LogGap>| {
-        let known = Known { gaps, ..Known::default() };
-        let verdict = reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0;
+        let verdict = shot.explained(&noor, &Known { gaps, ..Known::default() });
         let missing = verdict.causes.iter().filter(|cause| cause.missing.is_some());
         missing.map(|cause| (cause.kind, cause.letter)).collect::<Vec<_>>()
     };
