@@ -4,9 +4,10 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::shape::{Fit, Shape};
+use super::face::Face;
+use super::shape::Fit;
 use super::stroke_font::StrokeFont;
-use super::typeface::{Line, Typeface};
+use super::typeface::Typeface;
 use super::{Cell, Glyph, Trace};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
@@ -30,46 +31,7 @@ const SMALLER: &str = "name a smaller font file";
 #[derive(Clone)]
 pub struct Font {
     name: String,
-    trace: Trace,
     pub(super) face: Arc<dyn Face + Send + Sync>,
-}
-
-/// The characters of a font: strokes as they are stored, or a typeface.
-pub(super) trait Face {
-    /// Its characters, in the order of their codes.
-    fn characters(&self) -> Box<dyn Iterator<Item = char> + '_>;
-
-    /// A character's strokes; `None` where it is missing.
-    fn shape(&self, character: char) -> Option<Arc<Shape>>;
-
-    fn has(&self, character: char) -> bool {
-        self.shape(character).is_some()
-    }
-
-    fn fit(&self) -> Fit {
-        Fit::Proportional
-    }
-
-    /// A letter with one more combining mark; `None` for a font that has no such mark, or shapes
-    /// them itself.
-    fn marked(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
-        None
-    }
-
-    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
-    fn line(&self, _line: &str, _space: f64) -> Option<Line> {
-        None
-    }
-
-    /// Kerning of two characters, in cap heights.
-    fn kern(&self, _pair: [char; 2]) -> f64 {
-        0.0
-    }
-
-    /// Checks that all characters so far were drawn within the budget.
-    fn check_work(&self) -> Result<()> {
-        Ok(())
-    }
 }
 
 impl Font {
@@ -87,18 +49,13 @@ impl Font {
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
             Kind::Outlines => Arc::new(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
         };
-        Ok(Self { name: name.to_owned(), trace, face })
+        Ok(Self { name: name.to_owned(), face })
     }
 
     /// The name by which it was opened.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// How a typeface is drawn.
-    pub(super) fn trace(&self) -> Trace {
-        self.trace
     }
 
     /// Its characters, in the order of their codes.
@@ -126,13 +83,6 @@ impl Font {
         }
     }
 
-    /// Length of a stroke of the face that a character's center lines lost, in cap heights; 0:
-    /// none.
-    #[must_use]
-    pub fn lost(&self, character: char) -> f64 {
-        self.face.shape(character).map_or(0.0, |shape| shape.lost)
-    }
-
     /// Checks that the characters so far were drawn in no more work than a face may take; those
     /// beyond are missing.
     ///
@@ -151,7 +101,7 @@ impl Font {
 
 impl fmt::Debug for Font {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "Font({:?}, {:?})", self.name, self.trace)
+        write!(out, "Font({:?})", self.name)
     }
 }
 

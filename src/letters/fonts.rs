@@ -32,9 +32,10 @@ impl Fonts {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// The longest stroke of its typeface that a drawn character lost.
-    pub(super) fn lost(&self, character: char) -> f64 {
-        self.0.iter().find(|font| font.face.has(character)).map_or(0.0, |font| font.lost(character))
+    /// The longest stroke of its typeface that a drawn character lost, if it lost one.
+    pub(super) fn lost(&self, character: char) -> Option<f64> {
+        let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
+        Some(shape.lost).filter(|length| *length > 0.0)
     }
 
     /// The parts of a line in one font each, as it is read. What no font has is in the first.

@@ -3,7 +3,7 @@
 use super::font::{Font, capital};
 use super::fonts::Fonts;
 use super::glyph::MAX_POINTS;
-use super::options::{Align, Fitting, LetterOptions};
+use super::options::{Align, Fitting, LetterOptions, Trace};
 use super::shape::{Fit, Shape};
 use super::shaping::{Unset, is_shaped};
 use super::{Cell, Glyph, StrokeOrder, Strokes};
@@ -120,7 +120,7 @@ fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
         character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
     let lacks = |index: usize, letter: char| {
-        let single = Font::open(SINGLE_LINE, font.trace()).ok();
+        let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
         let hint = if is_shaped(part) {
             format!("name a typeface of this script in letters.fallback: {} has none", font.name())
         } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
@@ -177,8 +177,8 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    let loss = |glyph: &Glyph| (glyph.character, fonts.lost(glyph.character));
-    let lost = glyphs.iter().map(loss).filter(|(_, length)| *length > 0.0).collect();
+    let loss = |glyph: &Glyph| Some((glyph.character, fonts.lost(glyph.character)?));
+    let lost = glyphs.iter().filter_map(loss).collect();
     let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
     Strokes { word, font, lost, glyphs, order, ..Strokes::default() }
 }
@@ -186,7 +186,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
-    let (cells, _) = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
+    let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let end = |cell: &Placed| cell.at_m + cell.width_m;
     let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.at_m), cells.last().map_or(0.0, end));
     let left_m = match options.align {
@@ -205,12 +205,12 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
     glyphs.collect()
 }
 
-/// The characters of a line from left to right, and the pen's place behind them.
-fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f64) {
+/// The characters of a line from left to right.
+fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     // A font sets its own line.
     if let [] | [_] = fonts.parts(line)[..] {
         let font = fonts.parts(line).first().map_or(fonts.main(), |(font, _)| font);
-        return cells_in(line, font, options);
+        return cells_in(line, font, options).0;
     }
     let (mut all, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
@@ -229,10 +229,10 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> (Vec<Placed>, f6
         all.extend(cells.into_iter().map(|cell| Placed { at_m: cell.at_m + pen_m, ..cell }));
         pen_m += end_m + spaces_m[1];
     }
-    (all, pen_m)
+    all
 }
 
-/// The same in one font.
+/// The same in one font, and the pen's place behind them.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let shaped = is_shaped(line).then(|| font.face.line(line, SPACE)).flatten();
     match (font.face.fit(), shaped) {

@@ -13,6 +13,7 @@ mod arcs;
 mod center_line;
 mod curves;
 mod drawing;
+mod face;
 #[cfg(test)]
 mod face_tests;
 mod font;

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::rounded;
-use super::font::Face;
+use super::face::Face;
 use super::shape::{Fit, Run, Shape};
 use noctograph_core::error::Result;
 use noctograph_core::input_error;

@@ -21,7 +21,7 @@ use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
-use super::font::Face;
+use super::face::{Face, Line};
 use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
@@ -75,13 +75,6 @@ struct Traced {
 
 /// A glyph, and its place in font units.
 type Part = (GlyphId, [i32; 2]);
-
-/// Letters that touch, as one shape: the byte of its first character in the line, its left edge and
-/// its strokes, in cap heights.
-pub(super) type Joined = (usize, f64, Arc<Shape>);
-
-/// Letters of a line, or why it cannot be set.
-pub(super) type Line = std::result::Result<Vec<Joined>, Unset>;
 
 /// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
 /// faces meet at a common edge.

@@ -2,7 +2,7 @@
 
 use super::super::Picture;
 use super::picture_tests::{Canvas, icon, line, polygon, traced};
-use super::tests::{lit, on_canvas};
+use super::tests::{drawn_in, lit, on_canvas};
 use super::*;
 
 /// A drawing by its lines in shares of a picture, how wide its pen is in pixels, and what a camera
@@ -36,6 +36,17 @@ fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
     let mut canvas = Canvas::new(SIZE, [255; 3]);
     lines.iter().for_each(|points| canvas.draw(&line(&scaled(points)), [20, 20, 25], pen_px));
     canvas.picture()
+}
+
+/// Draws a picture from a file.
+fn drawn(
+    picture: impl Into<image::DynamicImage>,
+    options: &LetterOptions,
+    ink: Ink,
+) -> Result<Strokes> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    picture.into().write_to(&mut file, image::ImageFormat::Png).unwrap();
+    drawn_in("a.png", file.into_inner(), options, ink)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "levels")]
@@ -172,10 +183,7 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
             pixel.0 = [20, 30, 180];
         }
     }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    picture.save(&path).unwrap();
-    let strokes = draw(&path, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
+    let strokes = drawn(picture, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
     let length_m = |glyph: &Glyph| {
         let lit = glyph.moves.iter().filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum::<f64>()
@@ -189,8 +197,7 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
 
     let blank =
         image::RgbImage::from_fn(300, 200, |x, _| image::Rgb([if x < 99 { 200 } else { 190 }; 3]));
-    blank.save(&path).unwrap();
-    let refused = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
+    let refused = drawn(blank, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
     assert!(refused.contains("stand out"), "{refused}");
 }
 
@@ -212,11 +219,9 @@ fn photograph() -> image::RgbImage {
 
 #[test]
 fn a_photograph_is_drawn_by_its_long_edges() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    photograph().save(&path).unwrap();
+    let photograph = photograph();
     let options = |detail, picture| LetterOptions { detail, picture, ..on_canvas(4.8, 3.2) };
-    let drawn = |options: &LetterOptions| draw(&path, options, Ink::Alike).unwrap();
+    let drawn = |options: &LetterOptions| drawn(photograph.clone(), options, Ink::Alike).unwrap();
     let auto = drawn(&options(None, Picture::Auto));
     assert_eq!(auto, drawn(&options(Some(0.5), Picture::Photograph)), "recognized");
     // The disc, and three sides of the tower, which is 260 pixels high.
@@ -243,10 +248,7 @@ fn a_solid_shape_is_its_outline_whatever_lies_beside_it() {
     ];
     shapes.iter().for_each(|shape| canvas.fill(&polygon(scaled(shape)), [0; 3]));
     canvas.fill(&icon(3, [360.0, 176.0], 48.0).0, [0; 3]);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    canvas.rgba().save(&path).unwrap();
-    let strokes = draw(&path, &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
+    let strokes = drawn(canvas.rgba(), &on_canvas(4.8, 3.2), Ink::Alike).unwrap();
     let lines = lit(&strokes);
     let closed: Vec<f64> = lines
         .iter()
@@ -262,28 +264,22 @@ fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
     let mut canvas = Canvas::transparent(SIZE);
     let bar = [[0.1, 0.5], [0.9, 0.5], [0.9, 0.53], [0.1, 0.53]];
     canvas.fill(&polygon(scaled(&bar)), [0; 3]);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
-    let drawn = |ink: [u8; 3]| {
+    let in_ink = |ink: [u8; 3]| {
         let mut picture = canvas.rgba();
         picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
-        picture.save(&path).unwrap();
-        let strokes = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();
+        let strokes = drawn(picture, &on_canvas(1.0, 1.0), Ink::Alike).unwrap();
         (strokes.n_strokes(), (10.0 * strokes.length_m()).round())
     };
     for ink in [[255; 3], [255, 240, 0], [0; 3], [200, 30, 30], [180, 255, 180]] {
-        assert_eq!(drawn(ink), (1, 10.0), "{ink:?}");
+        assert_eq!(in_ink(ink), (1, 10.0), "{ink:?}");
     }
 }
 
 #[test]
 fn a_picture_of_one_color_is_no_drawing() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.png");
     for gray in [0, 3, 128, 255] {
         let picture = image::RgbImage::from_pixel(320, 200, image::Rgb([gray; 3]));
-        picture.save(&path).unwrap();
-        let error = draw(&path, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
+        let error = drawn(picture, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
         assert!(error.contains("a.png: found a picture"), "{gray}: {error}");
     }
 }

@@ -178,7 +178,7 @@ fn foreign(kind: &str, file: &str) -> Error {
     Error::input(file, found, wanted, hint)
 }
 
-/// Lines of a drawing in less detail, of whose larger side `size` is: those that are chosen, what is
+/// Lines of a drawing in less detail, whose larger side is given: those that are chosen, what is
 /// left out, and all strokes as they lie in the file.
 fn detailed(
     lines: Vec<ColoredLine>,
@@ -275,7 +275,7 @@ fn write(
             colors.extend(color);
         }
         let line = placing.run(&trace.points).points;
-        let (points, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
+        let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
         let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
         let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
@@ -353,17 +353,14 @@ struct Placing {
     left: f64,
     bottom: f64,
     scale: f64,
-    left_m: f64,
-    bottom_m: f64,
-    width_m: f64,
-    height_m: f64,
+    /// The drawing's box; a level line has a thousandth of its length as its height.
+    cell: Cell,
 }
 
 impl Placing {
     fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
         let [left, bottom, right, top] = bounds;
-        let cap_height_m = options.cap_height_m;
-        let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * cap_height_m));
+        let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * options.cap_height_m));
         let (width, height) = (right - left, top - bottom);
         let scale = (canvas_m[0] / width).min(canvas_m[1] / height);
         // Larger than the rounding of its coordinates, and not a single point.
@@ -379,18 +376,20 @@ impl Placing {
             Align::Ae483 | Align::Center => -0.5 * width_m,
             Align::Right => -width_m,
         };
-        let height_m = height_m.max(1e-3 * width_m);
-        Ok(Self { left, bottom, scale, left_m, bottom_m: options.baseline_m, width_m, height_m })
+        let (cap_height_m, baseline_m) = (height_m.max(1e-3 * width_m), options.baseline_m);
+        let width_m = width_m.max(1e-3 * cap_height_m);
+        let cell = Cell { left_m, baseline_m, width_m, cap_height_m };
+        Ok(Self { left, bottom, scale, cell })
     }
 
     /// The larger side in the drawing's own units.
     fn size(&self) -> f64 {
-        self.width_m.max(self.height_m) / self.scale
+        self.cell.width_m.max(self.cell.cap_height_m) / self.scale
     }
 
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
-        [self.left_m + x_m, self.bottom_m + y_m]
+        [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
     /// The number of a line, at its middle.
@@ -412,16 +411,10 @@ impl Placing {
 
     /// Glyphs, all of them as large as the drawing.
     fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> Strokes {
-        let cell = Cell {
-            left_m: self.left_m,
-            baseline_m: self.bottom_m,
-            width_m: self.width_m.max(1e-3 * self.height_m),
-            cap_height_m: self.height_m,
-        };
         let glyph = |runs: Vec<Run>| {
             let mut moves = pen_moves(&runs, |point| point);
             moves.retain(|step| !step.lit || step.from_m != step.to_m);
-            Glyph { character: DRAWING, cell, moves }
+            Glyph { character: DRAWING, cell: self.cell, moves }
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
         Strokes { glyphs, order, ..Strokes::default() }

@@ -249,10 +249,10 @@ impl Search<'_> {
         regions.retain(|region| {
             let (extent, is_straight) =
                 (|| self.extent(&region.pixels), region.direction.is_some());
-            // The sharp edge of a shadow leaves pieces of rulings, and specks where it crosses them.
+            // The sharp edge of a shadow leaves pieces of rulings, and specks at their crossings.
             let least = if is_straight { PIECE } else { SPECK };
             let is_piece = self.field.is_shaded && self.is_weak(region.level) && extent() <= least;
-            // Where there are rulings, a short straight line that is as weak is what is left of one.
+            // Where there are rulings, a short straight line that is as weak is left of one.
             let is_left_over = self.is_ruled && is_straight && extent() < LEFT_OVER;
             let stays = kept.next() == Some(true) && (keeps_pale || !region.is_pale);
             stays && !is_piece && !is_left_over

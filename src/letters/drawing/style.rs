@@ -1,8 +1,8 @@
 //! Styles: what an element's attributes are once style sheets, `style`, custom properties and the
 //! geometry and transforms of CSS are resolved; and the closed list of what is understood of them.
 //!
-//! Selectors are matched by simplecss, which asks each element within the drawing's budget. What may
-//! change the picture and is not understood is named.
+//! Selectors are matched by simplecss, which asks the elements within the drawing's budget. What
+//! may change the picture and is not understood is named.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
