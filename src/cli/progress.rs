@@ -54,7 +54,8 @@ pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
             Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
             Stage::Exposing if done < 1.0 => {
                 let spinner = ProgressBar::new_spinner().with_message("exposing");
-                spinner.enable_steady_tick(Duration::from_millis(100));
+                // Drawn once: a thread that turns it may not start.
+                spinner.tick();
                 *shown = (None, Some(spinner.with_finish(ProgressFinish::AndClear)));
             }
             Stage::Exposing => *shown = (None, None),
