@@ -104,7 +104,7 @@ impl PictureFlags {
                 // The noise of a print's scene is that of its dots already.
                 let before_px = match camera.dots_per_inch {
                     Some(_) => f64::from(camera.width_px),
-                    None => camera.body.width_px(),
+                    None => camera.body.figures().width_px,
                 };
                 let across = before_px / f64::from(width_px);
                 *noise = noise.resampled(across * across);

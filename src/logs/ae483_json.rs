@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use super::cfclient_csv::WRAP_S;
 use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
-use super::{ImportOptions, MAX_VARIABLES, TimeUnit, plain_csv};
+use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
@@ -27,35 +27,30 @@ use noctograph_core::statistics::median;
 const STEPS: usize = 3;
 
 /// Reads a JSON log.
-pub(super) fn read(
-    bytes: &[u8],
-    file: &str,
-    options: &ImportOptions,
-    budget: &Budget,
-) -> Result<Recording> {
+pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
+    let Job { file, options, budget } = job;
     budget.steps(STEPS * bytes.len())?;
     budget.bytes(bytes.len())?;
     let mut text = bytes.to_vec();
     replace_nan(&mut text);
-    let mut warnings = Vec::new();
+    let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
     let left = budget.bytes_left();
-    let broken = |source: serde_json::Error| match budget.check() {
-        Ok(()) => broken(file, &source),
-        Err(error) => error,
-    };
     let value = match json_tree::read(&text, budget) {
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
-            warnings.push(format!("the file ends too early, at {place}; the part before is read"));
+            log.warnings
+                .push(format!("the file ends too early, at {place}; the part before is read"));
             close(&mut text);
             budget.free(left - budget.bytes_left());
             json_tree::read(&text, budget)
         }
         value => value,
     };
-    let value = value.map_err(broken)?;
+    let value = value.map_err(|source| {
+        let place = format_args!("{file}:{}:{}", source.line(), source.column());
+        budget.check().err().unwrap_or_else(|| Error::input(place, &source, "JSON", HINT))
+    })?;
     drop(text);
-    let log = Recording { warnings, wrap_s: Some(WRAP_S), ..Recording::new(file) };
     let mut reader = Reader { budget, log, skipped: Vec::new() };
     let in_seconds = match value {
         Node::Object(mut top) => {
@@ -124,11 +119,6 @@ fn unit_s(step: f64, in_seconds: bool) -> f64 {
 
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
-
-fn broken(file: &str, source: &serde_json::Error) -> Error {
-    let place = format!("{file}:{}:{}", source.line(), source.column());
-    Error::input(place, source, "JSON", HINT)
-}
 
 /// Replaces Python's NaN and infinities by `""` and spaces of the same length.
 fn replace_nan(text: &mut [u8]) {
@@ -361,9 +351,11 @@ fn clock_of(name: &str) -> Clock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ImportOptions;
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-        super::read(bytes, file, &ImportOptions::default(), &Budget::of(file, HINT))
+        let (options, budget) = (&ImportOptions::default(), &Budget::of(file, HINT));
+        super::read(bytes, Job { file, options, budget })
     }
 
     #[test]

@@ -5,11 +5,11 @@
 
 use std::path::Path;
 
-use super::firmware;
 use super::recording::{Block, Column, Recording};
-use super::sheet::{self, Sheet};
+use super::sheet::{self, Sheet, SheetColumn};
+use super::{Job, firmware};
 use noctograph_core::error::Result;
-use noctograph_core::files::{Budget, plain_text};
+use noctograph_core::files::plain_text;
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -30,15 +30,15 @@ pub(super) fn may_be_its_own(path: &Path) -> bool {
     path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"))
 }
 
-/// Reads a file, which is a block of a recording; `recording` is the name of that in messages.
-pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) -> Result<Recording> {
+/// Reads a file, which is a block of a recording.
+pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
     let plain = plain_text(text);
-    let sheet = Sheet::read(&plain.text, file, &[], |_| true, budget)?;
-    let mut columns =
-        sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
-    let stamps_ms = columns.next().map(|column| column.values).unwrap_or_default();
+    let sheet = Sheet::read(&plain.text, job, &[], |_| true)?;
+    let column = |column: SheetColumn| Column::new(column.title, column.values);
+    let mut columns = sheet.columns.into_iter().map(column);
+    let stamps_ms = columns.next().map(|stamps| stamps.values).unwrap_or_default();
     let block = Block {
-        name: Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         time_s: stamps_ms.into_iter().map(|ms| ms / 1000.0).collect(),
         columns: columns.collect(),
         ..Block::default()
@@ -48,6 +48,6 @@ pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) ->
         warnings: plain.notes.into_iter().chain(sheet.warnings).collect(),
         wrap_s: Some(WRAP_S),
         firmware: firmware::in_comments(text),
-        ..Recording::new(recording)
+        ..Recording::new(job.file)
     })
 }

@@ -213,7 +213,8 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     let name = path.display().to_string();
     if path.is_dir() {
         let budget = Budget::of(&name, HINT);
-        return flight(folder(path, &name, &budget)?, options, &budget);
+        let job = Job { file: &name, options, budget: &budget };
+        return flight(folder(path, job)?, options, &budget);
     }
     on_clock(&read(path)?, &name, options)
 }
@@ -247,7 +248,8 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     } else {
         let budget = Budget::of(file, HINT);
         budget.bytes(bytes.len())?;
-        flight(recording(bytes, file, options, &budget)?, options, &budget)?
+        let job = Job { file, options, budget: &budget };
+        flight(recording(bytes, job)?, options, &budget)?
     };
     // A flight file with ranges is an imported log; a table of ranges with times in s is none.
     if has_letters && has_ranges {
@@ -268,33 +270,36 @@ fn use_estimate(flight: &mut Flight) {
     }
 }
 
+/// What a reader needs beside the bytes: the log's name in messages, and what they may become.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    file: &'a str,
+    options: &'a ImportOptions,
+    budget: &'a Budget,
+}
+
 /// Reads a log of the format that its content shows.
-fn recording(
-    bytes: &[u8],
-    file: &str,
-    options: &ImportOptions,
-    budget: &Budget,
-) -> Result<Recording> {
+fn recording(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     if bytes.first() == Some(&usd::MAGIC) {
-        return usd::read(bytes, file, options.damaged, budget);
+        return usd::read(bytes, job);
     }
     let text = decoded(bytes);
     let content = text.trim_ascii_start();
     match content.first() {
-        None => return Err(unknown(file, "an empty file")),
-        Some(b'{' | b'[') => return ae483_json::read(&text, file, options, budget),
+        None => return Err(unknown(job.file, "an empty file")),
+        Some(b'{' | b'[') => return ae483_json::read(&text, job),
         Some(_) => {}
     }
     let plain = plain_text(content).text;
     let line = sheet::first_line(&plain);
     if line.contains(&0) || !sheet::is_separated(line) || std::str::from_utf8(line).is_err() {
         let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
-        return Err(unknown(file, format!("a file that begins with {start:?}")));
+        return Err(unknown(job.file, format_args!("a file that begins with {start:?}")));
     }
-    if cfclient_csv::is_its_own(&plain) {
-        return cfclient_csv::read(&text, file, file, budget);
+    match cfclient_csv::is_its_own(&plain) {
+        true => cfclient_csv::read(&text, job),
+        false => plain_csv::read(&text, job),
     }
-    plain_csv::read(&text, file, options, budget)
 }
 
 /// Makes a recording a flight.
@@ -324,15 +329,16 @@ fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
 }
 
 /// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
-fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
-    let mut all = Recording::new(name);
+fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
+    let Job { budget, .. } = job;
+    let mut all = Recording::new(job.file);
     for path in files_in(path)?.iter().filter(|path| cfclient_csv::may_be_its_own(path)) {
         let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
         if cfclient_csv::is_its_own(&bytes) {
             let file = path.display().to_string();
-            let one = cfclient_csv::read(&bytes, &file, name, budget)?;
+            let one = cfclient_csv::read(&bytes, Job { file: &file, ..job })?;
             all.warnings.extend(one.warnings.iter().map(|warning| format!("{file}: {warning}")));
             all.blocks.extend(one.blocks);
             all.firmware = all.firmware.or(one.firmware);
@@ -344,7 +350,7 @@ fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
     }
     if all.blocks.is_empty() {
         let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(unknown(name, found));
+        return Err(unknown(job.file, found));
     }
     Ok(all)
 }

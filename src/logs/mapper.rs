@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::recording::{Channel, Clock, Recording, shortened};
-use super::sources::{Quantities, VelocityFrame, quantities};
+use super::sources::{Quantities, quantities};
 use super::{ImportOptions, PositionSource};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
@@ -40,21 +40,22 @@ pub(super) fn flight(
             "choose another source of position, or the best",
         ));
     }
-    let mut warnings = quantities.left_out.clone();
-    let axis = axis(&recording, &quantities, options, budget)?;
-    warnings.extend(warn_of_gaps(&axis.gaps));
+    let mapper = Mapper { recording: &recording, quantities: &quantities, options };
+    let axis = mapper.axis(budget)?;
     let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
     let n_extra = recording.names().filter(|name| !quantities.used.contains(*name)).count();
     let n_samples = axis.stamps_s.len();
     let sample_bytes = size_of::<FlightSample>() + size_of::<f64>() * n_extra;
     budget.bytes(n_samples.saturating_mul(sample_bytes))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    let sample = |&stamp_s| sample(&quantities, options, stamp_s, axis.time_s(stamp_s));
+    let sample = |&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s));
     let samples: Vec<FlightSample> = axis.stamps_s.iter().map(sample).collect();
-    warnings.extend(warn_of_held_values(&quantities, options, &axis.stamps_s));
-    warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &quantities.used, &axis.stamps_s);
     check_numbers(&recording.file, &samples)?;
+    let mut extra = mapper.extra(&axis.stamps_s);
+    let mut warnings = quantities.left_out.clone();
+    warnings.extend(warn_of_gaps(&axis.gaps));
+    warnings.extend(mapper.warn_of_held_values(&axis.stamps_s));
+    warnings.extend(warn_of_size(&samples));
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
     let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
@@ -97,59 +98,126 @@ impl Axis {
     }
 }
 
-/// A grid of the sample rate over the time in which position and attitude are both known, without
-/// the gaps. Without a pose, the stamps of the longest block.
-fn axis(
-    recording: &Recording,
-    quantities: &Quantities,
-    options: &ImportOptions,
-    budget: &Budget,
-) -> Result<Axis> {
-    let of = |quantity| {
-        let channels = quantities.channels.get(&quantity).into_iter().flatten();
-        channels.map(move |channel| (quantity, channel))
-    };
-    let pose: Vec<(Quantity, &Channel)> =
-        of(Quantity::Position).chain(of(Quantity::Attitude)).collect();
-    if pose.is_empty() {
-        let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
-        let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
-        let zero_s = stamps_s.first().copied().unwrap_or(0.0);
-        check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
-        return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
-    }
-    // The motion capture may begin before the drone's log and outlast it.
-    let drone = || recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
-    let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
-    let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
-    let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
-    let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
-    let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
-    let span_s = end_s - start_s;
-    check_span(recording, span_s)?;
-    let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
-    if !(0.0..MAX_SAMPLES).contains(&steps) {
-        let found = match steps < 0.0 {
-            true => "position and attitude that were never logged at the same time".to_owned(),
-            false => format!("{span_s:.0} s of log"),
+/// What becomes a flight.
+struct Mapper<'a> {
+    recording: &'a Recording,
+    quantities: &'a Quantities,
+    options: &'a ImportOptions,
+}
+
+impl Mapper<'_> {
+    /// A grid of the sample rate over the time in which position and attitude are both known,
+    /// without the gaps. Without a pose, the stamps of the longest block.
+    fn axis(&self, budget: &Budget) -> Result<Axis> {
+        let Self { recording, quantities, options } = self;
+        let of = |quantity| {
+            let channels = quantities.channels.get(&quantity).into_iter().flatten();
+            channels.map(move |channel| (quantity, channel))
         };
-        let wanted = format!("a flight of up to {MAX_SAMPLES:.0} samples");
-        let hint = "cut the log to one flight, or lower the sample rate";
-        return Err(Error::input(&recording.file, found, wanted, hint));
+        let pose: Vec<(Quantity, &Channel)> =
+            of(Quantity::Position).chain(of(Quantity::Attitude)).collect();
+        if pose.is_empty() {
+            let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
+            let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
+            let zero_s = stamps_s.first().copied().unwrap_or(0.0);
+            check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
+            return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
+        }
+        // The motion capture may begin before the drone's log and outlast it.
+        let drone = || recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
+        let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
+        let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
+        let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
+        let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
+        let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
+        let span_s = end_s - start_s;
+        check_span(recording, span_s)?;
+        let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
+        if !(0.0..MAX_SAMPLES).contains(&steps) {
+            let found = match steps < 0.0 {
+                true => "position and attitude that were never logged at the same time".to_owned(),
+                false => format!("{span_s:.0} s of log"),
+            };
+            let wanted = format!("a flight of up to {MAX_SAMPLES:.0} samples");
+            let hint = "cut the log to one flight, or lower the sample rate";
+            return Err(Error::input(&recording.file, found, wanted, hint));
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
+        let steps = steps as u32;
+        budget.steps(STEPS * steps as usize * pose.len())?;
+        // The last step may lie beyond the end by rounding.
+        let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
+        let is_known =
+            |step: &u32| pose.iter().all(|pose| self.between(*pose, stamp_s(*step)).is_some());
+        let steps: Vec<u32> = (0..=steps).filter(is_known).collect();
+        let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
+        let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
+        let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
+        axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
+        Ok(axis)
     }
-    #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
-    let steps = steps as u32;
-    budget.steps(STEPS * steps as usize * pose.len())?;
-    // The last step may lie beyond the end by rounding.
-    let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
-    let is_known =
-        |step: &u32| pose.iter().all(|pose| interpolated(*pose, stamp_s(*step), options).is_some());
-    let steps: Vec<u32> = (0..=steps).filter(is_known).collect();
-    let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
-    let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
-    let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
-    axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
-    Ok(axis)
+
+    /// A measured value between samples; `None` where they are too far apart: by more than the
+    /// setting, or two and a half periods of a slower log.
+    fn between(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
+        let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
+        let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
+        channel.linear(stamp_s, share * gap_s)
+    }
+
+    /// The sample at a stamp, which is a time of the flight.
+    fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
+        let mut numbers = FlightSample::default().numbers();
+        for (&quantity, channels) in &self.quantities.channels {
+            let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
+            for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
+                let between = (!is_held).then(|| self.between((quantity, channel), stamp_s));
+                *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
+            }
+        }
+        let mut sample = FlightSample::from_numbers(numbers);
+        sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
+        sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
+        if self.quantities.has_world_velocity {
+            let body_from_world = sample.attitude.world_from_body().transpose();
+            sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
+        }
+        FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
+    }
+
+    /// Names measured quantities other than the pose that are held over gaps of their own.
+    fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<String> {
+        let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
+        let of_quantity = |quantity: Quantity| {
+            let channels = self.quantities.channels.get(&quantity)?;
+            let is_held = |stamp_s: &&f64| {
+                let is_apart = |channel| self.between((quantity, channel), **stamp_s).is_none();
+                channels.iter().any(is_apart)
+            };
+            let (n, n_all) = (stamps_s.iter().filter(is_held).count(), stamps_s.len());
+            let name = quantity.name();
+            let text =
+                format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
+            (n > 0).then_some(text)
+        };
+        measured.into_iter().filter_map(of_quantity).collect()
+    }
+
+    /// All columns that belong to no quantity, held.
+    fn extra(&self, stamps_s: &[f64]) -> BTreeMap<String, Vec<f64>> {
+        let mut extra = BTreeMap::new();
+        let used = &self.quantities.used;
+        for name in self.recording.names().filter(|name| !used.contains(*name)) {
+            let Some(channel) = self.recording.channel(name) else { continue };
+            let mut title = extra_name(name);
+            while extra.contains_key(&title) {
+                title.push('_');
+            }
+            let values = stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
+            extra.insert(title, values.collect());
+        }
+        extra
+    }
 }
 
 /// Refuses a log that is longer than a flight can be.
@@ -198,18 +266,6 @@ fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
 /// known.
 const ATTITUDE_GAPS: f64 = 4.0;
 
-/// A measured value between samples; `None` where they are too far apart: by more than the setting,
-/// or two and a half periods of a slower log.
-fn interpolated(
-    (quantity, channel): (Quantity, &Channel),
-    stamp_s: f64,
-    options: &ImportOptions,
-) -> Option<f64> {
-    let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
-    let gap_s = options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
-    channel.linear(stamp_s, share * gap_s)
-}
-
 fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<String> {
     let lengths_s = || gaps.iter().map(|[from_s, to_s]| to_s - from_s);
     let longest_s = lengths_s().max_by(f64::total_cmp)?;
@@ -233,74 +289,10 @@ fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
     (farthest_m > FARTHEST_M).then_some(text)
 }
 
-/// The sample at a stamp, which is a time of the flight.
-fn sample(
-    quantities: &Quantities,
-    options: &ImportOptions,
-    stamp_s: f64,
-    time_s: f64,
-) -> FlightSample {
-    let mut numbers = FlightSample::default().numbers();
-    for (&quantity, channels) in &quantities.channels {
-        let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
-        for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
-            let between = (!is_held).then(|| interpolated((quantity, channel), stamp_s, options));
-            *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
-        }
-    }
-    let mut sample = FlightSample::from_numbers(numbers);
-    sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
-    sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
-    if quantities.velocity_frame == VelocityFrame::World {
-        let body_from_world = sample.attitude.world_from_body().transpose();
-        sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
-    }
-    FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
-}
-
-/// Names measured quantities other than the pose that are held over gaps of their own.
-fn warn_of_held_values(
-    quantities: &Quantities,
-    options: &ImportOptions,
-    stamps_s: &[f64],
-) -> Vec<String> {
-    let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-    let of_quantity = |quantity: Quantity| {
-        let channels = quantities.channels.get(&quantity)?;
-        let is_held = |stamp_s: &&f64| {
-            channels.iter().any(|it| interpolated((quantity, it), **stamp_s, options).is_none())
-        };
-        let (n, n_all) = (stamps_s.iter().filter(is_held).count(), stamps_s.len());
-        let name = quantity.name();
-        let text = format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
-        (n > 0).then_some(text)
-    };
-    measured.into_iter().filter_map(of_quantity).collect()
-}
-
 /// The same angle within (−π, π].
 fn half_turn(angle_rad: f64) -> f64 {
     let turns = (angle_rad / std::f64::consts::TAU - 0.5).ceil();
     angle_rad - turns * std::f64::consts::TAU
-}
-
-/// All columns that belong to no quantity, held.
-fn extra(
-    recording: &Recording,
-    used: &BTreeSet<String>,
-    stamps_s: &[f64],
-) -> BTreeMap<String, Vec<f64>> {
-    let mut extra = BTreeMap::new();
-    for name in recording.names().filter(|name| !used.contains(*name)) {
-        let Some(channel) = recording.channel(name) else { continue };
-        let mut title = extra_name(name);
-        while extra.contains_key(&title) {
-            title.push('_');
-        }
-        let values = stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
-        extra.insert(title, values.collect());
-    }
-    extra
 }
 
 /// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.

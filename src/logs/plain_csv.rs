@@ -19,9 +19,9 @@ use std::collections::BTreeMap;
 
 use super::recording::{Block, Column, Recording, shortened};
 use super::sheet::{self, Sheet, SheetColumn};
-use super::{AngleUnit, Axes, ImportOptions, TimeUnit, firmware, mocap_csv};
+use super::{AngleUnit, Axes, Job, TimeUnit, firmware, mocap_csv};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Budget, plain_text};
+use noctograph_core::files::plain_text;
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::unit_of;
 
@@ -33,18 +33,11 @@ const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 /// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
 /// the letters before them.
-const NAMES: [(&str, &str, &str); 14] = [
-    (
-        " ",
-        "t",
-        "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time header_stamp \
-         time_boot",
-    ),
-    (
-        "xyz",
-        "*_m",
-        "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_* loc_* location_*",
-    ),
+const NAMES: [(&str, &str, &str); 17] = [
+    (" ", "t", "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time"),
+    (" ", "t", "header_stamp time_boot"),
+    ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
+    ("xyz", "*_m", "loc_* location_*"),
     ("z", "*_m", "height altitude alt"),
     ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
     (" ", "yaw_rad", "yaw psi"),
@@ -54,24 +47,11 @@ const NAMES: [(&str, &str, &str); 14] = [
     ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
     ("xyz", "v*_body_m_s", "v*_body"),
     ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
-    (
-        "xyz",
-        "*_design_m",
-        "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_* setpoint_* target_* des_* \
-         cmd_*",
-    ),
+    ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
+    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
     // The last of them is no title at all.
     (" ", "index", "index row "),
-];
-
-/// Ends of paths, and the names that they stand for.
-const PATHS: [(&str, &str); 5] = [
-    ("position", "pos"),
-    ("translation", "pos"),
-    ("orientation", "q"),
-    ("rotation", "q"),
-    ("header", "header"),
 ];
 
 /// Units as endings of names, and their size in SI units.
@@ -113,19 +93,15 @@ struct Title {
 }
 
 /// Reads a plain table; its stamps may be those of a clock that others share.
-pub(super) fn read(
-    text: &[u8],
-    file: &str,
-    options: &ImportOptions,
-    budget: &Budget,
-) -> Result<Recording> {
+pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
+    let Job { file, options, budget } = job;
     let captured = mocap_csv::table(text, file)?;
     let table = captured.as_ref().map_or(text, |captured| &captured.text);
     let plain = plain_text(table);
     budget.bytes(plain.text.len())?;
     let names = unnamed(table, &plain.text);
     let needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
-    let sheet = Sheet::read(&plain.text, file, names, needed, budget)?;
+    let sheet = Sheet::read(&plain.text, job, names, needed)?;
     let mut log = Recording { firmware: firmware::in_comments(text), ..Recording::new(file) };
     log.warnings.extend(plain.notes.into_iter().chain(sheet.warnings));
     if sheet::header(&plain.text).is_none() {
@@ -226,7 +202,7 @@ impl Columns {
         }
         let is_empty = || values.iter().all(|value| value.is_nan());
         // A second column of times may be filled.
-        if name == "t" && (is_dated || !is_empty()) {
+        if name == "t" && (title == "t" || is_dated || !is_empty()) {
             let (time_s, note) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
                 self.log
@@ -419,11 +395,12 @@ fn simplified(title: &str) -> String {
 fn path_end(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
     if let [before @ .., group, axis] = &parts[..] {
-        let group = group.to_lowercase();
-        if let Some((_, name)) = PATHS.iter().find(|(end, _)| *end == group) {
+        match &*group.to_lowercase() {
+            "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
+            "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
             // The stamp of a message belongs to all that is in it.
-            let body = if *name == "header" { String::new() } else { before.join("/") };
-            return (body, format!("{name}_{axis}"));
+            "header" => return (String::new(), format!("header_{axis}")),
+            _ => {}
         }
     }
     (String::new(), title.to_owned())
@@ -513,9 +490,12 @@ fn spread_rows(time_s: &mut [f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ImportOptions;
+    use noctograph_core::files::Budget;
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-        super::read(bytes, file, &ImportOptions::default(), &Budget::of(file, "none"))
+        let (options, budget) = (&ImportOptions::default(), &Budget::of(file, "none"));
+        super::read(bytes, Job { file, options, budget })
     }
 
     fn value(text: &str, name: &str) -> f64 {

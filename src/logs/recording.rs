@@ -23,9 +23,9 @@ pub(super) struct Recording {
     pub(super) blocks: Vec<Block>,
     /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
-    /// Whether `usecTimestamp` stamped it (µSD logs), which counts 84 µs in 85 in firmware up to and
-    /// with release 2026.08; else the ticks of the operating system did, which are true. Version 1
-    /// has milliseconds, and wraps.
+    /// Whether `usecTimestamp` stamped it (µSD logs), which counts 84 µs in 85 in firmware up to
+    /// and with release 2026.08; else the ticks of the operating system did, which are true.
+    /// Version 1 has milliseconds, and wraps.
     pub(super) is_on_card: bool,
     /// The drone's firmware, as the log names it.
     pub(super) firmware: Option<String>,

@@ -136,18 +136,12 @@ pub(super) struct Quantities {
     /// Channels of each quantity in the order of its columns in a flight file. Yaw and roll have no
     /// jumps at ±π.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
-    pub(super) velocity_frame: VelocityFrame,
+    /// Whether the velocity is that in the world, not in the body frame.
+    pub(super) has_world_velocity: bool,
     /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
     /// What was logged and is left out, and why.
     pub(super) left_out: Vec<String>,
-}
-
-/// Frame of a logged velocity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum VelocityFrame {
-    Body,
-    World,
 }
 
 /// What the search takes, and what it passes over.
@@ -181,24 +175,15 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
         channels.extend(taken.map(|taken| (quantity, taken)));
     }
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
-    let mut velocity_frame = VelocityFrame::Body;
-    if let Some((source, taken)) =
-        search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware))
-    {
-        if VELOCITY_WORLD.iter().any(|world| world.1 == source.1) {
-            velocity_frame = VelocityFrame::World;
-        }
-        channels.insert(Quantity::Velocity, taken);
-    }
+    let velocity = search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware));
+    let is_world = |(source, _): &(&Source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1);
+    let has_world_velocity = velocity.as_ref().is_some_and(is_world);
+    channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
     let moving_s = moving_s(channels.get(&Quantity::Position));
-    channels.retain(|quantity, channels| {
-        let dead = why_dead(*quantity, channels, moving_s, &mut search.left_out);
-        search.left_out.extend(dead.iter().cloned());
-        dead.is_none()
-    });
+    channels.retain(|quantity, channels| search.is_logged(*quantity, channels, moving_s));
     let Search { used, left_out, .. } = search;
-    Quantities { channels, velocity_frame, used, left_out }
+    Quantities { channels, has_world_velocity, used, left_out }
 }
 
 /// For how long a drone moves; zero for one that rests.
@@ -209,49 +194,6 @@ fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     };
     let moves = position.into_iter().flatten().filter(|channel| way_m(channel) >= MOVES_M);
     moves.map(active_s).fold(0.0, f64::max)
-}
-
-/// Why a quantity counts as not logged: it is frozen, or all zero, while the drone moves. A
-/// setpoint may stay, but not at the origin; each motor must change; a heading may be held.
-fn why_dead(
-    quantity: Quantity,
-    channels: &[Channel],
-    moving_s: f64,
-    left_out: &mut Vec<String>,
-) -> Option<String> {
-    let active = channels.iter().map(active_s);
-    let active_s = match quantity {
-        Quantity::Motors => active.fold(f64::INFINITY, f64::min),
-        _ => active.fold(0.0, f64::max),
-    };
-    let is_zero = || channels.iter().flat_map(|channel| &channel.values).all(|value| *value == 0.0);
-    let may_stay = quantity == Quantity::Position || quantity == Quantity::Design && !is_zero();
-    if may_stay || active_s >= ALIVE_SHARE * moving_s {
-        return None;
-    }
-    let last = |channel: &Channel| channel.values[channel.values.len() - 1];
-    if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, channels)
-        && last(yaw).abs() > 1e-6
-        && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
-    {
-        if !left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
-            left_out.push(format!(
-                "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were not \
-                 logged; the yaw, {:.3} rad throughout, is kept",
-                last(yaw)
-            ));
-        }
-        return None;
-    }
-    let shown = |channel| {
-        let text = format!("{:.6}", on_grid(last(channel)));
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    };
-    let values: Vec<String> = channels.iter().map(shown).collect();
-    let (name, values) = (quantity.name(), values.join(", "));
-    Some(format!(
-        "{name}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged"
-    ))
 }
 
 impl Search<'_> {
@@ -268,10 +210,18 @@ impl Search<'_> {
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
     ) -> Option<(&'s Source, Vec<Channel>)> {
-        let logged =
-            sources.filter_map(|source| Some((source, self.recording.channels(source.1)?)));
-        let (mut logged, diverged): (Vec<_>, Vec<_>) =
-            logged.partition(|(source, channels)| is_sound(source, channels));
+        let logged = sources.filter_map(|source| {
+            let mut channels = self.recording.channels(source.1)?;
+            for (channel, factor) in channels.iter_mut().zip(source.2) {
+                channel.values.iter_mut().for_each(|value| *value *= factor);
+            }
+            Some((source, channels))
+        });
+        // Numbers of a drone's world.
+        let is_sound = |(_, channels): &(&Source, Vec<Channel>)| {
+            numbers(channels).all(|value| value.abs() <= MAX_QUANTITY)
+        };
+        let (mut logged, diverged): (Vec<_>, Vec<_>) = logged.partition(is_sound);
         if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
             let names = shortened(&names(source.1).collect::<Vec<_>>());
             let instead =
@@ -289,33 +239,68 @@ impl Search<'_> {
         let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
         let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
             true => active_s(channels) >= ALIVE_SHARE * most_s,
-            false => channels.iter().flat_map(|channel| &channel.values).any(|value| *value != 0.0),
+            false => numbers(channels).any(|value| *value != 0.0),
         };
         let chosen = logged.iter().position(is_alive).unwrap_or(0);
-        let (source, mut channels) = logged.into_iter().nth(chosen)?;
+        let (source, channels) = logged.into_iter().nth(chosen)?;
         self.used.extend(names(source.1));
-        for (channel, factor) in channels.iter_mut().zip(source.2) {
-            channel.values.iter_mut().for_each(|value| *value *= factor);
-        }
         Some((source, channels))
+    }
+
+    /// Whether a quantity counts as logged: not where it is frozen, or all zero, while the drone
+    /// moves. A setpoint may stay, but not at the origin; each motor must change; a heading may be
+    /// held.
+    fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
+        let active = channels.iter().map(active_s);
+        let active_s = match quantity {
+            Quantity::Motors => active.fold(f64::INFINITY, f64::min),
+            _ => active.fold(0.0, f64::max),
+        };
+        let may_stay = quantity == Quantity::Position
+            || quantity == Quantity::Design && numbers(channels).any(|value| *value != 0.0);
+        if may_stay || active_s >= ALIVE_SHARE * moving_s {
+            return true;
+        }
+        let last = |channel: &Channel| channel.values[channel.values.len() - 1];
+        if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, channels)
+            && last(yaw).abs() > 1e-6
+            && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
+        {
+            if !self.left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
+                self.left_out.push(format!(
+                    "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were \
+                     not logged; the yaw, {:.3} rad throughout, is kept",
+                    last(yaw)
+                ));
+            }
+            return true;
+        }
+        let shown = |channel| {
+            let text = format!("{:.6}", on_grid(last(channel)));
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        };
+        let values = channels.iter().map(shown).collect::<Vec<_>>().join(", ");
+        self.left_out.push(format!(
+            "{}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged",
+            quantity.name()
+        ));
+        false
     }
 
     /// The attitude: of the source of the position, of others, of quaternions, or the yaw alone.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
-        let angles = self.first(preferred.into_iter().chain(others));
-        let angles = angles.map(|(_, channels)| channels);
+        let chosen = self.first(preferred.into_iter().chain(others));
+        let mut angles = chosen.map(|(_, channels)| channels);
         // Frozen angles beside quaternions that live are those of an observer that did not run.
-        let is_frozen = |angles: &Vec<Channel>| angles.iter().all(|angle| active_s(angle) == 0.0);
-        let quaternions = match &angles {
-            Some(angles) if !is_frozen(angles) => None,
-            _ => self.angles_from_quaternions(),
-        };
-        let angles = match (angles, quaternions) {
-            (Some(angles), Some(live)) if is_frozen(&live) => Some(angles),
-            (angles, quaternions) => quaternions.or(angles),
-        };
+        let lives = |angles: &Vec<Channel>| angles.iter().any(|angle| active_s(angle) > 0.0);
+        if !angles.as_ref().is_some_and(lives) {
+            let quaternions = self.angles_from_quaternions();
+            if angles.is_none() || quaternions.as_ref().is_some_and(lives) {
+                angles = quaternions;
+            }
+        }
         let mut angles = angles.or_else(|| {
             let yaw = self.recording.channel("yaw_rad")?;
             self.used.insert("yaw_rad".to_owned());
@@ -397,13 +382,8 @@ impl Search<'_> {
     }
 }
 
-/// Whether all numbers of a source are of a drone's world.
-fn is_sound(source: &Source, channels: &[Channel]) -> bool {
-    let within = |(place, channel): (usize, &Channel)| {
-        let factor = source.2.get(place).copied().unwrap_or(1.0);
-        channel.values.iter().all(|value| (value * factor).abs() <= MAX_QUANTITY)
-    };
-    channels.iter().enumerate().all(within)
+fn numbers(channels: &[Channel]) -> impl Iterator<Item = &f64> {
+    channels.iter().flat_map(|channel| &channel.values)
 }
 
 /// Time from the first change of a channel to its last.
@@ -512,7 +492,7 @@ mod tests {
         assert_eq!(values(&log, Quantity::Position), [0.5, 0.0, 1.0]);
         assert_eq!(values(&log, Quantity::Estimate), [0.5, 0.0, 1.0]);
         assert_eq!(values(&log, Quantity::Velocity), [0.0; 3]);
-        assert_eq!(quantities(&log, Best).velocity_frame, VelocityFrame::World);
+        assert!(quantities(&log, Best).has_world_velocity);
         let log = moving(&[("ae483log.o_x", 0.3, 0.1), ("ae483log.o_y", 0.0, 0.0)]);
         assert!(!quantities(&log, Best).channels.contains_key(&Quantity::Position), "no z");
     }

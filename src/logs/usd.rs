@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::recording::{Block, Column, Recording};
-use super::{Damaged, MAX_VARIABLES};
+use super::{Damaged, Job, MAX_VARIABLES};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 
@@ -26,12 +26,8 @@ const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
 /// Reads a µSD log.
-pub(super) fn read(
-    bytes: &[u8],
-    file: &str,
-    damaged: Damaged,
-    budget: &Budget,
-) -> Result<Recording> {
+pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
+    let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
     if !(1..=2).contains(&version) {
@@ -43,13 +39,13 @@ pub(super) fn read(
         before.len() >= cursor.at && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
     let end = if whole { body.len() - 4 } else { body.len() };
-    let stop = records(&body[..end], version, &mut events, budget)?;
+    let (length, stop) = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut warnings = Vec::new();
     if let Some(damage) = stop.damage(whole) {
-        let byte = cursor.at + stop.at;
-        let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short | Reason::Zeros);
-        if !cut_off && damaged == Damaged::Refuse {
+        let byte = cursor.at + length;
+        let cut_off = !whole && matches!(stop, Stop::End | Stop::Short | Stop::Zeros);
+        if !cut_off && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(cursor.error(byte, damage, wanted));
         }
@@ -71,13 +67,8 @@ struct Event {
     block: Block,
 }
 
-/// Place and reason of the end of the records.
-struct Stop {
-    at: usize,
-    reason: Reason,
-}
-
-enum Reason {
+/// Why the records end.
+enum Stop {
     End,
     Short,
     /// Nothing but zeros remains: clusters of the card that the file was given, and the drone was
@@ -94,44 +85,44 @@ const STEPS: usize = 5;
 impl Stop {
     /// The damage of a log whose records end here; `None` of a whole one.
     fn damage(&self, whole: bool) -> Option<String> {
-        let text = match self.reason {
-            Reason::End if whole => return None,
-            Reason::End => "the log ends without a CRC, cut off between two records",
-            Reason::Short => "the log is cut off within a record",
-            Reason::Zeros => "zeros up to the end: the log was cut off",
-            Reason::Crc => "the CRC does not match: bytes were changed after they were written",
-            Reason::Unknown(id) => return Some(format!("event {id}, which is not in the header")),
+        let text = match self {
+            Self::End if whole => return None,
+            Self::End => "the log ends without a CRC, cut off between two records",
+            Self::Short => "the log is cut off within a record",
+            Self::Zeros => "zeros up to the end: the log was cut off",
+            Self::Crc => "the CRC does not match: bytes were changed after they were written",
+            Self::Unknown(id) => return Some(format!("event {id}, which is not in the header")),
         };
         Some(text.to_owned())
     }
 }
 
-/// Reads records as long as there are any.
+/// Reads records as long as there are any; returns their bytes, and why they end.
 fn records(
     body: &[u8],
     version: u16,
     events: &mut BTreeMap<u16, Event>,
     budget: &Budget,
-) -> Result<Stop> {
+) -> Result<(usize, Stop)> {
     let n_head = if version == 1 { 6 } else { 10 };
     let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut at = 0;
     loop {
         let rest = &body[at..];
-        let stop = |reason| Ok(Stop { at, reason });
+        let stop = |why| Ok((at, why));
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
-            return stop(if rest.is_empty() { Reason::End } else { Reason::Short });
+            return stop(if rest.is_empty() { Stop::End } else { Stop::Short });
         };
         let id = u16::from_le_bytes(*id);
         // A record of zeros alone has no stamp: the drone's counter runs since it was switched on.
         if id == 0 && rest.len() > 4 && at >= zeros_from {
-            return stop(Reason::Zeros);
+            return stop(Stop::Zeros);
         }
         let Some(event) = events.get_mut(&id) else {
-            return stop(if rest.len() == 4 { Reason::Crc } else { Reason::Unknown(id) });
+            return stop(if rest.len() == 4 { Stop::Crc } else { Stop::Unknown(id) });
         };
         if rest.len() < n_head + event.n_bytes {
-            return stop(Reason::Short);
+            return stop(Stop::Short);
         }
         let n_numbers = 1 + event.decoders.len();
         budget.bytes(size_of::<f64>() * n_numbers)?;

@@ -80,23 +80,30 @@ pub struct FixedLens {
 }
 
 /// Figures of a body.
-struct Body {
-    sensor_width_m: f64,
+#[derive(Debug)]
+pub struct BodyFigures {
+    /// Width of the sensor.
+    pub sensor_width_m: f64,
     /// Pixels along its width, as its pictures have them by default.
-    width_px: f64,
+    pub width_px: f64,
+    /// The lens that comes with it; `None` where it can be changed.
+    pub fixed_lens: Option<FixedLens>,
     /// Its model's names in EXIF.
     exif: &'static [&'static str],
-    lens: Option<FixedLens>,
 }
 
 /// Figures of a lens.
-struct Lens {
-    focal_length_m: f64,
-    min_f_number: f64,
+#[derive(Debug)]
+pub struct LensFigures {
+    /// Focal length.
+    pub focal_length_m: f64,
+    /// Aperture number of the widest aperture.
+    pub min_f_number: f64,
+    /// Distortion k1, k2, p1, p2 (see [`super::Camera::distortion`]).
+    pub distortion: [f64; 4],
     /// Stops by which the rims darken the corner of full frame wide open: see
     /// [`LensModel::vignetting`].
     wide_open_stops: f64,
-    distortion: [f64; 4],
 }
 
 /// Bodies that EXIF may name.
@@ -106,13 +113,18 @@ const NAMED_IN_EXIF: [BodyModel; 3] =
 impl BodyModel {
     /// The table of bodies. Focal lengths of fixed lenses are those that see the maker's angle over
     /// the sensor's diagonal (4:3).
-    fn figures(&self) -> Body {
-        let body =
-            |sensor_width_m, width_px, exif| Body { sensor_width_m, width_px, exif, lens: None };
+    #[must_use]
+    pub fn figures(&self) -> BodyFigures {
+        let body = |sensor_width_m, width_px, exif| BodyFigures {
+            sensor_width_m,
+            width_px,
+            fixed_lens: None,
+            exif,
+        };
         let phone = |sensor_width_m, focal_length_m, f_number, longest_s| {
             let iso = [50.0, 3200.0];
-            let lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
-            Body { sensor_width_m, width_px: 4000.0, exif: &[], lens }
+            let fixed_lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
+            BodyFigures { fixed_lens, ..body(sensor_width_m, 4000.0, &[]) }
         };
         match self {
             Self::Custom(custom) => body(custom.sensor_width_m, 6000.0, &[]),
@@ -139,7 +151,7 @@ impl BodyModel {
     /// The lens that comes with the body; `None` where it can be changed.
     #[must_use]
     pub fn fixed_lens(&self) -> Option<FixedLens> {
-        self.figures().lens
+        self.figures().fixed_lens
     }
 
     /// The body of a model name in EXIF.
@@ -147,23 +159,12 @@ impl BodyModel {
     pub fn from_exif_model(model: &str) -> Option<Self> {
         NAMED_IN_EXIF.into_iter().find(|body| body.figures().exif.contains(&model.trim()))
     }
-
-    /// Width of the sensor.
-    #[must_use]
-    pub fn sensor_width_m(&self) -> f64 {
-        self.figures().sensor_width_m
-    }
-
-    /// Pixels of the sensor along its width, as its pictures have them by default.
-    #[must_use]
-    pub fn width_px(&self) -> f64 {
-        self.figures().width_px
-    }
 }
 
 impl LensModel {
     /// The table of lenses.
-    fn figures(&self) -> Lens {
+    #[must_use]
+    pub fn figures(&self) -> LensFigures {
         const NONE: [f64; 4] = [0.0; 4];
         let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {
             Self::Custom(custom) => (custom.focal_length_m, 0.5, 0.0, custom.distortion),
@@ -172,19 +173,7 @@ impl LensModel {
             Self::Normal50 => (0.050, 1.8, 2.21, NONE),
             Self::Kit16 => (0.016, 3.5, 0.0, [-0.026, 0.0, 0.0, 0.0]),
         };
-        Lens { focal_length_m, min_f_number, wide_open_stops, distortion }
-    }
-
-    /// Focal length.
-    #[must_use]
-    pub fn focal_length_m(&self) -> f64 {
-        self.figures().focal_length_m
-    }
-
-    /// Aperture number of the widest aperture.
-    #[must_use]
-    pub fn min_f_number(&self) -> f64 {
-        self.figures().min_f_number
+        LensFigures { focal_length_m, min_f_number, distortion, wide_open_stops }
     }
 
     /// Share of light that the rims of the lens keep from a point of the sensor, on top of the
@@ -206,11 +195,5 @@ impl LensModel {
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);
         let share = off_axis_m / FULL_FRAME_CORNER_M;
         ((1.0 - libm::exp2(-stops)) * share * share).min(1.0)
-    }
-
-    /// Distortion k1, k2, p1, p2 (see [`super::Camera::distortion`]).
-    #[must_use]
-    pub fn distortion(&self) -> [f64; 4] {
-        self.figures().distortion
     }
 }

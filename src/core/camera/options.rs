@@ -130,7 +130,7 @@ impl CameraOptions {
     pub fn check(&self) -> Result<()> {
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
-        let least = self.lens.min_f_number();
+        let least = self.lens.figures().min_f_number;
         if self.body.fixed_lens().is_none() && self.f_number < least {
             let hint = "stop the lens down, or choose a faster one";
             let wanted = format!("at least {least} with this lens");
@@ -151,14 +151,16 @@ impl CameraOptions {
     /// Share of light lost by vignetting at the corner of the picture, at an aperture.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
-        let corner_m = 0.5 * self.body.sensor_width_m() * (1.0 + aspect * aspect).sqrt();
+        let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
         self.vignetting.unwrap_or_else(|| self.lens.vignetting(f_number, corner_m))
     }
 
     /// Focal length of the lens.
     #[must_use]
     pub fn focal_length_m(&self) -> f64 {
-        self.body.fixed_lens().map_or(self.lens.focal_length_m(), |lens| lens.focal_length_m)
+        self.body
+            .fixed_lens()
+            .map_or(self.lens.figures().focal_length_m, |lens| lens.focal_length_m)
     }
 
     /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
@@ -169,14 +171,15 @@ impl CameraOptions {
     /// [`Error::Input`] with the key that is out of range.
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
-        let fixed = self.body.fixed_lens();
+        let (body, lens) = (self.body.figures(), self.lens.figures());
+        let fixed = body.fixed_lens;
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = match &self.framing {
             Framing::Word(framing) => {
                 let aspect = f64::from(self.width_px) / f64::from(self.height_px);
                 let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
-                let distance_m = width_m * self.focal_length_m() / self.body.sensor_width_m();
+                let distance_m = width_m * self.focal_length_m() / body.sensor_width_m;
                 let mut position_m = middle - Vector3::y() * distance_m;
                 position_m.z = framing.height_m.unwrap_or(middle.z);
                 (position_m, camera_from_world(middle - position_m))
@@ -189,15 +192,14 @@ impl CameraOptions {
             position_m,
             camera_from_world,
             focal_length_m: self.focal_length_m(),
-            sensor_width_m: self.body.sensor_width_m(),
+            sensor_width_m: body.sensor_width_m,
             focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
-            distortion: fixed.map_or(self.lens.distortion(), |_| [0.0; 4]),
+            distortion: fixed.map_or(lens.distortion, |_| [0.0; 4]),
             vignetting: self.vignetting_at(self.f_number),
             white_balance: self.white_balance.gains(),
             f_number: fixed.map_or(self.f_number, |lens| lens.f_number),
             transmission: self.transmission,
-            blur_m: self.blur_m
-                * fixed.map_or(1.0, |_| self.body.sensor_width_m() / FULL_FRAME_WIDTH_M),
+            blur_m: self.blur_m * fixed.map_or(1.0, |_| body.sensor_width_m / FULL_FRAME_WIDTH_M),
             iso: self.iso,
             base_iso: fixed.map_or(self.base_iso, |lens| lens.iso[0]),
             shutter_open_s: self.shutter_open_s,

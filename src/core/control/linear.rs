@@ -1,6 +1,8 @@
 //! Linear models: made from a nonlinear one, and asked whether they are stable and observable.
 
-use nalgebra::{DMatrix, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
+
+use super::Matrix;
 
 /// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
 /// (1.7e-9 of the derivative of a sine); a hundredth of it would lose as much to rounding.
@@ -51,26 +53,25 @@ fn jacobian<const N: usize, const M: usize>(
     slope
 }
 
-/// A matrix of static size as one of dynamic size: analysis and design are compiled once, for all
-/// sizes of systems.
+/// A matrix of static size as one of dynamic size.
 #[must_use]
-pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> DMatrix<f64> {
-    DMatrix::from_column_slice(R, C, m.as_slice())
+pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix {
+    Matrix::from_column_slice(R, C, m.as_slice())
 }
 
 /// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
 /// rank of `[C; CA; CA²; …]`. The number of states means observable.
 #[must_use]
-pub fn observability_rank(a: &DMatrix<f64>, c: &DMatrix<f64>) -> usize {
+pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
 
 /// `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
-fn observability_columns(a: &DMatrix<f64>, c: &DMatrix<f64>) -> DMatrix<f64> {
+fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A stay of one size.
     let a = a / a.norm().max(f64::MIN_POSITIVE);
-    let mut columns = DMatrix::zeros(n, n * p);
+    let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
     for power in 0..n {
         columns.columns_mut(power * p, p).copy_from(&block.transpose());
@@ -79,7 +80,7 @@ fn observability_columns(a: &DMatrix<f64>, c: &DMatrix<f64>) -> DMatrix<f64> {
     columns
 }
 
-fn rank(columns: DMatrix<f64>) -> usize {
+fn rank(columns: Matrix) -> usize {
     let n = columns.nrows();
     let upper = columns.full_piv_lu().u();
     let pivots = upper.view((0, 0), (n, n)).diagonal().abs();
@@ -91,9 +92,9 @@ fn rank(columns: DMatrix<f64>) -> usize {
 /// Maps the left half plane onto the unit disc and squares the result until it vanishes; a pole on
 /// the border counts as not stable. `false` for a matrix that is not finite.
 #[must_use]
-pub fn is_hurwitz(a: &DMatrix<f64>) -> bool {
+pub fn is_hurwitz(a: &Matrix) -> bool {
     let scaled = a / a.norm();
-    let one = DMatrix::identity(a.nrows(), a.ncols());
+    let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {
         return false;
     };
@@ -114,7 +115,7 @@ pub fn is_hurwitz(a: &DMatrix<f64>) -> bool {
 /// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
 /// combination of the rows of `[C; CA; CA²; …]`, by index.
 #[must_use]
-pub fn unobservable_states(a: &DMatrix<f64>, c: &DMatrix<f64>) -> Vec<usize> {
+pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let seen = rank(columns.clone());
     let size = columns.norm().max(f64::MIN_POSITIVE);
@@ -152,7 +153,7 @@ mod tests {
         let a = dmatrix![0.0, 1.0; 0.0, 0.0];
         assert_eq!(observability_rank(&a, &dmatrix![1.0, 0.0]), 2);
         assert_eq!(observability_rank(&a, &dmatrix![0.0, 1.0]), 1);
-        assert_eq!(observability_rank(&DMatrix::zeros(2, 2), &dmatrix![0.0, 1.0]), 1);
+        assert_eq!(observability_rank(&Matrix::zeros(2, 2), &dmatrix![0.0, 1.0]), 1);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Linear-quadratic regulator, and the observer gain as its dual.
 
-use nalgebra::DMatrix;
-
+use super::Matrix;
 use super::riccati::care;
 use crate::error::{Error, Result};
 
@@ -14,12 +13,7 @@ use crate::error::{Error, Result};
 ///
 /// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilizes the
 /// system at these weights.
-pub fn lqr(
-    a: &DMatrix<f64>,
-    b: &DMatrix<f64>,
-    q: &DMatrix<f64>,
-    r: &DMatrix<f64>,
-) -> Result<DMatrix<f64>> {
+pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
     let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| Error::Infeasible {
         what: "the weight of the inputs is not positive definite".into(),
         hint: "give every input a weight above zero".into(),
@@ -38,17 +32,17 @@ pub fn lqr(
 ///
 /// As [`lqr`], with "seen by an output" for "reached by an input".
 pub fn observer_gain(
-    a: &DMatrix<f64>,
-    c: &DMatrix<f64>,
-    model: &DMatrix<f64>,
-    measurement: &DMatrix<f64>,
-) -> Result<DMatrix<f64>> {
+    a: &Matrix,
+    c: &Matrix,
+    model: &Matrix,
+    measurement: &Matrix,
+) -> Result<Matrix> {
     Ok(lqr(&a.transpose(), &c.transpose(), model, measurement)?.transpose())
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{DVector, dmatrix, dvector};
+    use nalgebra::{DMatrix, DVector, dmatrix, dvector};
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -131,41 +125,19 @@ mod tests {
         let b = DMatrix::from_fn(6, 2, |i, j| (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0);
         let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| whole(i + 1)));
         let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
-        let sixty_digits = DMatrix::from_row_slice(
-            2,
-            6,
-            &[
-                0.159_177_140_995_514_26,
-                0.213_423_947_164_951_66,
-                -0.342_826_696_474_575_17,
-                -2.168_646_252_013_177_5,
-                4.900_163_300_871_512,
-                -0.772_841_134_126_938_9,
-                1.415_931_217_908_419_6,
-                2.682_164_449_216_46,
-                -1.697_787_632_719_335,
-                2.332_602_783_659_974_7,
-                -0.870_839_334_584_422_3,
-                -3.072_965_097_319_663_4,
-            ],
+        let gain = |rows: &str| {
+            let entries = rows.split_whitespace().map(|entry| entry.parse().unwrap());
+            DMatrix::from_row_iterator(2, 6, entries)
+        };
+        let sixty_digits = gain(
+            "0.15917714099551426 0.21342394716495166 -0.34282669647457517 -2.1686462520131775 \
+             4.900163300871512 -0.7728411341269389 1.4159312179084196 2.68216444921646 \
+             -1.697787632719335 2.3326027836599747 -0.8708393345844223 -3.0729650973196634",
         );
-        let scipy = DMatrix::from_row_slice(
-            2,
-            6,
-            &[
-                0.159_177_140_995_510_34,
-                0.213_423_947_164_941_5,
-                -0.342_826_696_474_562_3,
-                -2.168_646_252_013_157_7,
-                4.900_163_300_871_46,
-                -0.772_841_134_126_936_4,
-                1.415_931_217_908_421_1,
-                2.682_164_449_216_458,
-                -1.697_787_632_719_327_5,
-                2.332_602_783_659_980_5,
-                -0.870_839_334_584_423_9,
-                -3.072_965_097_319_664,
-            ],
+        let scipy = gain(
+            "0.15917714099551034 0.2134239471649415 -0.3428266964745623 -2.1686462520131577 \
+             4.90016330087146 -0.7728411341269364 1.4159312179084211 2.682164449216458 \
+             -1.6977876327193275 2.3326027836599805 -0.8708393345844239 -3.072965097319664",
         );
         let (exact, other) = (row_error(&k, &sixty_digits), row_error(&k, &scipy));
         assert!(exact < 1e-12, "worst row {exact:e}");

@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DVector};
 
+use super::Matrix;
 use super::linear::is_hurwitz;
 
 /// Frequencies that are swept, rad/s: from far below a drone's slowest loop to far above its
@@ -35,7 +36,7 @@ pub struct Margins {
 ///
 /// `None` where the closed loop is not stable to begin with.
 #[must_use]
-pub fn margins(a: &DMatrix<f64>, b: &DMatrix<f64>, k: &DMatrix<f64>) -> Option<Vec<Margins>> {
+pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let of_input = |i| {
         let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
@@ -48,8 +49,8 @@ pub fn margins(a: &DMatrix<f64>, b: &DMatrix<f64>, k: &DMatrix<f64>) -> Option<V
 
 /// `k (iω − A)⁻¹ b`, in real arithmetic: with `x = u + iv`, `(A² + ω²) v = −ω b` and `u = A v / ω`.
 fn response(
-    a: &DMatrix<f64>,
-    a_squared: &DMatrix<f64>,
+    a: &Matrix,
+    a_squared: &Matrix,
     b: &DVector<f64>,
     k: &DVector<f64>,
     frequency_rad_s: f64,
@@ -66,39 +67,35 @@ fn response(
 /// Sweeps a loop's response and gathers its crossings.
 fn of_loop(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
-    let smaller = |found: f64, best: Option<f64>| best.is_none_or(|best| found < best);
     let [low, high] = SWEEP_RAD_S.map(libm::log);
     let step = (high - low) / f64::from(SWEEP_STEPS);
-    let mut last = None;
-    for i in 0..=SWEEP_STEPS {
+    let at = |i: u32| {
         let frequency = libm::exp(low + step * f64::from(i));
-        let Some(now) = response(frequency) else {
-            last = None;
-            continue;
-        };
-        if let Some((before, was)) = last {
-            let within = [before, frequency];
-            if (excess(was) > 0.0) != (excess(now) > 0.0)
-                && let Some((at, value)) = crossing(&response, within, excess)
-            {
-                let phase = PI - libm::atan2(value.im, value.re).abs();
-                if smaller(phase, margins.phase_rad) {
-                    (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(at));
-                }
-            }
-            if (was.im > 0.0) != (now.im > 0.0)
-                && let Some((_, value)) = crossing(&response, within, |l: Complex<f64>| l.im)
-                && value.re < 0.0
-            {
-                let factor = -1.0 / value.re;
-                if factor > 1.0 && smaller(factor, margins.gain_up) {
-                    margins.gain_up = Some(factor);
-                } else if factor < 1.0 && margins.gain_down.is_none_or(|best| factor > best) {
-                    margins.gain_down = Some(factor);
-                }
+        Some((frequency, response(frequency)?))
+    };
+    let swept: Vec<Option<(f64, Complex<f64>)>> = (0..=SWEEP_STEPS).map(at).collect();
+    for pair in swept.windows(2) {
+        let [Some((before, was)), Some((frequency, now))] = *pair else { continue };
+        let within = [before, frequency];
+        if (excess(was) > 0.0) != (excess(now) > 0.0)
+            && let Some((at, value)) = crossing(&response, within, excess)
+        {
+            let phase = PI - libm::atan2(value.im, value.re).abs();
+            if margins.phase_rad.is_none_or(|best| phase < best) {
+                (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(at));
             }
         }
-        last = Some((frequency, now));
+        if (was.im > 0.0) != (now.im > 0.0)
+            && let Some((_, value)) = crossing(&response, within, |l: Complex<f64>| l.im)
+            && value.re < 0.0
+        {
+            let factor = -1.0 / value.re;
+            if factor > 1.0 {
+                margins.gain_up = Some(margins.gain_up.map_or(factor, |best| best.min(factor)));
+            } else if factor < 1.0 {
+                margins.gain_down = Some(margins.gain_down.map_or(factor, |best| best.max(factor)));
+            }
+        }
     }
     margins
 }
@@ -124,18 +121,13 @@ fn crossing(
 /// The plant `ẋ = A x + B u` whose inputs follow their commands with a lag: `τ u̇ = u_command − u`.
 /// Its states are `[x u]`, and the feedback on them is `[K 0]`.
 #[must_use]
-pub fn with_input_lag(
-    a: &DMatrix<f64>,
-    b: &DMatrix<f64>,
-    k: &DMatrix<f64>,
-    lag_s: f64,
-) -> [DMatrix<f64>; 3] {
+pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix; 3] {
     let (n, m) = b.shape();
-    let one = DMatrix::identity(m, m);
+    let one = Matrix::identity(m, m);
     let mut lagging = a.clone().resize(n + m, n + m, 0.0);
     lagging.view_mut((0, n), (n, m)).copy_from(b);
     lagging.view_mut((n, n), (m, m)).copy_from(&(&one / -lag_s));
-    let mut command = DMatrix::zeros(n + m, m);
+    let mut command = Matrix::zeros(n + m, m);
     command.rows_mut(n, m).copy_from(&(one / lag_s));
     [lagging, command, k.clone().resize_horizontally(n + m, 0.0)]
 }

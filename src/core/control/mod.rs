@@ -16,12 +16,17 @@
 //! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
 
+use nalgebra::DMatrix;
+
 mod linear;
 mod lqr;
 mod margins;
 mod poles;
 mod response;
 mod riccati;
+
+/// A matrix of dynamic size: analysis and design are compiled once, for all sizes of systems.
+type Matrix = DMatrix<f64>;
 
 pub use linear::{
     dynamic, is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,

@@ -1,6 +1,8 @@
 //! Poles of a linear system.
 
-use nalgebra::{Complex, DMatrix, Schur};
+use nalgebra::{Complex, Schur};
+
+use super::Matrix;
 
 /// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
@@ -15,7 +17,7 @@ const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 /// `None` where the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
 /// largest for well-separated poles; an n-fold pole spreads by the n-th root of the rounding error.
 #[must_use]
-pub fn poles(a: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+pub fn poles(a: &Matrix) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;
     }

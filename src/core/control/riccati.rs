@@ -1,11 +1,10 @@
 //! The continuous algebraic Riccati equation, by structured doubling.
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::Cholesky;
 
+use super::Matrix;
 use super::linear::is_hurwitz;
 use crate::error::{Error, Result};
-
-type Square = DMatrix<f64>;
 
 /// Doublings after which the recursion is given up. It squares its error, so that a solvable
 /// problem takes 7 to 15; only a closed loop with a pole within 1e-12 of the border takes more.
@@ -41,7 +40,7 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 ///
 /// [`Error::Infeasible`] where there is no such solution: a mode that no input reaches is
 /// unstable, or a mode costs nothing.
-pub(super) fn care(a: &Square, g: &Square, q: &Square) -> Result<Square> {
+pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {
         let x = through_cayley(a, g, q, shift).map(|x| refined(x, a, g, q));
@@ -55,7 +54,7 @@ pub(super) fn care(a: &Square, g: &Square, q: &Square) -> Result<Square> {
 
 /// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`: doubles its
 /// horizon until the cost converges.
-fn doubling(mut a: Square, mut g: Square, mut h: Square) -> Option<Square> {
+fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     for _ in 0..MAX_DOUBLINGS {
         let w = (one_like(&a) + &g * &h).lu();
         let (w_a, w_g) = (w.solve(&a)?, w.solve(&g)?);
@@ -76,7 +75,7 @@ fn doubling(mut a: Square, mut g: Square, mut h: Square) -> Option<Square> {
 
 /// The continuous equation as a discrete one: `s = shift (z − 1) / (z + 1)` maps the left half
 /// plane onto the unit disc and leaves the solution as it is.
-fn through_cayley(a: &Square, g: &Square, q: &Square, shift: f64) -> Option<Square> {
+fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
     let shifted = a - one_like(a) * shift;
     let w = shifted.transpose();
     let a_inverse = shifted.try_inverse()?;
@@ -90,9 +89,9 @@ fn through_cayley(a: &Square, g: &Square, q: &Square, shift: f64) -> Option<Squa
 
 /// Geometric mean of the closed loop's |poles|: `|det H|^(1/2n)` of the Hamiltonian matrix, whose
 /// spectrum is that of the closed loop and its mirror image. The best-conditioned shift.
-fn mean_pole(a: &Square, g: &Square, q: &Square) -> f64 {
+fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     let n = a.nrows();
-    let mut hamiltonian = Square::zeros(2 * n, 2 * n);
+    let mut hamiltonian = Matrix::zeros(2 * n, 2 * n);
     hamiltonian.view_mut((0, 0), (n, n)).copy_from(a);
     hamiltonian.view_mut((0, n), (n, n)).copy_from(&-g);
     hamiltonian.view_mut((n, 0), (n, n)).copy_from(&-q);
@@ -104,7 +103,7 @@ fn mean_pole(a: &Square, g: &Square, q: &Square) -> f64 {
 
 /// Newton's method (Kleinman 1968): adds the `D` of `A_cᵀ D + D A_c + residual = 0`,
 /// `A_c = A − GX`, as long as there is a residual to speak of.
-fn refined(mut x: Square, a: &Square, g: &Square, q: &Square) -> Square {
+fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     for _ in 0..MAX_REFINEMENTS {
         let quadratic = &x * g * &x;
         let left = symmetric(a.transpose() * &x + &x * a - &quadratic + q);
@@ -119,7 +118,7 @@ fn refined(mut x: Square, a: &Square, g: &Square, q: &Square) -> Square {
 
 /// `X` of `AᵀX + XA + Q = 0` for a stable `A`: the Cayley transform makes it the sum
 /// `Σ Fᵀᵏ H Fᵏ`, whose length doubles with every squaring of `F` (Smith 1968).
-fn lyapunov(a: &Square, q: &Square) -> Option<Square> {
+fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
     let shift = one_like(a) * (a.norm() * LYAPUNOV_SHIFT);
     let inverse = (a - &shift).try_inverse()?;
     let mut f = (a + &shift) * &inverse;
@@ -139,7 +138,7 @@ fn lyapunov(a: &Square, q: &Square) -> Option<Square> {
     None
 }
 
-fn solves_care(x: &Square, a: &Square, g: &Square, q: &Square) -> bool {
+fn solves_care(x: &Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> bool {
     let g_x = g * x;
     let residual = a.transpose() * x + x * a - x * &g_x + q;
     let size = q.norm() + x.norm() * (2.0 * a.norm() + g_x.norm());
@@ -148,13 +147,13 @@ fn solves_care(x: &Square, a: &Square, g: &Square, q: &Square) -> bool {
         && is_hurwitz(&(a - g_x))
 }
 
-fn symmetric(m: Square) -> Square {
+fn symmetric(m: Matrix) -> Matrix {
     let transpose = m.transpose();
     (m + transpose) * 0.5
 }
 
-fn one_like(m: &Square) -> Square {
-    Square::identity(m.nrows(), m.ncols())
+fn one_like(m: &Matrix) -> Matrix {
+    Matrix::identity(m.nrows(), m.ncols())
 }
 
 fn no_solution() -> Error {
@@ -185,15 +184,15 @@ mod tests {
     fn an_unreachable_unstable_mode_is_refused() {
         let a = dmatrix![-1.0, 0.0; 0.0, 0.5];
         let g = dmatrix![1.0, 0.0; 0.0, 0.0];
-        assert!(care(&a, &g, &Square::identity(2, 2)).is_err(), "pole at 0.5 stays");
+        assert!(care(&a, &g, &Matrix::identity(2, 2)).is_err(), "pole at 0.5 stays");
     }
 
     #[test]
     fn a_state_without_cost_is_refused() {
-        let a = Square::identity(2, 2) * -0.5;
-        let (g, q) = (Square::identity(2, 2), dmatrix![1.0, 0.0; 0.0, 0.0]);
+        let a = Matrix::identity(2, 2) * -0.5;
+        let (g, q) = (Matrix::identity(2, 2), dmatrix![1.0, 0.0; 0.0, 0.0]);
         assert!(care(&a, &g, &q).is_err(), "X = diag(x, 0)");
-        assert!(care(&a, &g, &Square::zeros(2, 2)).is_err(), "X = 0");
+        assert!(care(&a, &g, &Matrix::zeros(2, 2)).is_err(), "X = 0");
     }
 
     #[test]
@@ -210,7 +209,7 @@ mod tests {
     fn a_shift_on_an_eigenvalue_is_moved() {
         // Poles of the closed loop −0.5 and −2: their mean 1 is an eigenvalue of A.
         let a = dmatrix![0.0, 0.0; 0.0, 1.0];
-        let (g, q) = (Square::identity(2, 2), dmatrix![0.25, 0.0; 0.0, 3.0]);
+        let (g, q) = (Matrix::identity(2, 2), dmatrix![0.25, 0.0; 0.0, 3.0]);
         assert!(through_cayley(&a, &g, &q, mean_pole(&a, &g, &q)).is_none(), "singular there");
         let x = care(&a, &g, &q).unwrap();
         assert!((&x - dmatrix![0.5, 0.0; 0.0, 3.0]).norm() < 1e-14, "a + √(a² + q): {x}");

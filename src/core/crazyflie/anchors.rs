@@ -2,8 +2,12 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::files::{Limit, Yaml, YamlEntry};
+use crate::error::{Result, within};
+use crate::files::{Broken, Limit, Yaml, YamlEntry};
+use crate::input_error;
+
+/// Keys of an anchor.
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Largest file that is read.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
@@ -21,35 +25,31 @@ pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
 const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
 
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
-    let yaml = Yaml::parse(yaml).map_err(|broken| broken.error(file, HINT))?;
-    let anchors = yaml.numbered().map_err(|broken| broken.error(file, HINT))?;
-    let mut places: Vec<[f64; 3]> = Vec::new();
-    for (index, (key, anchor)) in anchors.into_iter().enumerate() {
-        let at = format!("{file}:{}: anchor {key}", anchor.line);
+    let broken = |broken: Broken| broken.error(file, HINT);
+    let yaml = Yaml::parse(yaml).map_err(broken)?;
+    let mut places_m: Vec<[f64; 3]> = Vec::new();
+    for (index, (key, anchor)) in yaml.numbered().map_err(broken)?.into_iter().enumerate() {
+        let place = format!("{file}:{}: anchor {key}", anchor.line);
         if usize::from(key) != index {
-            let (found, wanted) = (format!("key {key}"), format!("key {index}"));
-            return Err(Error::input(at, found, wanted, HINT));
+            return Err(input_error!(place, "key {key}", "key {index}", "{HINT}"));
         }
-        let mut place = [0.0; 3];
-        for YamlEntry { key: name, value, .. } in
-            anchor.entries().map_err(|broken| broken.error(file, HINT))?
-        {
-            if !["x", "y", "z"].contains(&name.as_str()) {
-                return Err(Error::input(at, format!("key {name}"), "x, y and z", HINT));
+        for YamlEntry { key: name, value, .. } in anchor.entries().map_err(broken)? {
+            if !AXES.contains(&name.as_str()) {
+                return Err(input_error!(place, "key {name}", "x, y and z", "{HINT}"));
             }
-            let value = value.number().map_err(|broken| broken.error(file, HINT))?;
-            crate::error::within(&format!("{at}, {name}"), value, -1e4, 1e4)?;
+            let number_m = value.number().map_err(broken)?;
+            within(&format!("{place}, {name}"), number_m, -1e4, 1e4)?;
         }
-        for (axis, name) in place.iter_mut().zip(["x", "y", "z"]) {
-            let value = anchor.get(name).and_then(Yaml::number);
-            *axis = value.map_err(|broken| broken.error(file, HINT))?;
+        let mut place_m = [0.0; 3];
+        for (axis_m, name) in place_m.iter_mut().zip(AXES) {
+            *axis_m = anchor.get(name).and_then(Yaml::number).map_err(broken)?;
         }
-        if let Some(first) = places.iter().position(|other| *other == place) {
-            return Err(Error::input(at, format!("the place of key {first}"), "another", HINT));
+        if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
+            return Err(input_error!(place, "the place of key {first}", "another", "{HINT}"));
         }
-        places.push(place);
+        places_m.push(place_m);
     }
-    Ok(places)
+    Ok(places_m)
 }
 
 #[cfg(test)]

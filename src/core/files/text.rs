@@ -63,8 +63,8 @@ pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
 
 /// Text whose lines end in LF, where any ends in CR alone.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
-    let next = text.iter().skip(1).chain(&[0]);
-    if !text.iter().zip(next).any(|(byte, next)| *byte == b'\r' && *next != b'\n') {
+    let mut pairs = text.iter().zip(text.iter().skip(1).chain(&[0]));
+    if !text.contains(&b'\r') || !pairs.any(|(byte, next)| *byte == b'\r' && *next != b'\n') {
         return text;
     }
     let mut lines = Vec::with_capacity(text.len());
@@ -272,7 +272,9 @@ impl Decimals {
             line.extend(with_points(bare));
         } else if has(b',') {
             // No number: its reader says so.
-            push_quoted(line, bare);
+            line.push(b'"');
+            line.extend(bare);
+            line.push(b'"');
         } else {
             self.has_points = self.has_points || has(b'.') && is_number(bare);
             line.extend(cell);

@@ -54,6 +54,10 @@ pub struct Broken {
 }
 
 impl Broken {
+    fn new(line: usize, found: impl Into<String>, wanted: impl Into<String>) -> Self {
+        Self { line, found: found.into(), wanted: wanted.into() }
+    }
+
     /// The error of a file by its name, with a hint.
     #[must_use]
     pub fn error(self, file: &str, hint: &str) -> Error {
@@ -75,13 +79,13 @@ impl Yaml {
     ///
     /// [`Broken`] where the text is no YAML, or has what is refused.
     pub fn parse(text: &str) -> Result<Self> {
-        let broken = |line, found: String| Broken { line, found, wanted: "YAML".to_owned() };
+        let broken = |line, found: &str| Broken::new(line, found, "YAML");
         let (mut open, mut root): (Vec<Open>, Option<Self>) = (Vec::new(), None);
         for event in Parser::new_from_str(text) {
             let (event, span) =
-                event.map_err(|error| broken(error.marker().line().max(1), error.info()))?;
+                event.map_err(|error| broken(error.marker().line().max(1), &error.info()))?;
             let line = span.start.line().max(1);
-            let refused = |what: &str| Err(broken(line, what.to_owned()));
+            let refused = |what| Err(broken(line, what));
             let (line, value, is_open) = match event {
                 Event::Scalar(_, _, 1.., _)
                 | Event::SequenceStart(_, 1.., _)
@@ -102,7 +106,7 @@ impl Yaml {
                 _ => continue,
             };
             if is_open && open.len() == DEEPEST {
-                return Err(broken(line, format!("more than {DEEPEST} levels")));
+                return refused(&format!("more than {DEEPEST} levels"));
             } else if is_open {
                 open.push(Open { line, value, key: None });
                 continue;
@@ -113,16 +117,16 @@ impl Yaml {
                 None => root = Some(node),
             }
         }
-        root.ok_or_else(|| broken(1, "nothing".to_owned()))
+        root.ok_or_else(|| broken(1, "nothing"))
     }
 
     fn broken(&self, wanted: impl Into<String>) -> Broken {
         let found = match &self.value {
-            Value::Scalar(text) => text.clone(),
-            Value::List(_) => "a list".to_owned(),
-            Value::Map(_) => "a mapping".to_owned(),
+            Value::Scalar(text) => text,
+            Value::List(_) => "a list",
+            Value::Map(_) => "a mapping",
         };
-        Broken { line: self.line, found, wanted: wanted.into() }
+        Broken::new(self.line, found, wanted)
     }
 
     /// The text of a scalar.
@@ -162,14 +166,12 @@ impl Yaml {
     ///
     /// [`Broken`] where it is none.
     pub fn items<const N: usize>(&self) -> Result<&[Self; N]> {
-        let wanted = || format!("a list of {N}");
+        let wanted = format!("a list of {N}");
         match &self.value {
-            Value::List(items) => items.as_slice().try_into().map_err(|_other_length| Broken {
-                line: self.line,
-                found: format!("a list of {}", items.len()),
-                wanted: wanted(),
+            Value::List(items) => items.as_slice().try_into().map_err(|_other_length| {
+                Broken::new(self.line, format!("a list of {}", items.len()), wanted)
             }),
-            _ => Err(self.broken(wanted())),
+            _ => Err(self.broken(wanted)),
         }
     }
 
@@ -213,11 +215,7 @@ impl Yaml {
     ///
     /// [`Broken`] where it is no mapping, or lacks the key.
     pub fn get(&self, key: &str) -> Result<&Self> {
-        let missing = || Broken {
-            line: self.line,
-            found: format!("no {key}"),
-            wanted: format!("the key {key}"),
-        };
+        let missing = || Broken::new(self.line, format!("no {key}"), format!("the key {key}"));
         self.find(key)?.ok_or_else(missing)
     }
 
@@ -229,12 +227,11 @@ impl Yaml {
     pub fn numbered(&self) -> Result<Vec<(u8, &Self)>> {
         let mut numbers: Vec<(u8, &Self)> = Vec::new();
         for YamlEntry { line, key, value } in self.entries()? {
-            let broken = |found, wanted: &str| Broken { line: *line, found, wanted: wanted.into() };
             let number = key.parse().map_err(|_no_byte| {
-                broken(format!("key {key}"), "a number from 0 to 255 as its key")
+                Broken::new(*line, format!("key {key}"), "a number from 0 to 255 as its key")
             })?;
             if numbers.iter().any(|(other, _)| *other == number) {
-                return Err(broken(format!("key {number} twice"), "it once"));
+                return Err(Broken::new(*line, format!("key {number} twice"), "it once"));
             }
             numbers.push((number, value));
         }
@@ -252,12 +249,10 @@ impl Open {
             }
             (Value::Map(entries), None, Yaml { line, value: Value::Scalar(key) }) => {
                 if entries.iter().any(|entry| entry.key == key) {
-                    let found = format!("key {key} twice");
-                    return Err(Broken { line, found, wanted: "it once".to_owned() });
+                    return Err(Broken::new(line, format!("key {key} twice"), "it once"));
                 }
                 if entries.len() == MOST_KEYS {
-                    let found = format!("more than {MOST_KEYS} keys");
-                    return Err(Broken { line, found, wanted: "fewer".to_owned() });
+                    return Err(Broken::new(line, format!("more than {MOST_KEYS} keys"), "fewer"));
                 }
                 self.key = Some((line, key));
             }

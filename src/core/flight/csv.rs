@@ -149,7 +149,7 @@ impl Flight {
         if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
             table.column(Quantity::TABLE[0].2[0])?;
         }
-        let flags = if table.has(GAP) { table.column(GAP)? } else { &[] };
+        let flags = table.find(GAP).unwrap_or_default();
         let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
         let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
         let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
@@ -184,11 +184,8 @@ fn odd_titles(table: &Table) -> Result<Vec<String>> {
 
 /// Checks that a column, where there is one, has whole numbers from 0 on.
 fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
-    if !table.has(name) {
-        return Ok(());
-    }
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
-    match table.column(name)?.iter().enumerate().find(is_odd) {
+    match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
         None => Ok(()),
         Some((row, found)) => Err(table.wrong(name, row + 2, found, wanted, REWRITE_HINT)),
     }

@@ -174,12 +174,17 @@ impl Table {
     ///
     /// [`Error::Input`] where there is none.
     pub fn column(&self, name: &str) -> Result<&[f64]> {
-        let index = self.header.iter().position(|title| title == name).ok_or_else(|| {
-            let wanted = format!("a column {name}");
-            let found = shortened(&self.header.join(","));
-            Error::input(format!("{}:1", self.file), found, wanted, REWRITE_HINT)
-        })?;
-        Ok(&self.columns[index])
+        self.find(name).ok_or_else(|| {
+            let (place, wanted) = (format_args!("{}:1", self.file), format!("a column {name}"));
+            Error::input(place, shortened(&self.header.join(",")), wanted, REWRITE_HINT)
+        })
+    }
+
+    /// A column by name; `None` where there is none.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<&[f64]> {
+        let index = self.header.iter().position(|title| title == name)?;
+        Some(&self.columns[index])
     }
 
     /// A column of a quantity: every number is within ±1e6.
@@ -213,7 +218,7 @@ impl Table {
     /// Whether there is a column of this name.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
-        self.header.iter().any(|title| title == name)
+        self.find(name).is_some()
     }
 
     /// All columns whose name begins with `prefix`, without it.

@@ -7,11 +7,10 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-mod chord;
 mod polyline;
 
-pub use chord::Chords;
-pub use polyline::{arc_lengths, bounds, distance, polyline_length_m, segment_distance, simplify};
+pub use polyline::{Chords, arc_lengths, bounds, distance};
+pub use polyline::{polyline_length_m, segment_distance, simplify};
 
 /// Attitude of a body as yaw, pitch and roll; in JSON an array of the three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

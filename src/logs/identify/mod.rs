@@ -177,8 +177,7 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
     let mut accelerations = accelerations(column, &mut left_out);
     let carried_n = |accelerations: Option<&[f64]>| {
-        let (mass_kg, lag_s) = (assumed.mass_kg, assumed.motor_lag_s);
-        thrust_per_command_n(flight, samples, accelerations, mass_kg, lag_s)
+        thrust_per_command_n(flight, samples, accelerations, assumed)
     };
     let mut k_f_n = carried_n(accelerations.as_deref());
     if k_f_n.is_nan() || k_f_n <= 0.0 {
@@ -211,13 +210,12 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        lag: if turns { lag::lag(flight, samples) } else { None }.filter(|lag| {
-            [lag.lag_s, lag.half_width_s, lag.explained].iter().all(|x| x.is_finite())
-        }),
+        lag: lag::lag(flight, samples)
+            .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
         air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
-            .filter(|air| air.torque_sigma_n_m.iter().all(|sigma| sigma.is_finite())),
-        reaction: if turns { yaw::reaction(flight, samples, assumed) } else { None }
-            .filter(|r| [r.k_m_n_m, r.half_width_n_m, r.correlation].iter().all(|x| x.is_finite())),
+            .filter(|air| finite(air.torque_sigma_n_m)),
+        reaction: yaw::reaction(flight, samples, assumed)
+            .filter(|r| turns && finite([r.k_m_n_m, r.half_width_n_m, r.correlation])),
         measurement_sigma_m,
         model_sigma: if moves { model() } else { None },
         left_out,
@@ -232,6 +230,10 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
     let turn = |sample: &FlightSample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy();
     let first = samples.first().map(turn).unwrap_or_default();
     samples.iter().all(|sample| (turn(sample) - first).amax() < SAME)
+}
+
+fn finite<const N: usize>(figures: [f64; N]) -> bool {
+    figures.iter().all(|figure| figure.is_finite())
 }
 
 /// Whether spreads are those of something: a frozen one has none, and its weight no bound.

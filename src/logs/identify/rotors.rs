@@ -1,6 +1,6 @@
 //! What motors give of their logged commands: rotors that follow in a time, in speed.
 
-use super::runs;
+use super::{Assumed, runs};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 
@@ -61,8 +61,7 @@ pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
     accelerations: Option<&[f64]>,
-    mass_kg: f64,
-    lag_s: f64,
+    &Assumed { mass_kg, motor_lag_s, .. }: &Assumed,
 ) -> f64 {
     let logged = |quantity| !flight.unlogged.contains(&quantity);
     let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
@@ -80,7 +79,7 @@ pub(super) fn thrust_per_command_n(
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
-        let impulses = impulses(run, lag_s);
+        let impulses = impulses(run, motor_lag_s);
         for at in inside.clone() {
             let dt_s = run[at + 1].time_s - run[at].time_s;
             let commands = impulses[at].iter().sum::<f64>() / dt_s;

@@ -39,6 +39,10 @@ fn said(flight: &Flight) -> String {
     flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
+fn says(flight: &Flight, text: &str) {
+    assert!(said(flight).contains(text), "{text:?}: {}", said(flight));
+}
+
 fn check(what: &str, flight: &Flight) {
     let last = flight.samples.last().unwrap();
     assert!((last.time_s - 12.0).abs() < 0.11, "{what}: ends at {}", last.time_s);
@@ -226,11 +230,11 @@ fn poses_of_other_programs_are_read_with_their_axes_and_orders() {
     });
     let flight = read(text.as_bytes());
     check("Vicon", &flight);
-    assert!(said(&flight).contains("rotations of Vicon"), "{}", said(&flight));
+    says(&flight, "rotations of Vicon");
     let upright = rows("t,x,y,z\n", |t, [x, y, z]| format!("{t:.2},{x},{z},{:.4}", -y));
     let flight = read(upright.as_bytes());
     check("y up", &flight);
-    assert!(said(&flight).contains("taken as y-up"), "{}", said(&flight));
+    says(&flight, "taken as y-up");
 }
 
 #[test]
@@ -243,7 +247,7 @@ fn an_option_says_what_a_table_does_not() {
     let options = ImportOptions { period_s: Some(0.1), ..ImportOptions::default() };
     let flight = parse(bare.as_bytes(), "log", &options).unwrap();
     check("a period", &flight);
-    assert!(said(&flight).contains("battery (column 4)"), "{}", said(&flight));
+    says(&flight, "battery (column 4)");
     assert!(parse(plain().as_bytes(), "log", &options).is_err(), "a period beside times");
     let slow = rows("t,x,y,z\n", |t, [x, y, z]| format!("{:.3},{x},{y},{z}", 50.0 * t));
     let options = ImportOptions { time_unit: TimeUnit::Seconds, ..ImportOptions::default() };
@@ -276,7 +280,7 @@ fn degrees_are_told_where_radians_are_impossible() {
         let flight = read(text.as_bytes());
         let steepest = flight.samples.iter().map(|s| s.attitude.roll_rad.abs()).fold(0.0, f64::max);
         assert!((steepest / wanted - 1.0).abs() < 0.02, "{most}: {steepest}\n{}", said(&flight));
-        assert!(said(&flight).contains(word), "{most}: {}", said(&flight));
+        says(&flight, word);
         // Rates without a unit go with the angles.
         let fastest = flight.samples.iter().map(|s| s.rate_body_rad_s.x.abs()).fold(0.0, f64::max);
         assert!(
@@ -380,7 +384,7 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         let flight = read(variables(&[&POSITION[..], &dead].concat()).as_bytes());
         assert!(flight.unlogged.contains(&quantity), "{quantity:?}: {}", said(&flight));
         let named = format!("{}: frozen at", quantity.name());
-        assert!(said(&flight).contains(&named), "{quantity:?}: {}", said(&flight));
+        says(&flight, &named);
         check(quantity.name(), &flight);
     }
     // A drone that rests keeps what it logs, and a setpoint may stay where it is.
@@ -424,11 +428,7 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
     .concat();
     let flight = read(variables(&log).as_bytes());
     check("the firmware's position", &flight);
-    assert!(
-        said(&flight).contains("ae483log.o_x, ae483log.o_y, ae483log.o_z goes beyond"),
-        "{}",
-        said(&flight)
-    );
+    says(&flight, "ae483log.o_x, ae483log.o_y, ae483log.o_z goes beyond");
     let sample = &flight.samples[500];
     assert!((sample.motors[2] - 40_050.0).abs() < 2.0, "{sample:?}");
     let (roll, pitch) = (0.1 * libm::sin(5.0), 0.05 * libm::sin(5.0));
@@ -446,7 +446,7 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
     let log =
         [&POSITION[..], &[("my.channel", &|t: f64| if t > 5.0 { 1e35 } else { 0.0 })]].concat();
     let flight = read(variables(&log).as_bytes());
-    assert!(said(&flight).contains("my.channel ("), "{}", said(&flight));
+    says(&flight, "my.channel (");
     check("a wild channel", &flight);
 }
 
@@ -458,11 +458,7 @@ fn zeros_of_a_body_that_was_lost_are_no_positions() {
         false => format!("{t:.2},{},{y},{z}", x + 0.5),
     });
     let flight = read(text.as_bytes());
-    assert!(
-        said(&flight).contains("are 0, 0, 0, where the drone would have jumped"),
-        "{}",
-        said(&flight)
-    );
+    says(&flight, "are 0, 0, 0, where the drone would have jumped");
     assert!(flight.samples.iter().all(|s| s.position_m.x > 0.4), "{}", said(&flight));
     assert!((flight.samples.last().unwrap().time_s - 11.5).abs() < 0.11, "the tail is left out");
 }

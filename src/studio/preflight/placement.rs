@@ -418,7 +418,7 @@ mod tests {
                         nalgebra::Vector3::new(x, 0.0, z)
                     })
                 };
-                let shown = |share| camera.outside(edge(share)).in_words().is_none();
+                let shown = |share| camera.outside(edge(share)).is_none();
                 if found.tripod_m.is_some() {
                     n_fit += 1;
                     assert!(shown(1.0), "{found:?}");

@@ -130,7 +130,7 @@ pub fn recommended(
 
     // The aperture first; sensitivity where the widest is not enough.
     let wanted = camera.f_number * libm::exp2(-0.5 * more);
-    let least = options.lens.min_f_number();
+    let least = options.lens.figures().min_f_number;
     let fixed = options.body.fixed_lens();
     let f_number = match &fixed {
         Some(lens) => lens.f_number,

@@ -310,9 +310,7 @@ pub(super) fn outside(
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
     let light = samples.map(|sample| sample.position_m);
     let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    sides
-        .into_iter()
-        .filter_map(|(what, outside)| Some(Problem::Outside { what, sides: outside.in_words()? }))
+    sides.into_iter().filter_map(|(what, sides)| Some(Problem::Outside { what, sides: sides? }))
 }
 
 #[cfg(test)]

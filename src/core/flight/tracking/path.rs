@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::{Vector2, Vector3};
 
 use crate::flight::Flight;
+use crate::geometry::Chords;
 
 /// Largest distance of a left-out sample from its leg, per axis: twice the grid of the flight's
 /// file, so that a straight stroke is one leg.
@@ -169,28 +170,23 @@ impl DesignPath {
 fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
     let mut kept: Vec<Corner> = Vec::new();
     let mut last: Option<Corner> = None;
-    let open = [Vector3::repeat(f64::NEG_INFINITY), Vector3::repeat(f64::INFINITY)];
-    let mut door = open;
+    let mut chords = Chords::ALL;
     for corner in corners {
-        if let (Some(start), Some(before)) = (kept.last().copied(), last) {
-            let velocity = (corner.at_m - start.at_m) / (corner.time_s - start.time_s);
-            let passes =
-                corner.time_s > before.time_s && velocity >= door[0] && velocity <= door[1];
-            if !passes {
-                kept.push(before);
-                door = open;
-            }
-            let start = kept[kept.len() - 1];
-            let lasts_s = corner.time_s - start.time_s;
-            if lasts_s > 0.0 {
-                let velocity = (corner.at_m - start.at_m) / lasts_s;
-                let slack = Vector3::repeat(TOLERANCE_M / lasts_s);
-                door = [door[0].sup(&(velocity - slack)), door[1].inf(&(velocity + slack))];
-            }
-        } else {
+        let Some(before) = last.replace(corner) else {
             kept.push(corner);
+            continue;
+        };
+        let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
+        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
+        if corner.time_s <= before.time_s || !chords.contain(way_m.into(), lasts_s) {
+            kept.push(before);
+            chords = Chords::ALL;
         }
-        last = Some(corner);
+        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
+        if lasts_s > 0.0 {
+            let slack_m = Vector3::repeat(TOLERANCE_M);
+            chords.keep_between((way_m - slack_m).into(), (way_m + slack_m).into(), lasts_s);
+        }
     }
     kept.extend(last);
     kept
