@@ -26,7 +26,8 @@ pub(super) fn chosen<T>(
     let colors: Vec<Option<&str>> = strokes.iter().map(|it| color(it).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
-    let is_chosen = |index: usize| (wanted[index] || !wanted.contains(&true)) && !unwanted[index];
+    let is_all = !wanted.contains(&true);
+    let is_chosen = |index: usize| (is_all || wanted[index]) && !unwanted[index];
     let any = strokes.is_empty() || (0..strokes.len()).any(is_chosen);
     let kept = strokes.into_iter().enumerate().filter(|(index, _)| is_chosen(*index));
     let kept = kept.map(|(index, stroke)| (index + 1, stroke)).collect();

@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 
 use super::ink::{Field, RIM};
 use super::levels::{connected, histogram, quantile};
+use noctograph_core::geometry::bounds;
 
 /// Share of a region's pixels that have less ink than its level; of one across the picture, which
 /// may be a drawing on a ruling.
@@ -247,8 +248,8 @@ impl Search<'_> {
         self.is_ruled |= kept.contains(&false) || !keeps_pale;
         let mut kept = kept.into_iter();
         regions.retain(|region| {
-            let (extent, is_straight) =
-                (|| self.extent(&region.pixels), region.direction.is_some());
+            let extent = || self.extent(&region.pixels);
+            let is_straight = region.direction.is_some();
             // The sharp edge of a shadow leaves pieces of rulings, and specks at their crossings.
             let least = if is_straight { PIECE } else { SPECK };
             let is_piece = self.field.is_shaded && self.is_weak(region.level) && extent() <= least;
@@ -263,18 +264,22 @@ impl Search<'_> {
     /// The direction of a straight line in the picture, from its middle's second moments; `None`
     /// for another shape.
     fn direction(&self, pixels: &[usize]) -> Option<f64> {
-        let width = self.field.width;
-        let places = || pixels.iter().map(|at| [(at % width) as f64, (at / width) as f64]);
         let n = pixels.len() as f64;
-        let mean = [0, 1].map(|i| places().map(|place| place[i]).sum::<f64>() / n);
+        let mean = [0, 1].map(|i| self.places(pixels).map(|place| place[i]).sum::<f64>() / n);
         let [mut xx, mut xy, mut yy] = [0.0; 3];
-        for [x, y] in places() {
+        for [x, y] in self.places(pixels) {
             let (dx, dy) = (x - mean[0], y - mean[1]);
             (xx, xy, yy) = (xx + dx * dx / n, xy + dx * dy / n, yy + dy * dy / n);
         }
         let spread = libm::hypot(0.5 * (xx - yy), xy);
         let [long, thin] = [1.0, -1.0].map(|sign| 0.5 * (xx + yy) + sign * spread);
         (long > STRAIGHT * thin.max(0.1)).then(|| 0.5 * libm::atan2(2.0 * xy, xx - yy))
+    }
+
+    /// Columns and rows of pixels.
+    fn places(&self, pixels: &[usize]) -> impl Iterator<Item = [f64; 2]> {
+        let width = self.field.width;
+        pixels.iter().map(move |at| [(at % width) as f64, (at / width) as f64])
     }
 
     fn is_at_rim(&self, region: &Region) -> bool {
@@ -285,15 +290,9 @@ impl Search<'_> {
 
     /// The larger of a part's width and height as shares of the picture's.
     fn extent(&self, part: &[usize]) -> f64 {
-        let (width, height) = (self.field.width, self.field.height);
-        let [mut left, mut top, mut right, mut bottom] = [width, height, 0, 0];
-        for at in part {
-            let (x, y) = (at % width, at / width);
-            (left, right) = (left.min(x), right.max(x));
-            (top, bottom) = (top.min(y), bottom.max(y));
-        }
-        let share = |from: usize, to: usize, side: usize| (to - from) as f64 / side as f64;
-        share(left, right, width).max(share(top, bottom, height))
+        let [left, top, right, bottom] = bounds(self.places(part));
+        let [width, height] = [self.field.width, self.field.height].map(|side| side as f64);
+        ((right - left) / width).max((bottom - top) / height)
     }
 
     /// Whether a region of a level has no sharp rim.

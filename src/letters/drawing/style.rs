@@ -420,11 +420,11 @@ fn transforms(node: Node<'_, '_>, values: &mut Attributes, named: &mut Named) {
 /// Names what of an element is not followed.
 fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &mut Named) {
     let tag = node.tag_name().name();
-    if has("style script font glyph font-face namedview", tag) {
+    if matches!(tag, "style" | "script" | "font" | "glyph" | "font-face" | "namedview") {
         return;
     }
     let [followed, without_effect, others] = &*LISTS;
-    let is_shape = has("circle ellipse rect use svg symbol line", tag);
+    let is_shape = matches!(tag, "circle" | "ellipse" | "rect" | "use" | "svg" | "symbol" | "line");
     let own = |name: &str| values.get(name).map_or("", |value| value.trim());
     for (name, value) in values.iter().filter(|(name, _)| !name.contains(':')) {
         let (name, value) = (&**name, value.trim());
@@ -458,8 +458,8 @@ fn check(node: Node<'_, '_>, values: &Attributes, declared: &Declared, named: &m
             // An attribute that is no property is none to a browser, either.
             name => !is_neutral && (declared.contains_key(name) || others.contains(name)),
         };
-        let is_reset = has("initial unset revert revert-layer", value) && followed.contains(name);
-        if is_broken || is_reset {
+        let is_reset = matches!(value, "initial" | "unset" | "revert" | "revert-layer");
+        if is_broken || is_reset && followed.contains(name) {
             let short: String = value.chars().take(40).collect();
             let what = match name {
                 "filter" | "mix-blend-mode" | "systemLanguage" => name.to_owned(),
