@@ -45,7 +45,6 @@ pub(super) fn check_flight(
         None => shoot.light_drone(drone, flight)?,
     };
     let painted = painted(flight, &trace, scene);
-    // Without a lamp that follows the plan, no light begins or ends with its strokes.
     let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
     let trail = picture.and_then(|picture| picture.trail(drone));
     Ok(vec![
@@ -149,8 +148,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Row {
     let (volts, wanted) = match &taken {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
-            let (verdict, lowest_v) =
-                (if lasts { "lasts" } else { "does not last" }, rest_v - sag_v);
+            let verdict = if lasts { "lasts" } else { "does not last" };
+            let lowest_v = rest_v - sag_v;
             let wanted = match least_rest_v {
                 Some(least_v) => format!("{least_v:.2} V at rest or more: {never}"),
                 None => format!("{never}; no full battery does that"),
