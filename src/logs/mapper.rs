@@ -297,11 +297,14 @@ fn half_turn(angle_rad: f64) -> f64 {
 
 /// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
-    let is_light = |name: &String, levels: &mut Vec<f64>| {
-        name.starts_with("log.light.") && levels.iter().all(|level| (0.0..=1.0).contains(level))
-    };
-    let lights = extra.extract_if(.., is_light);
-    lights.map(|(name, levels)| (name["log.light.".len()..].to_owned(), levels)).collect()
+    let mut lights = BTreeMap::new();
+    extra.retain(|name, levels| {
+        let is_level = |level: &f64| (0.0..=1.0).contains(level);
+        let channel = name.strip_prefix("log.light.").filter(|_| levels.iter().all(is_level));
+        lights.extend(channel.map(|channel| (channel.to_owned(), std::mem::take(levels))));
+        channel.is_none()
+    });
+    lights
 }
 
 /// The name of a further column in a flight file: as logged, without characters that a CSV header

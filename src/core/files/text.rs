@@ -148,7 +148,7 @@ impl Head {
         let is_bare = |index: &usize| !is_comment(lines[*index]);
         let bare: Vec<usize> = before().filter(fits).filter(is_bare).collect();
         let titles = bare.first().copied();
-        let titles = titles.or_else(|| before().filter(fits).next_back());
+        let titles = titles.or_else(|| before().rfind(fits));
         // Without a line that fits, the last one is the head, and its row is refused with its
         // place.
         let titles = titles.or_else(|| before().rfind(is_bare));
