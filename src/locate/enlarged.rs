@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::fit::{descend, reflect};
 use super::mirror::ambiguities_of_motion;
 use super::pass::{Innovations, together};
-use super::positions::Positions;
+use super::positions::{Positions, extent_m};
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
@@ -222,8 +222,7 @@ pub fn locate_enlarged(
     options: &LocateOptions,
 ) -> Result<Located> {
     let samples = checked(anchors_m, tracks.len(), samples)?;
-    let low_m = anchors_m.iter().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(b));
-    let high_m = anchors_m.iter().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(b));
+    let [low_m, high_m] = extent_m(anchors_m);
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
         return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
     };

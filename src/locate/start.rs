@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::fit::{Observation, fit, residuals};
 use super::pass::{LATE_S, STATES};
+use super::positions::extent_m;
 use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::estimate::Normal;
@@ -106,17 +107,15 @@ fn best_fit(
     means: &[Observation],
     room: Option<&Room>,
 ) -> DVector<f64> {
-    let low = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::NEG_INFINITY, f64::max);
-    let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low(axis) + high(axis)));
-    let reach_m = (0..3).map(|axis| high(axis) - low(axis)).fold(1.0, f64::max);
+    let [low_m, high_m] = extent_m(anchors_m);
+    let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
     for k in 0..27_usize {
         let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let from = DVector::from_fn(n, |i, _| {
             // Drones apart from each other, or their range has no direction.
             let apart = 0.05 * (i / 3) as f64;
-            middle[i % 3] + reach_m * (share[i % 3] + apart)
+            middle_m[i % 3] + reach_m * (share[i % 3] + apart)
         });
         let (mut cost, places_m) = fit(anchors_m, means, from);
         if room.is_some_and(|room| !room.holds_all(&places_m)) {

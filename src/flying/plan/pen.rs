@@ -122,13 +122,6 @@ fn joined(runs: Vec<PenStroke>, joints_m: &[[f64; 2]]) -> Vec<PenStroke> {
 }
 
 impl PenStroke {
-    /// A stroke in an even pace.
-    #[cfg(test)]
-    pub(super) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
-        let legs = vec![Leg { letter, pace: 1.0 }; points_m.len() - 1];
-        Self { letter, points_m, legs }
-    }
-
     /// The place of a dot; `None` of a stroke.
     pub(super) fn dot_m(&self) -> Option<Vector2<f64>> {
         match self.points_m[..] {
@@ -227,6 +220,14 @@ mod tests {
     use super::*;
     use noctograph_core::geometry::segment_distance;
     use noctograph_letters::{LetterOptions, write};
+
+    impl PenStroke {
+        /// A stroke in an even pace.
+        pub(crate) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
+            let legs = vec![Leg { letter, pace: 1.0 }; points_m.len() - 1];
+            Self { letter, points_m, legs }
+        }
+    }
 
     fn runs(word: &str) -> Vec<PenStroke> {
         pen_strokes(&write(word, &LetterOptions::default()).unwrap())

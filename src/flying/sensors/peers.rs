@@ -26,14 +26,6 @@ pub(crate) struct Member {
     pub start_m: Vector3<f64>,
 }
 
-impl Fleet {
-    /// A drone alone, at the origin.
-    #[cfg(test)]
-    pub(crate) fn alone(index: u64) -> Self {
-        Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
-    }
-}
-
 impl Member {
     /// A drone that truly starts at `start_m`.
     pub(crate) fn new(
@@ -172,6 +164,13 @@ impl Air {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Fleet {
+        /// A drone alone, at the origin.
+        pub(crate) fn alone(index: u64) -> Self {
+            Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
+        }
+    }
 
     fn message(from: usize, time_s: f64) -> Message {
         Message {

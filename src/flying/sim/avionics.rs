@@ -151,7 +151,7 @@ impl Avionics {
             self.stopped_s.get_or_insert(time_s);
         }
         if stands || self.stopped_s.is_some() {
-            if let Some(filter) = self.estimator.of_fleet() {
+            if let Some(filter) = self.estimator.fleet_filter() {
                 filter.rest();
             }
             self.refresh_estimate();
@@ -224,7 +224,14 @@ impl Avionics {
         self.ticks += 1;
         let writes = plan.setpoints[self.setpoint].letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
-        self.check(time_s, &plant.body())
+        let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
+        Err(Error::Infeasible {
+            what: format!("the drone {fault} after {time_s:.3} s"),
+            hint: format!(
+                "check {} against the vehicle, and that the plan makes no large jump",
+                tuned_by(self.kinds)
+            ),
+        })
     }
 
     /// The estimated state.
@@ -240,12 +247,12 @@ impl Avionics {
 
     /// A message to the fleet.
     pub(super) fn message(&mut self) -> Option<Message> {
-        self.estimator.of_fleet()?.message()
+        self.estimator.fleet_filter()?.message()
     }
 
     /// Receives a message of the fleet.
     pub(super) fn receive(&mut self, message: &Message) {
-        if let Some(filter) = self.estimator.of_fleet() {
+        if let Some(filter) = self.estimator.fleet_filter() {
             filter.receive(message);
             self.fresh = false;
         }
@@ -289,18 +296,6 @@ impl Avionics {
             self.estimate = self.estimator.state();
             self.fresh = true;
         }
-    }
-
-    /// Stops a flight that the controller has lost.
-    fn check(&self, time_s: f64, body: &RigidBody) -> Result<()> {
-        let Some(fault) = lost(body, &self.estimate) else { return Ok(()) };
-        Err(Error::Infeasible {
-            what: format!("the drone {fault} after {time_s:.3} s"),
-            hint: format!(
-                "check {} against the vehicle, and that the plan makes no large jump",
-                tuned_by(self.kinds)
-            ),
-        })
     }
 
     /// Warnings about saturated motors and about the sensors, with those of the plant between them.

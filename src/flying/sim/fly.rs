@@ -63,7 +63,8 @@ pub fn fly_watched(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Flight>> {
     let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
-    let (mut rigs, indices) = rigs(fleet)?;
+    let mut rigs = rigs(fleet)?;
+    let indices: Vec<u64> = fleet.iter().map(|(_, drone)| drone.index).collect();
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
     let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
     let mut fleet_m = Vec::with_capacity(rigs.len());
@@ -107,8 +108,8 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// The drones of a fleet on the floor, and their indices.
-pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<(Vec<Rig>, Vec<u64>)> {
+/// The drones of a fleet on the floor.
+pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     let first = &fleet[0].1;
     let mut members = Vec::new();
     for (plan, drone) in fleet {
@@ -121,12 +122,10 @@ pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<(Vec<Rig>, Vec<u64>)>
         check_plan(plan, &actual.floor)?;
         members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
     }
-    let indices = members.iter().map(|member| member.index).collect();
     let rig = |(place, (plan, drone)): (usize, &(&Plan, Drone<'_>))| {
         Rig::new(plan, drone, &Fleet { members: members.clone(), place })
     };
-    let rigs = fleet.iter().enumerate().map(rig).collect::<Result<Vec<_>>>()?;
-    Ok((rigs, indices))
+    fleet.iter().enumerate().map(rig).collect()
 }
 
 /// A drone in flight.

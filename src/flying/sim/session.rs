@@ -47,7 +47,7 @@ impl Session {
     }
 
     fn begun(plan: Plan, drone: &Drone<'_>, logs_covariance: bool) -> Result<Self> {
-        let mut rig = rigs(&[(&plan, *drone)])?.0.remove(0);
+        let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         rig.avionics.logs_covariance |= logs_covariance;
         let mut session = Self { plan, rig, tick: 0, lands: false };
         session.run()?;

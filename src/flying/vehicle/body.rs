@@ -1,13 +1,9 @@
 //! The rigid body: where it is, and one step of its motion.
 
-#[cfg(test)]
-use nalgebra::Rotation3;
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
 use super::VehicleOptions;
 use super::model::{State, state};
-#[cfg(test)]
-use super::model::{attitude, rate, velocity};
 use super::rotors::Load;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::Attitude;
@@ -46,19 +42,6 @@ impl RigidBody {
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
         let world_from_body = UnitQuaternion::new_unchecked(level);
         Self { world_from_body, ..Self::at(self.position_m) }
-    }
-
-    /// The body in a state of the design model.
-    #[cfg(test)]
-    pub(crate) fn from_state(state: &State) -> Self {
-        let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
-        let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
-        Self {
-            position_m: state.fixed_rows::<3>(0).into(),
-            velocity_m_s: world_from_body * velocity(state),
-            world_from_body,
-            rate_rad_s: rate(state),
-        }
     }
 
     /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
@@ -239,9 +222,25 @@ impl Inertia {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+
     use super::*;
     use crate::vehicle::model::{Vehicle, Wrench};
-    use crate::vehicle::{attitude, rate};
+    use crate::vehicle::{attitude, rate, velocity};
+
+    impl RigidBody {
+        /// The body in a state of the design model.
+        pub(crate) fn from_state(state: &State) -> Self {
+            let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
+            let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
+            Self {
+                position_m: state.fixed_rows::<3>(0).into(),
+                velocity_m_s: world_from_body * velocity(state),
+                world_from_body,
+                rate_rad_s: rate(state),
+            }
+        }
+    }
 
     fn fly(
         options: &VehicleOptions,

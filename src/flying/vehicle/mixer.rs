@@ -46,27 +46,17 @@ impl Mixer {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each clamped
-    /// to the motors' range, and whether any was clamped.
+    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, none below zero,
+    /// and whether any was cut.
     ///
-    /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust
+    /// Where a motor is asked for more than `most`, all four are lowered by the excess: thrust
     /// gives way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy`
-    /// and `powerDistributionCap`).
-    pub(crate) fn motors_from_commands(&self, commands: &Vector4<f64>) -> (Vector4<f64>, bool) {
+    /// and `powerDistributionCap`). Where the battery's compensation comes first and caps what it
+    /// drives, there is no most (`stabilizer.c`, `controlMotors`).
+    pub(crate) fn motors_from_commands(commands: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
         let wanted = MOTOR_SIGNS.transpose() * commands;
-        let excess = (wanted.max() - self.motor_max).max(0.0);
+        let excess = (wanted.max() - most).max(0.0);
         let motors = wanted.map(|m| (m - excess).max(0.0));
-        (motors, motors != wanted)
-    }
-
-    /// The same where the battery's compensation comes first and caps what it drives: commands have
-    /// no upper limit (firmware `stabilizer.c`, `controlMotors`).
-    pub(crate) fn uncapped_motors_from_commands(
-        &self,
-        commands: &Vector4<f64>,
-    ) -> (Vector4<f64>, bool) {
-        let wanted = MOTOR_SIGNS.transpose() * commands;
-        let motors = wanted.map(|motor| motor.max(0.0));
         (motors, motors != wanted)
     }
 
@@ -107,24 +97,16 @@ mod tests {
     }
 
     #[test]
-    fn thrust_gives_way_to_attitude() {
-        let mixer = Mixer::new(&VehicleOptions::default());
+    fn thrust_gives_way_to_attitude_and_before_the_battery_commands_are_cut_below_alone() {
         let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
-        let want = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
-        assert_eq!(mixer.motors_from_commands(&commands), (want, true));
-        let (weak, cut) = mixer.motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
-        assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
-    }
-
-    #[test]
-    fn before_the_battery_commands_are_cut_below_alone() {
-        let mixer = Mixer::new(&VehicleOptions::default());
-        let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
-        let want = Vector4::new(64_000.0, 64_000.0, 66_000.0, 66_000.0);
-        assert_eq!(mixer.uncapped_motors_from_commands(&commands), (want, false));
-        let (weak, cut) =
-            mixer.uncapped_motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
-        assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
+        let lowered = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
+        assert_eq!(Mixer::motors_from_commands(&commands, 65_535.0), (lowered, true));
+        let whole = Vector4::new(64_000.0, 64_000.0, 66_000.0, 66_000.0);
+        assert_eq!(Mixer::motors_from_commands(&commands, f64::INFINITY), (whole, false));
+        for most in [65_535.0, f64::INFINITY] {
+            let weak = Mixer::motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0), most);
+            assert_eq!(weak, (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
+        }
     }
 
     #[test]

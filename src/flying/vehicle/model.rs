@@ -20,30 +20,16 @@ pub(crate) type Wrench = Vector4<f64>;
 pub(crate) struct Vehicle {
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
-    #[cfg(test)]
-    center_of_mass_m: [f64; 2],
 }
 
 impl Vehicle {
     pub(crate) fn new(options: &VehicleOptions) -> Self {
-        Self {
-            mass_kg: options.mass_kg,
-            inertia_kg_m2: options.inertia_kg_m2.into(),
-            #[cfg(test)]
-            center_of_mass_m: options.center_of_mass_m,
-        }
+        Self { mass_kg: options.mass_kg, inertia_kg_m2: options.inertia_kg_m2.into() }
     }
 
     /// Thrust that carries the drone, with no torque.
     pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
-    }
-
-    #[cfg(test)]
-    /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
-    pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
-        let ([x, y], f) = (self.center_of_mass_m, motors[3]);
-        motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
     }
 
     /// `ṡ` in the air.
@@ -59,16 +45,6 @@ impl Vehicle {
         ));
         slope.fixed_rows_mut::<3>(9).copy_from(&(spin + wrench.xyz()).component_div(j));
         slope
-    }
-
-    /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method.
-    #[cfg(test)]
-    pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
-        let k1 = self.derivative(state, wrench);
-        let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
-        let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);
-        let k4 = self.derivative(&(state + k3 * dt_s), wrench);
-        state + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0)
     }
 }
 
@@ -144,6 +120,26 @@ pub fn rate(state: &State) -> Vector3<f64> {
 mod tests {
     use super::*;
 
+    impl VehicleOptions {
+        /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
+        pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
+            let ([x, y], f) = (self.center_of_mass_m, motors[3]);
+            motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
+        }
+    }
+
+    impl Vehicle {
+        /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta
+        /// method.
+        pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
+            let k1 = self.derivative(state, wrench);
+            let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
+            let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);
+            let k4 = self.derivative(&(state + k3 * dt_s), wrench);
+            state + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0)
+        }
+    }
+
     fn tumbling() -> State {
         let mut state = at(Vector3::new(0.1, -0.2, 50.0), 0.4);
         for (i, value) in [0.2, -0.3, 1.0, -2.0, 0.5, 1.5, -1.0, 2.0].into_iter().enumerate() {
@@ -185,8 +181,8 @@ mod tests {
 
     #[test]
     fn thrust_beside_the_center_of_mass_turns_the_drone() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
-        let wrench = vehicle.about_center_of_mass(&vehicle.hover());
+        let options = VehicleOptions::default();
+        let wrench = options.about_center_of_mass(&Vehicle::new(&options).hover());
         assert!((wrench[0] + 1.3e-4).abs() < 1e-6, "τ_x {}", wrench[0]);
         assert!((wrench[1] + 3.3e-4).abs() < 1e-6, "τ_y {}", wrench[1]);
     }

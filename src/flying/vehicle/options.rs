@@ -215,13 +215,6 @@ impl GustOptions {
     }
 }
 
-impl BatteryOptions {
-    /// Whether the firmware makes up for a battery that sags.
-    pub(crate) fn is_compensated(&self) -> bool {
-        self.capacity_ah > 0.0 && self.compensation == Compensation::Firmware
-    }
-}
-
 impl VehicleOptions {
     /// Checks that the motors can lift the drone.
     pub(crate) fn check_lift(&self) -> Result<()> {
@@ -254,6 +247,11 @@ impl Gusts {
 }
 
 impl BatteryOptions {
+    /// Whether the firmware makes up for a battery that sags.
+    pub(crate) fn is_compensated(&self) -> bool {
+        self.capacity_ah > 0.0 && self.compensation == Compensation::Firmware
+    }
+
     /// Open-circuit voltage at a share of the charge, 0 to 1.
     #[inline(always)]
     pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {

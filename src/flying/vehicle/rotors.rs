@@ -154,7 +154,6 @@ impl Rotors {
 mod tests {
     use super::super::mixer::Mixer;
     use super::*;
-    use crate::vehicle::model::Vehicle;
 
     fn lagging() -> VehicleOptions {
         VehicleOptions { motor_rise_s: 0.136, motor_fall_s: 0.106, ..Default::default() }
@@ -167,7 +166,7 @@ mod tests {
         let mut rotors = Rotors::new(&options, 0.0, 0.002);
         let loads = rotors.advance(&(commands * options.k_f_n), 1.0);
         let motors = Mixer::new(&options).wrench(&commands);
-        let want = Vehicle::new(&options).about_center_of_mass(&motors);
+        let want = options.about_center_of_mass(&motors);
         for load in loads {
             let found = load.torque_n_m.push(load.thrust_n);
             assert!((found - want).norm() < 1e-15, "{found} against {want}");

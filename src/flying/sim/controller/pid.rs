@@ -124,7 +124,8 @@ pub(super) struct PidCascade {
     velocity: [Pid; 3],
     attitude: [Pid; 3],
     rate: [Pid; 3],
-    mixer: Mixer,
+    /// Largest command, if the battery's compensation does not cap the motors.
+    most: f64,
     /// Motor command per unit of the firmware's.
     scale: f64,
     ticks_per_position: u32,
@@ -133,8 +134,6 @@ pub(super) struct PidCascade {
     wanted: [f64; 2],
     thrust: f64,
     thrust_base: f64,
-    /// Whether the battery's compensation caps the motors, and not the mixer.
-    compensated: bool,
     /// Whether all loops begin anew with another kind of setpoint.
     resets: bool,
 }
@@ -162,14 +161,13 @@ impl PidCascade {
             velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
             attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
             rate,
-            mixer: Mixer::new(&options.vehicle),
+            most: if options.battery.is_compensated() { f64::INFINITY } else { vehicle.motor_max },
             scale: options.vehicle.motor_max / FULL,
             ticks_per_position: fast_hz / slow_hz,
             ticks: 0,
             wanted: [0.0; 2],
             thrust: 0.0,
             thrust_base,
-            compensated: options.battery.is_compensated(),
             resets: vehicle.firmware.resets_loops(),
         }
     }
@@ -229,10 +227,7 @@ impl Controller for PidCascade {
         self.ticks += 1;
         let [roll, pitch, yaw] = self.inner(estimate);
         let commands = Vector4::new(roll / 2.0, pitch / 2.0, yaw, self.thrust) * self.scale;
-        let (motors, saturated) = match self.compensated {
-            true => self.mixer.uncapped_motors_from_commands(&commands),
-            false => self.mixer.motors_from_commands(&commands),
-        };
+        let (motors, saturated) = Mixer::motors_from_commands(&commands, self.most);
         Command { motors, saturated }
     }
 

@@ -369,7 +369,7 @@ impl Estimator for Cooperative {
         self.own.covariance_m2()
     }
 
-    fn of_fleet(&mut self) -> Option<&mut Cooperative> {
+    fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
         Some(self)
     }
 }

@@ -57,7 +57,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     }
 
     /// The filter over a fleet, where it is that.
-    fn of_fleet(&mut self) -> Option<&mut Cooperative> {
+    fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
         None
     }
 }
