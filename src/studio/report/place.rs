@@ -33,36 +33,31 @@ pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2
 }
 
 /// Something in the room: its name, its color, and its places. Two places are the corners of a box.
-struct Thing {
-    name: String,
-    color: Rgb,
-    places_m: Vec<[f64; 3]>,
-}
+type Thing = (String, Rgb, Vec<[f64; 3]>);
 
 fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
-    let thing = |name: String, color, places_m| Thing { name, color, places_m };
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
         let corners = vec![[-0.5 * w, -0.5 * d, 0.0], [0.5 * w, 0.5 * d, h]];
-        things.push(thing(format!("room, {w} x {d} x {h} m"), BLACK, corners));
+        things.push((format!("room, {w} x {d} x {h} m"), BLACK, corners));
     }
     if let Some(strokes) = &shot.strokes {
         let [left, bottom, right, top] = strokes.bounds_m();
         let name = format!("word, {:.2} x {:.2} m", right - left, top - bottom);
-        things.push(thing(name, WORD, vec![[left, 0.0, bottom], [right, 0.0, top]]));
+        things.push((name, WORD, vec![[left, 0.0, bottom], [right, 0.0, top]]));
     }
     let starts = shot.flights.iter().filter_map(|flight| flight.samples.first());
     for (index, start) in starts.enumerate() {
         let [x, y, _] = rounded(start.position_m.into());
         let number = if shot.flights.len() > 1 { format!(" {}", index + 1) } else { String::new() };
         let name = format!("take-off{number} ({x:.2}, {y:.2})");
-        things.push(thing(name, DRONE, vec![[x, y, 0.0]]));
+        things.push((name, DRONE, vec![[x, y, 0.0]]));
     }
     let [x, y, z] = rounded(shot.camera.position_m.into());
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
-    things.push(thing(name, CAMERA, vec![[x, y, z]]));
+    things.push((name, CAMERA, vec![[x, y, z]]));
     let audience = |name: &str, [left, from]: [f64; 2], [right, to]: [f64; 2]| {
-        thing(name.to_owned(), GRAY, vec![[left, from, 0.0], [right, to, 1.7]])
+        (name.to_owned(), GRAY, vec![[left, from, 0.0], [right, to, 1.7]])
     };
     match placement {
         None => {
@@ -81,14 +76,14 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
             }
             for ([x, y, z], n) in tripods {
                 let name = format!("tripod ({x:.2}, {y:.2}), {z:.2} m high: {n} of the cameras");
-                things.push(thing(name, TRIPOD, vec![[x, y, z]]));
+                things.push((name, TRIPOD, vec![[x, y, z]]));
             }
         }
     }
     let (what, places_m) = stations(&shot.scene);
     for (index, [x, y, z]) in places_m.into_iter().enumerate() {
         let name = format!("{what} {} ({x:.1}, {y:.1}, {z:.1})", index + 1);
-        things.push(thing(name, STATION, vec![[x, y, z]]));
+        things.push((name, STATION, vec![[x, y, z]]));
     }
     things
 }
@@ -100,7 +95,7 @@ fn rounded(place_m: [f64; 3]) -> [f64; 3] {
 
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let flat = |place: &[f64; 3]| axes.map(|axis| place[axis]);
-    let places = things.iter().flat_map(|thing| thing.places_m.iter().map(flat));
+    let places = things.iter().flat_map(|(.., places_m)| places_m.iter().map(flat));
     let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
     // Half a meter of air on each side.
     let (low, high) = ([left - 0.5, bottom - 0.5], [right + 0.5, top + 0.5]);
@@ -135,7 +130,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.text(format!("{} (m)", names[0]), [x, y + 32.0], Anchor::End, CAP_PX, BLACK);
     let [x, y] = window.px([low[0], high[1]]);
     canvas.text(format!("{} (m)", names[1]), [x - 6.0, y - 8.0], Anchor::End, CAP_PX, BLACK);
-    for (index, Thing { name, color, places_m }) in things.iter().enumerate() {
+    for (index, (name, color, places_m)) in things.iter().enumerate() {
         match &*places_m.iter().map(|place| window.px(flat(place))).collect::<Vec<_>>() {
             [a, b] => {
                 let sides = [a[0].min(b[0]), a[1].min(b[1]), a[0].max(b[0]), a[1].max(b[1])];
