@@ -117,9 +117,7 @@ pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
-    for (index, column) in sheet.columns.into_iter().enumerate() {
-        columns.add(index, column)?;
-    }
+    sheet.columns.into_iter().try_for_each(|column| columns.add(column))?;
     let Columns { mut log, time, named, unknown, .. } = columns;
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
@@ -187,8 +185,8 @@ struct Columns {
 }
 
 impl Columns {
-    fn add(&mut self, index: usize, column: SheetColumn) -> Result<()> {
-        let SheetColumn { title, values, is_dated, .. } = column;
+    fn add(&mut self, column: SheetColumn) -> Result<()> {
+        let SheetColumn { title, number, values, is_dated, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::of(&title);
         if let Some(other) = other_unit {
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, rad, deg, or these by s";
@@ -221,7 +219,7 @@ impl Columns {
         } else if name == "t" {
             name.clone_from(&title);
         } else if !is_known && !is_expected(&title) {
-            self.unknown.push(format!("{title} (column {})", index + 1));
+            self.unknown.push(format!("{title} (column {number})"));
         }
         if is_known && let Some((first, of_body)) = self.from.get(&name) {
             if *of_body != body {
@@ -230,8 +228,7 @@ impl Columns {
                 return Err(self.refused(place, "two bodies".into(), "one, for a flight", hint));
             }
             self.log.warnings.push(format!(
-                "{title} (column {}) is one quantity with {first}, which is taken",
-                index + 1
+                "{title} (column {number}) is one quantity with {first}, which is taken"
             ));
             name.clone_from(&title);
         }
@@ -496,6 +493,13 @@ mod tests {
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         let (options, budget) = (&ImportOptions::default(), &Budget::of(file, "none"));
         super::read(bytes, Job { file, options, budget })
+    }
+
+    #[test]
+    fn a_column_is_numbered_by_its_place_in_the_file() {
+        let log = read(b"t,mode,x,y,z,foo\n0,hover,0,0,1,5\n1,hover,0,0,1,6\n", "a.csv").unwrap();
+        let said = log.warnings.join("\n");
+        assert!(said.contains("mode (column 2,") && said.contains("foo (column 6)"), "{said}");
     }
 
     fn value(text: &str, name: &str) -> f64 {

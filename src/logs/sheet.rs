@@ -30,6 +30,8 @@ pub(super) struct Sheet {
 #[derive(Debug)]
 pub(super) struct SheetColumn {
     pub(super) title: String,
+    /// Its place in the file, from 1.
+    pub(super) number: usize,
     pub(super) values: Vec<f64>,
     /// Whether it has dates or times of day, which are in seconds.
     pub(super) is_dated: bool,
@@ -100,9 +102,11 @@ impl Sheet {
         budget.steps(STEPS[0] * text.len() + STEPS[1] * n_lines * n)?;
         let mut columns: Vec<SheetColumn> = titles
             .into_iter()
-            .map(|title| SheetColumn {
+            .zip(1..)
+            .map(|(title, number)| SheetColumn {
                 is_needed: needed(&title),
                 title,
+                number,
                 values: Vec::with_capacity(n_lines),
                 is_dated: false,
                 texts: None,
@@ -140,8 +144,7 @@ impl Sheet {
                 }
             }
         }
-        let texts: Vec<String> =
-            columns.iter().enumerate().filter_map(|(index, column)| column.named(index)).collect();
+        let texts: Vec<String> = columns.iter().filter_map(SheetColumn::named).collect();
         if !texts.is_empty() {
             warnings.push(format!("texts are not read: {}", shortened(&texts)));
         }
@@ -171,11 +174,11 @@ impl SheetColumn {
         self.texts.as_ref().is_some_and(|(_, n)| *n == self.values.len())
     }
 
-    /// The texts of the column at an index, for a message.
-    fn named(&self, index: usize) -> Option<String> {
+    /// The texts of the column, for a message.
+    fn named(&self) -> Option<String> {
         let (first, n) = self.texts.as_ref()?;
         let some = if self.is_text() { String::new() } else { format!("{n} cells such as ") };
-        Some(format!("{} (column {}, {some}{first:?})", self.title, index + 1))
+        Some(format!("{} (column {}, {some}{first:?})", self.title, self.number))
     }
 }
 

@@ -231,7 +231,8 @@ mod tests {
 
     #[test]
     fn a_refused_setting_is_named() {
-        let cases: [(fn(&mut SimOptions), &str); 12] = [
+        type Change = fn(&mut SimOptions);
+        let cases: [(Change, &str); 12] = [
             (|o| o.vehicle.mass_kg = f64::NAN, "vehicle.mass_kg: "),
             (|o| o.controller.lqr.q[3] = -1.0, "controller.lqr.q[3]: "),
             (|o| o.observer.luenberger.r[7] = 0.0, "observer.luenberger.r[7]: "),
