@@ -190,14 +190,14 @@ fn what_would_take_too_much_work_is_refused() {
              <path d='M0 0h9v9' stroke='red'/></svg>"
         )
     };
-    let style = |css: String| drawing(&format!("<style>{css}</style>"));
+    let style = |css: String| drawing(&format!("<style>{css}</style>{}", "<path/>".repeat(9000)));
     let entities: String = (0..30_000).map(|n| format!("<!ENTITY e{n} 'x'>")).collect();
     let attributes: String = (0..100_000).map(|n| format!(" a{n}=''")).collect();
     let long = "a".repeat(200_000);
     let files = [
         style("path{stroke-width:2;fill:none}".repeat(60_000)),
         drawing(&format!("<style>*{{font-family:{long}}}</style>{}", "<g/>".repeat(9000))),
-        style(format!("{}b{{{}}}", "a,".repeat(50_000), "x:y;".repeat(50_000))),
+        style(format!("{}b{{{}}}", "path,".repeat(50_000), "x:y;".repeat(50_000))),
         format!("<!DOCTYPE svg [{entities}]>") + &drawing(&"&e29999;".repeat(300_000)),
         drawing(&format!("<g{attributes}/>")),
     ];
