@@ -564,6 +564,8 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let back = json!({ "do": "withdraw", "visitor": "me" });
     assert_eq!(server.post(&format!("entries/{id}"), &back).0, 409, "it flies");
 
+    let unknown = server.operate("pause", &json!({ "paused": true, "until": "8 pm" }));
+    assert_eq!((unknown.0, key(&unknown.1)), (400, "page-old"), "nothing is left aside in silence");
     assert_eq!(server.operate("pause", &json!({ "paused": true })).0, 200);
     let (status, refused) = server.send("else", &photos[0]);
     assert_eq!((status, key(&refused)), (503, "paused"));

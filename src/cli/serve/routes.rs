@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
+use serde_json::Map;
 
 use super::block::BlockList;
 use super::brand::Brand;
@@ -235,11 +236,14 @@ impl Server {
     fn operate(&self, parts: &[&str], body: &[u8]) -> Told<Answer> {
         let revision = match *parts {
             ["entries", id] => {
-                let (act, was) = (member(body, "do")?, member(body, "was")?);
+                let asked = Posted::of(body, &["do", "was"])?;
+                let (act, was) = (asked.member("do")?, asked.member("was")?);
                 return Ok(Answer::json(&self.entries.act(id, act, was)?));
             }
-            ["order"] => self.entries.reorder(&member::<Vec<String>>(body, "ids")?)?,
-            ["pause"] => self.entries.pause(member(body, "paused")?)?,
+            ["order"] => {
+                self.entries.reorder(&Posted::of(body, &["ids"])?.member::<Vec<String>>("ids")?)?
+            }
+            ["pause"] => self.entries.pause(Posted::of(body, &["paused"])?.member("paused")?)?,
             _ => return Err(Key::Gone),
         };
         Ok(Answer::json(&json!({ "revision": revision })))
@@ -252,11 +256,14 @@ impl Server {
                 Err(said) => Ok(Answer::json(&said.json())),
             },
             ["entries"] => self.send(body),
-            ["entries", id] if member::<String>(body, "do")? == "withdraw" => {
-                self.entries.withdraw(id, &member::<String>(body, "visitor")?)?;
+            ["entries", id] => {
+                let asked = Posted::of(body, &["do", "visitor"])?;
+                if asked.member::<String>("do")? != "withdraw" {
+                    return Err(Key::PageOld);
+                }
+                self.entries.withdraw(id, &asked.member::<String>("visitor")?)?;
                 Ok(Answer::json(&json!({})))
             }
-            ["entries", _] => Err(Key::PageOld),
             _ => Err(Key::Gone),
         }
     }
@@ -333,8 +340,9 @@ impl Server {
 
     /// Keeps what a visitor sends to be flown.
     fn send(&self, body: &[u8]) -> Told<Answer> {
-        let [visitor, photo]: [String; 2] = [member(body, "visitor")?, member(body, "photo")?];
-        let language = member::<Option<String>>(body, "language")?.unwrap_or_default();
+        let asked = Posted::of(body, &["visitor", "photo", "language"])?;
+        let [visitor, photo]: [String; 2] = [asked.member("visitor")?, asked.member("photo")?];
+        let language = asked.member::<Option<String>>("language")?.unwrap_or_default();
         if !is_name(&visitor) || language.len() > 8 {
             return Err(Key::PageOld);
         }
@@ -410,11 +418,22 @@ impl Asked<'_> {
     }
 }
 
-/// A member of what the page posts.
-fn member<T: DeserializeOwned>(body: &[u8], name: &str) -> Told<T> {
-    let posted: Value = serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
-    let member = posted.get(name).cloned().unwrap_or_default();
-    serde_json::from_value(member).map_err(|_other| Key::PageOld)
+/// What the page posts: an object of known members.
+struct Posted(Map<String, Value>);
+
+impl Posted {
+    fn of(body: &[u8], names: &[&str]) -> Told<Self> {
+        let members: Map<String, Value> =
+            serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
+        let is_known = members.keys().all(|name| names.contains(&&**name));
+        if is_known { Ok(Self(members)) } else { Err(Key::PageOld) }
+    }
+
+    /// A member; null where it is left out.
+    fn member<T: DeserializeOwned>(&self, name: &str) -> Told<T> {
+        let member = self.0.get(name).cloned().unwrap_or_default();
+        serde_json::from_value(member).map_err(|_other| Key::PageOld)
+    }
 }
 
 const SVG: &str = "image/svg+xml";
