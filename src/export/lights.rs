@@ -176,6 +176,11 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     }
     let own = dark(plan, options)?.into_iter().filter(|it| Channel::of(&it.channel).is_none());
     parameters.extend(own.map(|it| (it.parameter, it.value)));
+    for parameter in fixtures.into_iter().filter_map(|lamp| lamp.parameter) {
+        if parameters.iter().all(|(name, _)| *name != parameter) {
+            parameters.push((parameter, 0));
+        }
+    }
     Ok(parameters)
 }
 
@@ -326,7 +331,10 @@ mod tests {
         assert_eq!((sent(&dimmer), sent(&switch)), (vec![100, 200, 0], vec![1, 0]));
         assert_eq!((switches(&plan, &dimmer), switches(&plan, &switch)), (vec![], vec!["laser"]));
         let before = preparation(&plan, &dimmer).unwrap();
-        assert_eq!(before, [("led.bitmask".to_owned(), 128), ("deckled.level".to_owned(), 0)]);
+        let both_off = [("led.bitmask".to_owned(), 128), ("deckled.level".to_owned(), 0)];
+        assert_eq!(before, both_off);
+        let idle = preparation(&lit("headlights", &[0.0]), &dimmer).unwrap();
+        assert_eq!(idle.last(), both_off.last(), "off where the plan does not use it");
         assert!(commands(&plan, &of(lamp(None, 1))).is_err(), "nothing to set");
         for wrong in ["level", "deck led.level", "a.b.c"] {
             assert!(of(lamp(Some(wrong), 1)).check().is_err(), "{wrong}");
