@@ -18,7 +18,7 @@ from cflib.crazyflie.mem.trajectory_memory import CompressedSegment, CompressedS
 from cflib.utils.encoding import compress_quaternion
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from drone import (COMMANDER, DEFINE, FULL_STATE, GO_TO, HIGH_LEVEL, LAND, POSITION, START,  # noqa: E402
+from drone import (COMMANDER, DEFINE, FULL_STATE, GO_TO, HIGH_LEVEL, LAND, PARAMS, POSITION, START,  # noqa: E402
                    STOP, TAKE_OFF, Block, Clock, Radio, links, load_script)
 
 WORK = sys.argv[1]
@@ -279,6 +279,19 @@ class Flights(unittest.TestCase):
         cf, _, ended = flight(self.script, "position", due=(10.0, empty))
         self.assertIn("battery", str(ended))
         self.assertEqual(len(cf.packets(HIGH_LEVEL, LAND)), 1)
+
+    def test_a_lamp_of_ones_own_is_demanded_and_goes_back_with_the_lamps(self):
+        script = load("laser.py")
+        _, _, ended = flight(script, "position")
+        self.assertIn("laser.power", str(ended), "the firmware has no such lamp")
+        PARAMS.add("laser.power")
+        self.addCleanup(PARAMS.remove, "laser.power")
+        gains = [*script.DATA["gains"], ["laser.power", 7]]
+        cf, drone, ended = flight(script, "position", gains=gains)
+        self.assertIsNone(ended)
+        self.assertEqual(cf.memory_of_params["laser.power"], 0, "dark while the shutter is open")
+        drone.put_back(lamps=True)
+        self.assertEqual(cf.memory_of_params["laser.power"], 7)
 
     def test_a_dry_run_prints_what_is_sent(self):
         printed = io.StringIO()

@@ -256,7 +256,7 @@ class Drone:
     def put_back(self, lamps):
         """Puts back what was changed, the lamps or all else, and waits until the drone has it."""
         values = [(name, value) for name, value in reversed(list(self.changed.items())) if
-                  name.startswith(("led.", "ring.", "colorLed")) == lamps and value is not None]
+                  (name in DATA["lamps"]) == lamps and value is not None]
         for name, value in values:
             attempt(f"putting {name} back", self.cf.param.set_value, name, value)
             del self.changed[name]

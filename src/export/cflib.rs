@@ -116,7 +116,10 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     plan.write_csv(&mut csv).expect("memory takes it");
     // What the drone has so already is not sent.
     let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
-    parameters.extend(preparation(plan, job.light)?);
+    let lamps = preparation(plan, job.light)?;
+    // These go back last, when the shutter is closed.
+    let lamp_names: Vec<String> = lamps.iter().map(|(name, _)| name.clone()).collect();
+    parameters.extend(lamps);
     Ok(json!({
         "word": job.word,
         "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": sha256(&csv) },
@@ -135,6 +138,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "end_s": sent_until_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters,
+        "lamps": lamp_names,
         "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
@@ -323,7 +327,7 @@ mod tests {
     use crate::safety::{Battery, Checks, Platform};
     use crate::tests::decoded;
     use noctograph_core::camera::CameraOptions;
-    use noctograph_core::lamps::LightOptions;
+    use noctograph_core::lamps::{Drive, Fixture, LightOptions};
     use noctograph_flying::plan::{PlanOptions, plan};
     use noctograph_flying::sensors::Positioning;
     use noctograph_flying::sim::SimOptions;
@@ -331,14 +335,23 @@ mod tests {
 
     /// The script of NO under a word, and the data in it.
     fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {
+        exported_with(word, checks, &PlanOptions::even(), &LightOptions::default())
+    }
+
+    fn exported_with(
+        word: &str,
+        checks: &Checks,
+        options: &PlanOptions,
+        light: &LightOptions,
+    ) -> (String, Plan, Value) {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
-        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let plan = plan(&strokes, options).unwrap();
         let job = Job {
             plans: std::slice::from_ref(&plan),
             flown: std::slice::from_ref(&plan),
             unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
-            light: &LightOptions::default(),
+            light,
             sim: &SimOptions::default(),
             camera: &CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap(),
             tolerance_m: 0.002,
@@ -389,6 +402,25 @@ mod tests {
         let full =
             Checks { batteries: vec![Some(Battery { least_rest_v: None, ..battery })], ..checks };
         assert_eq!(exported("NO", &full).2["limits"]["rest_v"], Value::Null, "no charge is enough");
+    }
+
+    #[test]
+    fn a_lamp_of_ones_own_goes_back_with_the_lamps_and_its_parameter_is_demanded() {
+        let laser = Fixture {
+            drive: Drive::Command("laser".to_owned()),
+            parameter: Some("laser.power".to_owned()),
+            parameter_max: 255,
+            ..Fixture::default()
+        };
+        let light = LightOptions { fixtures: Some(vec![laser]), ..LightOptions::default() };
+        let options = PlanOptions { lights: vec!["laser".to_owned()], ..PlanOptions::even() };
+        let (script, _, data) = exported_with("NO", &checks(), &options, &light);
+        assert_eq!(data["lamps"], json!(["led.bitmask", "laser.power"]));
+        assert_eq!(data["dark"], json!([["laser.power", 0, "laser", 0.0]]), "`names_missing`");
+        assert!(script.contains("(name in DATA[\"lamps\"]) == lamps"), "and nothing by its prefix");
+        let (_, _, data) = exported("NO", &checks());
+        let deck = ["led.bitmask", "ring.headlightEnable", "ring.effect"];
+        assert_eq!(data["lamps"], json!(deck), "all that a lamp is set by before the flight");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use noctograph_core::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::lamps::{
-    CHANNELS, COLOR_LED, Channel, ColorLedLevels, Deck, Drive, Fixture, LightOptions, RING, packed,
+    CHANNELS, COLOR_LED, Channel, ColorLedLevels, Deck, Fixture, LightOptions, RING, packed,
     ring_memory_rgb,
 };
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
@@ -176,6 +176,11 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     }
     let own = dark(plan, options)?.into_iter().filter(|it| Channel::of(&it.channel).is_none());
     parameters.extend(own.map(|it| (it.parameter, it.value)));
+    for parameter in fixtures.into_iter().filter_map(|lamp| lamp.parameter) {
+        if parameters.iter().all(|(name, _)| *name != parameter) {
+            parameters.push((parameter, 0));
+        }
+    }
     Ok(parameters)
 }
 
@@ -216,7 +221,8 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
         };
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
-        let (until, color) = (until.max(played + least), ring_memory_rgb(rgb(command)));
+        let [_, r, g, b] = command.value.to_be_bytes();
+        let (until, color) = (until.max(played + least), ring_memory_rgb([r, g, b]));
         while played < until {
             let lasts = (until - played).min(MAX_RING_TIMING);
             entries.push((u8::try_from(lasts).expect("at most 255"), color));
@@ -226,35 +232,23 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     Some(Timing { entries, changes })
 }
 
-/// Red, green and blue of a command's light, 0 to 255.
-#[must_use]
-pub(super) fn rgb(command: &Command) -> [u8; 3] {
-    let [first, r, g, b] = command.value.to_be_bytes();
-    match Channel::of(&command.channel) {
-        // The white die lights all three.
-        Some(lamp) if lamp.colors.len() == 4 => [r, g, b].map(|color| color.saturating_add(first)),
-        Some(lamp) if lamp == RING => [r, g, b],
-        _ => [byte(command.level); 3],
-    }
-}
-
 /// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale,
 /// times its level. The bytes of a lamp are drives of its dies, which are far brighter than a
 /// screen: red that writes is 3 of 255, and black in a show.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
-    let [white, r, g, b] = command.value.to_be_bytes();
-    let lamp = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
-    let Some(lamp) = lamp else { return rgb(command) };
-    let deck = if lamp == RING { Deck::LedRing } else { Deck::ColorLed };
-    let driven = |fixture: &Fixture| matches!(fixture.drive, Drive::Ring(_) | Drive::ColorLed);
-    let dies = deck.fixtures().into_iter().find(driven).map_or_else(Vec::new, |lamp| lamp.dies);
+    let deck = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
     // Then the firmware makes the dies alike and bytes a screen's.
-    let alike = lamp == COLOR_LED && options.color_led_levels == ColorLedLevels::Corrected;
+    let alike = deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
-    for (byte, die) in [white, r, g, b].iter().rev().zip(dies.iter().rev()) {
-        let drive = f64::from(*byte) / 255.0;
-        let bright = if alike { linear_from_encoded(drive) } else { die.intensity_cd * drive };
-        light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * bright;
+    for lamp in of_channel(&command.channel, options) {
+        // A deck's last bytes drive its dies; any other lamp has all of them on.
+        let drives = deck.map_or([u8::MAX; 4], |_| command.value.to_be_bytes());
+        let drives = drives.into_iter().rev().chain(std::iter::repeat(u8::MAX));
+        for (drive, die) in drives.zip(lamp.dies.iter().rev()) {
+            let drive = f64::from(drive) / 255.0;
+            let bright = if alike { linear_from_encoded(drive) } else { die.intensity_cd * drive };
+            light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * bright;
+        }
     }
     let light = light.map(|channel: f64| channel.max(0.0));
     let most = light.max();
@@ -264,12 +258,22 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
+/// The lamps that follow a channel; where the scene has none, those of the deck with it.
+fn of_channel(channel: &str, options: &LightOptions) -> Vec<Fixture> {
+    let follows = |lamp: &Fixture| lamp.drive.channel() == Some(channel);
+    let lamps: Vec<Fixture> = options.fixtures().into_iter().filter(follows).collect();
+    if !lamps.is_empty() {
+        return lamps;
+    }
+    Deck::ALL.iter().flat_map(|deck| deck.fixtures()).filter(follows).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use nalgebra::Vector3;
     use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
-    use noctograph_core::lamps::{RingColor, RingEffect};
+    use noctograph_core::lamps::{Die, Drive, RingColor, RingEffect};
     use noctograph_flying::plan::Setpoint;
 
     fn lit(channel: &str, levels: &[f64]) -> Plan {
@@ -327,7 +331,10 @@ mod tests {
         assert_eq!((sent(&dimmer), sent(&switch)), (vec![100, 200, 0], vec![1, 0]));
         assert_eq!((switches(&plan, &dimmer), switches(&plan, &switch)), (vec![], vec!["laser"]));
         let before = preparation(&plan, &dimmer).unwrap();
-        assert_eq!(before, [("led.bitmask".to_owned(), 128), ("deckled.level".to_owned(), 0)]);
+        let both_off = [("led.bitmask".to_owned(), 128), ("deckled.level".to_owned(), 0)];
+        assert_eq!(before, both_off);
+        let idle = preparation(&lit("headlights", &[0.0]), &dimmer).unwrap();
+        assert_eq!(idle.last(), both_off.last(), "off where the plan does not use it");
         assert!(commands(&plan, &of(lamp(None, 1))).is_err(), "nothing to set");
         for wrong in ["level", "deck led.level", "a.b.c"] {
             assert!(of(lamp(Some(wrong), 1)).check().is_err(), "{wrong}");
@@ -370,6 +377,29 @@ mod tests {
                 assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
             }
         }
+        let laser = |chromaticities: &[[f64; 2]]| LightOptions {
+            fixtures: Some(vec![Fixture {
+                drive: Drive::Command("laser".to_owned()),
+                dies: chromaticities
+                    .iter()
+                    .map(|xy| Die { intensity_cd: 2.0, chromaticity: *xy })
+                    .collect(),
+                parameter: Some("laser.power".to_owned()),
+                parameter_max: 255,
+                ..Fixture::default()
+            }]),
+            ..LightOptions::default()
+        };
+        let shown = |options: &LightOptions| {
+            let commands = commands(&lit("laser", &[0.0, 1.0, 0.0]), options).unwrap();
+            screen_rgb(&commands[0], options)
+        };
+        let (red, green) = ([0.694, 0.306], [0.151, 0.758]);
+        assert_eq!(shown(&laser(&[red])), [255, 0, 0], "the color of its die");
+        assert_eq!(shown(&laser(&[green])), [0, 255, 0]);
+        let [_, _, blue] = shown(&laser(&[red, green, red, green, red, green]));
+        assert_eq!(blue, 0, "of all dies");
+        assert_eq!(shown(&laser(&[[0.3127, 0.329]])), [255; 3]);
         let screen = |channel, level, wrgb| {
             screen_rgb(&of_deck(channel, level, wrgb), &LightOptions::default())
         };
