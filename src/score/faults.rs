@@ -95,7 +95,7 @@ fn draw(picture: &mut Raster, points: &[[f64; 2]]) {
     paint(picture, 1.0, |at| is_near(at, points, |px| px <= 0.5 * PEN_H * H_PX + 0.2));
 }
 
-/// Lights, or darkens, the pixels whose middles fulfil a condition.
+/// Lights, or darkens, the pixels whose middles fulfill a condition.
 fn paint(picture: &mut Raster, light: f32, is_meant: impl Fn([f64; 2]) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {
