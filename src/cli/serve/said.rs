@@ -266,11 +266,28 @@ fn without_paths(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::preflight::Row;
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {
         let text = "/tmp/.noctograph-x.tmp/job-1/drawing.svg:3: (`/tmp/a/b.png`) and 1/2 m/s";
         assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
+    }
+
+    /// A check that is new goes into `STOPS`, or here.
+    #[test]
+    fn the_page_has_a_key_for_every_check_that_can_stop() {
+        let never_stop = ["lamps"];
+        let page = include_str!("../../../docs/reference/json.md");
+        let rows = page.lines().skip_while(|line| *line != "| check | value | limit |").skip(2);
+        let cells = rows.map_while(|line| line.strip_prefix("| ")?.split(" |").next());
+        let checks: Vec<&str> = cells.flat_map(|cell| cell.split(", ")).collect();
+        assert!(checks.len() > 25, "{checks:?}");
+        for check in checks.into_iter().filter(|check| !never_stop.contains(check)) {
+            let row = Row { check, severity: Severity::Stop, ..Row::default() };
+            let key = Said::of_stop(&Checked { drone: None, row }).unwrap().key;
+            assert_ne!(key, "stop-other", "{check} is not in STOPS");
+        }
     }
 
     /// Every key has a sentence in every language of the page, with the values that are its own.

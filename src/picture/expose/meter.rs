@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::merge::{self, Segment};
 use super::project::{self, Px};
-use crate::light::{Lamp, LightTrace};
+use crate::light::{Fixture, Lamp, LightTrace, emitter};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::DroneIndex;
@@ -132,6 +132,16 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
 /// Share of the luminance in the strongest channel from which light is colored; white has 1.
 const COLORED: f64 = 1.25;
 
+/// Whether the light of a lamp with all of its dies at full level is metered as a color.
+#[must_use]
+pub fn is_colored(lamp: &Fixture) -> bool {
+    is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
+}
+
+fn is_color(rgb: [f64; 3]) -> bool {
+    rgb.into_iter().fold(0.0, f64::max) > COLORED * luminance(rgb)
+}
+
 /// Exposure of the trail of a label in the strongest channel of its brightest color and of its
 /// brightest white, median over the length, in stops relative to saturation; `None` where it has no
 /// such light.
@@ -140,8 +150,7 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
     let brightest = |colored: bool| {
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
-        let alike = channels
-            .filter(|(lamp, share)| (*share > COLORED * luminance(lamp.emitter.rgb)) == colored);
+        let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
         let found = alike.filter_map(|(lamp, share)| {
             reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
         });

@@ -202,7 +202,10 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
         "lights of the flight",
         format!("columns [{}]", names.join(", ")),
         format!("a column light.{first} with levels from 0 to 1"),
-        "add the column (0 where the lights are off), or change light.fixtures in the scene",
+        format!(
+            "set plan.lights to [\"{first}\"] where the lamp writes, add the column (0 where the \
+             lights are off), or change light.fixtures in the scene"
+        ),
     ))
 }
 
@@ -285,7 +288,7 @@ fn most(levels: &[f64]) -> f64 {
 }
 
 /// The source of light that the dies of a lamp make together at these levels.
-fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
+pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
     for (die, level) in fixture.dies.iter().zip(levels) {
         let part_cd = level * die.intensity_cd;

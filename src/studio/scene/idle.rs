@@ -9,6 +9,7 @@ use noctograph_flying::plan::{PlanOptions, Style};
 use noctograph_flying::sensors::Positioning;
 use noctograph_flying::sim::EstimatorKind;
 use noctograph_flying::vehicle::{Gusts, VehicleOptions};
+use noctograph_picture::expose::meter::is_colored;
 use noctograph_picture::light::{COLOR_LED, Drive, Fixture, RING, RingEffect};
 
 /// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
@@ -86,10 +87,16 @@ const RULES: &[Rule] = &[
     (
         &["camera.metering.color_stops"],
         |s| {
-            let own = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
-            let led = own || !s.letters.drawing.is_empty();
-            let has_color =
-                |lamp: &String| lamp == COLOR_LED.name && led || lamp.starts_with(RING.name);
+            let set = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
+            let led = set || !s.letters.drawing.is_empty();
+            let fixtures = s.light.fixtures();
+            let colored = fixtures.iter().filter(|lamp| is_colored(lamp));
+            let own: Vec<_> = colored.filter_map(|lamp| commanded(lamp)).collect();
+            let has_color = |lamp: &String| {
+                lamp == COLOR_LED.name && led
+                    || lamp.starts_with(RING.name)
+                    || own.contains(&lamp.as_str())
+            };
             !s.plan.lights.iter().any(has_color)
         },
         "the plan writes in white",
@@ -157,6 +164,11 @@ fn feels_air(vehicle: &VehicleOptions) -> bool {
 
 fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
     scene.light.fixtures().iter().any(is)
+}
+
+/// The channel of a lamp whose color is that of its dies.
+fn commanded(lamp: &Fixture) -> Option<&str> {
+    matches!(lamp.drive, Drive::Command(_)).then(|| lamp.drive.channel()).flatten()
 }
 
 fn has_color_led(scene: &Scene) -> bool {
@@ -326,6 +338,15 @@ mod tests {
         assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
         assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
         assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
+        let in_color = |chromaticity: &str| {
+            let toml = format!(
+                "[plan]\nlights = [\"laser\"]\n[[light.fixtures]]\ndrive.command = \"laser\"\n\
+                 parameter = \"laser.power\"\ndies = [{{ chromaticity = {chromaticity} }}]\n"
+            );
+            let scene = Scene::parse(&toml, "my.toml").unwrap();
+            super::reason(&scene, "camera.metering.color_stops").is_none()
+        };
+        assert!(in_color("[0.694, 0.306]") && !in_color("[0.3127, 0.329]"), "red, white");
     }
 
     #[test]
