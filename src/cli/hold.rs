@@ -157,12 +157,11 @@ fn write_csv(out: impl Write, flight: &Hold) -> std::io::Result<()> {
     let columns = ["true", "estimated", "sigma"]
         .iter()
         .flat_map(|kind| states.iter().map(move |state| format!("{state}_{kind}")));
-    let sensors = [AltitudeSensor::Gnss, AltitudeSensor::TimeOfFlight, AltitudeSensor::Barometer];
     let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
     out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
     for s in &flight.samples {
         let numbers = [s.time_s, s.throttle].map(Some);
-        let readings = sensors.map(|sensor| {
+        let readings = AltitudeSensor::ALL.map(|sensor| {
             let last = s.readings.iter().rfind(|reading| reading.sensor == sensor);
             last.map(|reading| reading.measured_m)
         });

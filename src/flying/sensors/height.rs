@@ -16,7 +16,7 @@ const FAR_NOISE_M: f64 = 0.0025;
 /// Standard deviation of a ranger at a distance: `noise_m + 0.0025 exp(c (d − 2.5))` with
 /// `c = ln(80)/1.5`. With 2.5 mm of noise it is the firmware's (`zranger2.c`): 5 mm at 2.5 m, 0.2 m
 /// at 4 m.
-pub(crate) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
+pub(super) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
 }

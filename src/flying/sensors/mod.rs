@@ -33,7 +33,6 @@ use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::flight::Warning;
 
 pub use self::coverage::{Coverage, CoveredPlace, coverage};
-pub(crate) use self::height::time_of_flight_sigma_m;
 pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};
 pub use self::options::{
@@ -354,7 +353,7 @@ mod tests {
         };
         for &positioning in Positioning::ALL {
             let alone = with(positioning, &[]);
-            let beside = with(positioning, &[HeightSensor::Barometer, HeightSensor::TimeOfFlight]);
+            let beside = with(positioning, HeightSensor::ALL);
             let gyro = with(Positioning::Position, &[]);
             for ((a, b), c) in alone.iter().zip(&beside).zip(&gyro) {
                 assert_eq!(a.inertial, c.inertial, "{positioning:?}");

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::height::time_of_flight_sigma_m;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
 use noctograph_core::settings::{Described, Shape, settings};
@@ -61,6 +62,7 @@ settings! {
     }
 
     /// Measurement of the height besides the positioning.
+    #[derive(PartialOrd, Ord)]
     pub enum HeightSensor {
         /// Infrared time of flight to the floor.
         "time-of-flight" => TimeOfFlight,
@@ -317,6 +319,17 @@ impl Positioning {
     }
 }
 
+impl HeightSensor {
+    /// Whether it measures the distance to the floor along the body's z axis, which tilts and steps
+    /// of the floor change, rather than the height over the starting place.
+    pub(crate) fn looks_down(self) -> bool {
+        match self {
+            Self::TimeOfFlight => true,
+            Self::Barometer => false,
+        }
+    }
+}
+
 impl UwbOptions {
     /// Positions of the anchors.
     pub fn anchors(&self) -> Vec<Vector3<f64>> {
@@ -387,6 +400,8 @@ impl SensorOptions {
     /// Sensors without any error.
     pub fn ideal() -> Self {
         Self {
+            positioning: Positioning::Position,
+            heights: Vec::new(),
             imu: ImuOptions {
                 gyro_bias_rad_s: [0.0; 3],
                 gyro_noise_rad_s_sqrt_hz: 0.0,
@@ -411,13 +426,13 @@ impl SensorOptions {
                 ..UwbOptions::default()
             },
             time_of_flight: TimeOfFlightOptions { noise_m: 0.0, ..TimeOfFlightOptions::default() },
+            peers: PeerOptions::default(),
             barometer: BarometerOptions {
                 noise_m: 0.0,
                 drift_m_sqrt_s: 0.0,
                 ..BarometerOptions::default()
             },
             gnss: GnssOptions { noise_m: 0.0, ..GnssOptions::default() },
-            ..Self::default()
         }
     }
 
@@ -426,6 +441,16 @@ impl SensorOptions {
         match sensor {
             HeightSensor::TimeOfFlight => self.time_of_flight.rate_hz,
             HeightSensor::Barometer => self.barometer.rate_hz,
+        }
+    }
+
+    /// Standard deviation of the white noise of a sensor of the height where it measures so much.
+    pub(crate) fn height_sigma_m(&self, sensor: HeightSensor, measured_m: f64) -> f64 {
+        match sensor {
+            HeightSensor::TimeOfFlight => {
+                time_of_flight_sigma_m(self.time_of_flight.noise_m, measured_m)
+            }
+            HeightSensor::Barometer => self.barometer.noise_m,
         }
     }
 

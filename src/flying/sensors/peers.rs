@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use super::streams::Clock;
-use super::{PeerOptions, SensorOptions};
+use super::{HeightSensor, PeerOptions, SensorOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
@@ -51,10 +51,8 @@ pub enum Target {
     Anchor(usize),
     /// A drone, by its place in the fleet.
     Drone(usize),
-    /// The floor, by time of flight.
-    Floor,
-    /// The floor, by air pressure.
-    Air,
+    /// The floor, by a sensor of the height.
+    Height(HeightSensor),
 }
 
 /// A range or a height over the floor in a message.

@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use super::{Judging, Shoot, Shot};
 use crate::scene::{Scene, reason};
 use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
+use noctograph_flying::sensors::HeightSensor;
 
 /// Keys that change no product of this chain, and what they change.
 const ELSEWHERE: &[(&str, &str)] = &[
@@ -205,13 +206,15 @@ fn every_key_of_the_default_scene_has_an_effect_or_a_reason() {
 
 #[test]
 fn every_key_of_a_scene_with_all_parts_on_has_an_effect_or_a_reason() {
+    let heights: Vec<_> = HeightSensor::ALL.iter().map(|sensor| sensor.name()).collect();
+    let heights = format!("{heights:?}");
     let on = [
         ("preset", "cf21"),
         ("plan.style", "even"),
         ("controller.kind", "pid"),
         ("observer.kind", "ekf"),
         ("sensors.positioning", "sweeps"),
-        ("sensors.heights", "[\"barometer\", \"time-of-flight\"]"),
+        ("sensors.heights", &heights),
         ("air.gusts", "ornstein-uhlenbeck"),
         ("air.wind_m_s", "[0.2, 0.1, 0.0]"),
         ("light.deck", "color-led"),

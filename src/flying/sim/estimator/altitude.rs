@@ -8,7 +8,7 @@
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
 use super::{Estimator, state_at};
-use crate::sensors::{HeightSensor, Readings};
+use crate::sensors::Readings;
 use crate::vehicle::State;
 
 /// Row of the altitude in [`State`].
@@ -42,11 +42,8 @@ impl Estimator for Altitude {
             filter.update(AltitudeSensor::Gnss, fix_m.z);
         }
         for &(sensor, measured_m) in readings.heights {
-            let (sensor, height_m) = match sensor {
-                HeightSensor::TimeOfFlight => (AltitudeSensor::TimeOfFlight, measured_m * cos_tilt),
-                HeightSensor::Barometer => (AltitudeSensor::Barometer, measured_m),
-            };
-            filter.update(sensor, height_m);
+            let upright = if sensor.looks_down() { cos_tilt } else { 1.0 };
+            filter.update(AltitudeSensor::of(sensor), measured_m * upright);
         }
     }
 

@@ -6,6 +6,7 @@
 //! the filter would read a thrust map from that which is not there.
 
 use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
+use crate::sensors::HeightSensor;
 use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -30,15 +31,25 @@ pub enum AltitudeState {
     Barometer,
 }
 
-/// What measures the altitude.
+/// What measures the altitude, by the biases that the filter estimates of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AltitudeSensor {
     /// Satellites: z.
     Gnss,
-    /// Infrared time of flight to the floor: altitude and bias of the ranger.
+    /// A distance to the floor, turned upright: altitude and bias of the ranger.
     TimeOfFlight,
-    /// Air pressure: altitude and bias of the barometer.
+    /// A height over the starting place: altitude and bias of the barometer.
     Barometer,
+}
+
+impl AltitudeSensor {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Gnss, Self::TimeOfFlight, Self::Barometer];
+
+    /// What a sensor of the height is to the filter.
+    pub fn of(sensor: HeightSensor) -> Self {
+        if sensor.looks_down() { Self::TimeOfFlight } else { Self::Barometer }
+    }
 }
 
 /// Standard deviation of altitude and velocity, and of the floor, on the ground: m, m/s and m.

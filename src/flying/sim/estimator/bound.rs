@@ -14,14 +14,14 @@ use nalgebra::Vector3;
 use super::ekf::START;
 use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
 use crate::plan::Plan;
-use crate::sensors::{Clock, HeightSensor, SensorOptions, Turn, time_of_flight_sigma_m, turns};
+use crate::sensors::{Clock, HeightSensor, SensorOptions, Turn, turns};
 use crate::sim::options::{EstimatorKind, SimOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 
 /// Steps a second, unless ranges come faster.
 const RATE_HZ: f64 = 100.0;
-/// Least noise of a range.
+/// Least noise of a range or a height.
 const LEAST_SIGMA_M: f64 = 1e-4;
 /// Margin of the box in which a further anchor is tried, around anchors and word.
 const MARGIN_M: f64 = 0.2;
@@ -163,14 +163,9 @@ impl<'a> Fleet<'a> {
     /// Measures the height of every drone.
     fn height(&mut self, sensor: HeightSensor) {
         for drone in 0..self.places_m.len() {
-            let sigma_m = match sensor {
-                HeightSensor::TimeOfFlight => {
-                    let height_m = self.places_m[drone].z;
-                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, height_m)
-                }
-                HeightSensor::Barometer => self.sensors.barometer.noise_m.max(LEAST_SIGMA_M),
-            };
-            self.correct(&[Part::One(ERRORS * drone + 2, 1.0)], square(sigma_m));
+            let sigma_m = self.sensors.height_sigma_m(sensor, self.places_m[drone].z);
+            let variance = square(sigma_m.max(LEAST_SIGMA_M));
+            self.correct(&[Part::One(ERRORS * drone + 2, 1.0)], variance);
         }
     }
 

@@ -28,8 +28,7 @@ use super::ekf::{Ekf, START, Source};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sensors::{
-    Fleet, HeightSensor, Leg, Member, Message, PeerRange, Readings, Reckoning, SensorOptions,
-    Shared, Target, time_of_flight_sigma_m,
+    Fleet, Leg, Member, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
 };
 use crate::sim::options::{ObserverOptions, Share};
 use crate::vehicle::State;
@@ -142,18 +141,12 @@ impl Cooperative {
             self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
-        for (sensor, measured_m) in readings.heights {
-            self.heights.push(match sensor {
-                HeightSensor::TimeOfFlight => {
-                    let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
-                    let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, *measured_m);
-                    let sigma_m = sigma_m * cos_tilt;
-                    shared(Target::Floor, measured_m * cos_tilt, sigma_m * sigma_m)
-                }
-                HeightSensor::Barometer => {
-                    shared(Target::Air, *measured_m, self.own.model.barometer)
-                }
-            });
+        for &(sensor, measured_m) in readings.heights {
+            let upright =
+                if sensor.looks_down() { self.alone.attitude.matrix()[(2, 2)] } else { 1.0 };
+            let sigma_m = self.own.model.sensors.height_sigma_m(sensor, measured_m) * upright;
+            let variance = sigma_m * sigma_m;
+            self.heights.push(shared(Target::Height(sensor), measured_m * upright, variance));
         }
     }
 
@@ -197,7 +190,7 @@ impl Cooperative {
                     Some(anchor_m) => toward(&(past.position_m - anchor_m)),
                     None => continue,
                 },
-                Target::Floor | Target::Air => (Vector3::z(), past.position_m.z),
+                Target::Height(_) => (Vector3::z(), past.position_m.z),
                 Target::Drone(_) => continue,
             };
             let slope = past.slope(k + 1, direction, None);

@@ -21,15 +21,14 @@ use crate::estimate::{
     Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward, variance_rate,
 };
 use crate::sensors::{
-    DECK_SENSORS_M, Generation, HeightSensor, Range, Readings, SensorOptions, StationPose, Sweep,
-    Target, time_of_flight_sigma_m,
+    DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
 };
 use crate::sim::options::EkfOptions;
 use crate::vehicle::State;
 
 /// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
 pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
-/// Cosine of the tilt beyond which the ranger's distance says nothing about the height.
+/// Cosine of the tilt beyond which a distance to the floor says nothing about the height.
 const LEAST_COS_TILT: f64 = 0.3;
 
 /// Index of the floor's height below the drone, after the nine errors: with this state and the step
@@ -82,11 +81,9 @@ pub(super) struct Model {
     pub(super) position: f64,
     /// Variance of a difference of ranges, and of two-way ranging.
     pub(super) range: [f64; 2],
-    /// Variance of the height by air pressure.
-    pub(super) barometer: f64,
     pub(super) gate_sigmas: f64,
-    /// Standard deviation of a near range to the floor.
-    pub(super) ranger_m: f64,
+    /// The sensors with the noise that the filter believes of those of the height.
+    pub(super) sensors: SensorOptions,
 }
 
 impl Ekf {
@@ -172,7 +169,7 @@ impl Estimator for Ekf {
                 (Source::Sweep { radius_m }, _) => {
                     normal.correct(measurement, |found| sweeps.takes(radius_m * found.value));
                 }
-                (Source::To(Target::Floor), Some(test)) => {
+                (Source::To(Target::Height(sensor)), Some(test)) if sensor.looks_down() => {
                     test.correct(normal, measurement, gate_sq);
                 }
                 _ => {
@@ -197,6 +194,9 @@ impl Model {
         let square = |sigma: f64| sigma * sigma;
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
+        let mut believed = sensors.clone();
+        // Drift comes on top of its noise.
+        believed.barometer.noise_m = options.barometer_sigma_m;
         Self {
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
             anchors_m: sensors.uwb.anchors(),
@@ -209,9 +209,8 @@ impl Model {
             sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
             position: square(options.position_sigma_m),
             range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
-            barometer: square(options.barometer_sigma_m),
             gate_sigmas: options.gate_sigmas,
-            ranger_m: sensors.time_of_flight.noise_m,
+            sensors: believed,
         }
     }
 
@@ -278,34 +277,23 @@ impl Model {
                 each(Source::Position, &[Part::One(axis, 1.0)], left_m[axis], self.position);
             }
         }
-        for (sensor, measured_m) in readings.heights {
-            match sensor {
-                HeightSensor::TimeOfFlight => self.distance(motion, *measured_m, &mut each),
-                HeightSensor::Barometer => {
-                    let (slope, left_m) = ([Part::One(2, 1.0)], measured_m - position_m.z);
-                    each(Source::To(Target::Air), &slope, left_m, self.barometer);
-                }
+        let cos_tilt = world_from_body[(2, 2)];
+        for &(sensor, measured_m) in readings.heights {
+            let source = Source::To(Target::Height(sensor));
+            let sigma_m = self.sensors.height_sigma_m(sensor, measured_m);
+            let variance = sigma_m * sigma_m;
+            if !sensor.looks_down() {
+                each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
+            } else if cos_tilt >= LEAST_COS_TILT {
+                let expected_m = (position_m.z - self.floor_m) / cos_tilt;
+                let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
+                let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);
+                let per_m = 1.0 / cos_tilt;
+                let slope =
+                    [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
+                let slope = &slope[..if self.floor_steps { 3 } else { 2 }];
+                each(source, slope, measured_m - expected_m, variance);
             }
         }
-    }
-
-    fn distance(
-        &self,
-        motion: &Inertial,
-        distance_m: f64,
-        each: &mut impl FnMut(Source, &[Part], f64, f64),
-    ) {
-        let r = &motion.world_from_body;
-        let cos_tilt = r[(2, 2)];
-        if cos_tilt < LEAST_COS_TILT {
-            return;
-        }
-        let expected_m = (motion.position_m.z - self.floor_m) / cos_tilt;
-        let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
-        let sigma_m = time_of_flight_sigma_m(self.ranger_m, distance_m);
-        let per_m = 1.0 / cos_tilt;
-        let slope = [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
-        let slope = &slope[..if self.floor_steps { 3 } else { 2 }];
-        each(Source::To(Target::Floor), slope, distance_m - expected_m, sigma_m * sigma_m);
     }
 }

@@ -25,9 +25,7 @@ use super::ekf::{Model, START};
 use super::sweep_filter::SweepFilter;
 use super::tdoa_filter::TdoaFilter;
 use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles};
-use crate::sensors::{
-    DECK_SENSORS_M, HeightSensor, Range, Readings, SensorOptions, time_of_flight_sigma_m,
-};
+use crate::sensors::{DECK_SENSORS_M, Range, Readings, SensorOptions};
 use crate::sim::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
 use crate::vehicle::{State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -219,27 +217,19 @@ impl Firmware {
             }
         }
         let cos_tilt = self.world_from_body[(2, 2)];
-        for (sensor, measured_m) in readings.heights {
-            match sensor {
-                HeightSensor::TimeOfFlight if cos_tilt > LEAST_COS_TILT => {
-                    self.correct_by_distance(*measured_m, cos_tilt);
+        for &(sensor, measured_m) in readings.heights {
+            let mut per_m = 1.0;
+            if sensor.looks_down() {
+                if cos_tilt <= LEAST_COS_TILT {
+                    continue;
                 }
-                HeightSensor::TimeOfFlight => {}
-                HeightSensor::Barometer => {
-                    let error_m = measured_m - self.position_m.z;
-                    self.correct(&[Part::One(2, 1.0)], error_m, self.model.barometer);
-                }
+                let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
+                per_m /= libm::cos(tilt_rad.max(0.0));
             }
+            let sigma_m = self.model.sensors.height_sigma_m(sensor, measured_m);
+            let error_m = measured_m - self.position_m.z * per_m;
+            self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
         }
-    }
-
-    /// Corrects by the distance to the floor.
-    fn correct_by_distance(&mut self, distance_m: f64, cos_tilt: f64) {
-        let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
-        let per_m = 1.0 / libm::cos(tilt_rad.max(0.0));
-        let sigma_m = time_of_flight_sigma_m(self.model.ranger_m, distance_m);
-        let error_m = distance_m - self.position_m.z * per_m;
-        self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
     }
 
     fn correct(&mut self, slope: &[Part], value: f64, variance: f64) {

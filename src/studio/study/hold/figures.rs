@@ -6,7 +6,7 @@ use super::{Hold, HoldModel, HoldSample, HoldScenario, STATE_NAMES, hold};
 use crate::study::statistics::{Estimate, bootstrap, mean};
 use noctograph_core::error::{Result, within};
 use noctograph_core::settings::settings;
-use noctograph_flying::sim::SimOptions;
+use noctograph_flying::sim::{AltitudeSensor, SimOptions};
 
 /// Time that a flight lasts, s.
 pub const DURATION_S: f64 = 60.0;
@@ -150,8 +150,8 @@ pub fn hold_figures(
         inside: mean(column(|run| run.inside)),
         hover_throttle: mean(column(|run| run.hover_throttle_sq)).sqrt(),
         states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
-        nis: [0, 1, 2].map(|sensor| {
-            let sums = flown.iter().map(|run| run.nis[sensor]);
+        nis: AltitudeSensor::ALL.map(|sensor| {
+            let sums = flown.iter().map(|run| run.nis[sensor as usize]);
             let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
             (n > 0.0).then(|| sum / n)
         }),

@@ -8,7 +8,7 @@ use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
-use noctograph_flying::sensors::{HeightSensor, Positioning, SensorOptions};
+use noctograph_flying::sensors::{Positioning, SensorOptions};
 use noctograph_flying::sim::{
     AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains,
 };
@@ -28,8 +28,8 @@ pub(super) fn hold(
     let hover = options.believed_hover_throttle();
     let [k_z, k_v] = altitude_gains(&options.controller.altitude)?;
     let mut truth = Truth::new(options, scenario, seed);
-    let all = [AltitudeSensor::Gnss, AltitudeSensor::TimeOfFlight, AltitudeSensor::Barometer];
-    let carried = all.into_iter().filter(|sensor| carries(&options.sensors, *sensor));
+    let carried =
+        AltitudeSensor::ALL.into_iter().filter(|sensor| carries(&options.sensors, *sensor));
     let noise = |sensor| (sensor, Noise::new(seed, 0, &format!("hold {sensor:?}")));
     let mut sensors: Vec<(AltitudeSensor, Noise)> = carried.map(noise).collect();
     let gnss = &options.sensors.gnss;
@@ -64,8 +64,7 @@ pub(super) fn hold(
 fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     match sensor {
         AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
-        AltitudeSensor::TimeOfFlight => sensors.heights.contains(&HeightSensor::TimeOfFlight),
-        AltitudeSensor::Barometer => sensors.heights.contains(&HeightSensor::Barometer),
+        _ => sensors.heights.iter().any(|height| AltitudeSensor::of(*height) == sensor),
     }
 }
 
