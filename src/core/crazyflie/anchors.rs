@@ -16,8 +16,9 @@ const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HI
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the file cannot be read; [`Error::Input`] with its line where it is broken,
-/// and for indices that do not count from 0.
+/// [`Error::Io`](crate::error::Error::Io) where the file cannot be read;
+/// [`Error::Input`](crate::error::Error::Input) with its line where it is broken, and for indices
+/// that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
