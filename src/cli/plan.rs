@@ -48,8 +48,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
             Outputs::create(args.output.as_deref(), "plan", n)?
         }
     };
-    // With the colors of a drawing.
-    let shoot = Shoot::new(scene.clone())?;
+    let shoot = Shoot::of_strokes(scene.clone(), strokes.clone())?;
     warn_of_fewer_drones(&shoot);
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };

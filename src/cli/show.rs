@@ -109,9 +109,9 @@ pub(super) fn tell_drawing(report: &mut Report, strokes: &Strokes) {
     report.figure("drawing", json, "drawing", &text);
 }
 
-/// Figures of a flight, its digest and its tracking errors, where they are known already: flight
-/// time, tracking error over the letters or, where none was written, in the air, and, for programs,
-/// final values of the simulator's own columns. The error is null where the drone never left the
+/// Figures of a flight with its digest and, where they are known already, its tracking errors: the
+/// flight time; the tracking error over the letters, or in the air if there are none; for programs,
+/// the last values of the simulator's own columns. The error is null if the drone never left the
 /// floor.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);

@@ -104,7 +104,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The time that the first flights took tells that of the least.
+            // The smallest study takes so many times as long as the first flights.
             let least_flights = options.least_budget();
             let needed = spent * least_flights as f64 / n_flights as f64;
             if needed > 1.0 {

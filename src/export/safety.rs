@@ -204,9 +204,8 @@ pub struct Checks {
     pub scene_sha256: String,
 }
 
-/// The table of all checks in the order in which they are made, as it stands in `docs/fly.md`: what
-/// is checked, by whom (`check`, and `export` with it; a script; the firmware), at which limit, and
-/// where that stands or why.
+/// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the check;
+/// who makes it (`check` and `export`, a script, the firmware); its limit; the source of the limit.
 #[must_use]
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);

@@ -1,11 +1,8 @@
-//! Plans and flights that several tests look at.
+//! Plans that several tests look at.
 
 use nalgebra::Vector3;
 
 use crate::plan::{Plan, PlanOptions, Setpoint, plan};
-use crate::sim::{Drone, SimOptions, fly};
-use noctograph_core::error::Result;
-use noctograph_core::flight::Flight;
 use noctograph_letters::{LetterOptions, write};
 
 /// The plan of a word in the reference team's letters.
@@ -19,8 +16,4 @@ pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
     let at = |time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() };
     let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
     Plan { setpoints: vec![at(0.0), at(end_s)], lights, ..Plan::default() }
-}
-
-pub(crate) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
-    fly(plan, &Drone::new(options, seed), &mut |_| {})
 }

@@ -77,8 +77,7 @@ impl Brand {
         let path = folder.join("logo.svg");
         let logo = path.is_file().then(|| LOGO.read(&path)).transpose()?;
         if logo.is_some() {
-            // What no drawing may hold, such as a letter whose typeface the tablets lack, no logo
-            // may.
+            // A logo is refused where a drawing is, as for text in a typeface that the tablets lack.
             let drawn = draw(&path, &LetterOptions::default(), Ink::Alike)?;
             warn(&drawn.warnings);
         }

@@ -270,4 +270,4 @@ fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -148,7 +148,8 @@ impl Session {
 mod tests {
     use super::*;
     use crate::sim::SimOptions;
-    use crate::tests::{flown, hover};
+    use crate::sim::fly::tests::flown;
+    use crate::tests::hover;
 
     const PLACE_M: [f64; 3] = [0.1, 0.0, 0.5];
 

@@ -189,8 +189,17 @@ impl Shoot {
     ///
     /// As [`Scene::check`], [`Scene::strokes`] and [`plan`].
     pub fn new(scene: Scene) -> Result<Self> {
-        scene.check()?;
         let strokes = scene.strokes()?;
+        Self::of_strokes(scene, strokes)
+    }
+
+    /// The same of the scene's strokes, which were drawn already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::check`] and [`plan`].
+    pub fn of_strokes(scene: Scene, strokes: Strokes) -> Result<Self> {
+        scene.check()?;
         let mut shoot = Self::bare(scene, Some(strokes));
         shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"))?;
         shoot.is_planned = true;

@@ -6,8 +6,9 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint};
 use crate::sensors::{Positioning, SensorOptions};
+use crate::sim::fly::tests::flown;
 use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
-use crate::tests::{flown, hover, written};
+use crate::tests::{hover, written};
 use crate::vehicle::Gusts;
 use noctograph_core::flight::tracking::{Part, track};
 use noctograph_core::flight::{Flight, FlightSample};

@@ -11,8 +11,9 @@ use crate::sensors::{
     UwbOptions,
 };
 use crate::sim::SimOptions;
+use crate::sim::fly::tests::flown;
 use crate::sim::options::{EkfOptions, EstimatorKind};
-use crate::tests::{flown, written};
+use crate::tests::written;
 use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::FlightSample;

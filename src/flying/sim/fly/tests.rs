@@ -8,10 +8,14 @@ use crate::sensors::Positioning;
 use crate::sim::{
     ControllerKind, EstimatorKind, RadioOptions, SetpointKind, Setpoints, SimOptions,
 };
-use crate::tests::{flown, written};
+use crate::tests::written;
 use crate::vehicle::{FloorStep, Gusts};
 use noctograph_core::crazyflie::Release;
 use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
+
+pub(in crate::sim) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
+    fly(plan, &Drone::new(options, seed), &mut |_| {})
+}
 
 /// Setpoints `(time, x, z)` with a light on all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {
