@@ -204,8 +204,9 @@ pub struct Checks {
     pub scene_sha256: String,
 }
 
-/// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the check;
-/// who makes it (`check` and `export`, a script, the firmware); its limit; the source of the limit.
+/// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the
+/// check; who makes it (`check` and `export`, a script, the firmware); its limit; the source of the
+/// limit.
 #[must_use]
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);

@@ -77,7 +77,7 @@ impl Brand {
         let path = folder.join("logo.svg");
         let logo = path.is_file().then(|| LOGO.read(&path)).transpose()?;
         if logo.is_some() {
-            // A logo is refused where a drawing is, as for text in a typeface that the tablets lack.
+            // A logo is refused where a drawing is, as for text in a typeface that tablets lack.
             let drawn = draw(&path, &LetterOptions::default(), Ink::Alike)?;
             warn(&drawn.warnings);
         }
