@@ -13,7 +13,6 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 
 use super::areas::{self, Patch};
-use super::gradient::Paint;
 use super::ink::{Field, RIM, plain_paper};
 use super::inlays::inlays;
 use super::levels::{contours, level};
@@ -109,7 +108,7 @@ pub(super) fn read(
     };
     // A photograph by its edges.
     let photograph = |edges: Vec<Vec<[f64; 2]>>| Traced {
-        lines: edges.into_iter().map(|line| (line, Paint::Plain([0; 3]))).collect(),
+        lines: edges.into_iter().map(|line| (line, [0; 3])).collect(),
         detail: options.detail.unwrap_or(PHOTOGRAPH),
         picture: Picture::Photograph,
         warnings: Vec::new(),
@@ -156,11 +155,11 @@ pub(super) fn read(
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
     let lines = traced(patches.into_iter().map(patch).collect());
-    let hues: Vec<Paint> = lines.iter().map(|line| Paint::Plain(field.hue(line))).collect();
+    let hues: Vec<[u8; 3]> = lines.iter().map(|line| field.hue(line)).collect();
     let mut lines: Vec<ColoredLine> = lines.into_iter().zip(hues).collect();
     let (inlays, too_many_inlays) = inlays(&field);
     for (contours, color) in inlays {
-        let color = Paint::Plain(saturated(color, CHROMA));
+        let color = saturated(color, CHROMA);
         for contours in nested(contours, speck(larger)) {
             lines.extend(traced(vec![patch(contours)]).into_iter().map(|line| (line, color)));
         }
