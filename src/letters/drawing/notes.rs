@@ -156,9 +156,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
         let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
         let prefix = prefix.map_or(String::new(), |(prefix, _)| format!("{prefix}:"));
-        let mut sign = format!(
-            "<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\""
-        );
+        let mut sign =
+            format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
         let is_kept = |name: &str| !has("points noctograph", name);
         for own in node.attributes().filter(|own| is_kept(own.name())) {
             sign += " ";
@@ -215,13 +214,12 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 "opacity" | "fill-opacity" | "stroke-opacity" | "stroke-width"
                 | "stroke-dashoffset" => (!is_word && svgtypes::Length::from_str(value).is_err())
                     .then_some((shown, "not followed")),
-                "clip-path" | "mask" if !is_neutral && !is_word => {
-                    (!value.starts_with("url(") || !value.ends_with(')'))
-                        .then_some((shown, "not followed"))
-                }
-                "marker-start" | "marker-mid" | "marker-end" | "marker" if in_marker => {
-                    (target() == "marker").then_some(("a marker within a marker".into(), "not drawn"))
-                }
+                "clip-path" | "mask" if !is_neutral && !is_word => (!value.starts_with("url(")
+                    || !value.ends_with(')'))
+                .then_some((shown, "not followed")),
+                "marker-start" | "marker-mid" | "marker-end" | "marker" if in_marker => (target()
+                    == "marker")
+                    .then_some(("a marker within a marker".into(), "not drawn")),
                 "href" if tag == "use" && !value.starts_with('#') => {
                     Some(("another file (`use`)".into(), "not followed"))
                 }
@@ -231,7 +229,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     is_broken.then_some(("path data that breaks off".into(), "drawn up to there"))
                 }
                 "pathLength" => {
-                    let is_dashed = |it: Node<'_, '_>| styles.value(it, "stroke-dasharray").is_some();
+                    let is_dashed =
+                        |it: Node<'_, '_>| styles.value(it, "stroke-dasharray").is_some();
                     let note = (name.to_owned(), "its dashes are drawn as a line");
                     node.ancestors().any(is_dashed).then_some(note)
                 }
@@ -250,7 +249,10 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     is_left_out |= is_place;
                     is_place.then_some((shown, "left out"))
                 }
-                name if !of_css && has(SHAPES, tag) && has("cx cy height r rx ry width x y", name) => {
+                name if !of_css
+                    && has(SHAPES, tag)
+                    && has("cx cy height r rx ry width x y", name) =>
+                {
                     let is_broken = value != "auto" && svgtypes::Length::from_str(value).is_err();
                     is_broken.then_some((shown, "not followed"))
                 }
@@ -272,11 +274,108 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     .then_some((shown, "not followed")),
             };
             let reset = is_reset && has(KNOWN, name);
-            let note = note.or_else(|| reset.then(|| (format!("{name} `{value}`"), "not followed")));
+            let note =
+                note.or_else(|| reset.then(|| (format!("{name} `{value}`"), "not followed")));
             if let Some((what, how)) = note {
                 self.named.add(what, how, node);
             }
         }
         is_left_out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{LetterOptions, Strokes};
+    use super::super::{Ink, tests::drawn_in};
+    use noctograph_core::error::Result;
+
+    fn drawn(inner: &str) -> Result<Strokes> {
+        let text = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
+        );
+        drawn_in("a.svg", text, &LetterOptions::default(), Ink::Alike)
+    }
+
+    fn n_lit(inner: &str) -> usize {
+        let strokes = drawn(inner).unwrap();
+        strokes.glyphs[0].moves.iter().filter(|step| step.lit).count()
+    }
+
+    /// Six levels of an element, each of ten that refer to the next.
+    fn levels(open: &str, part: &str, close: &str) -> String {
+        let level = |n: usize| {
+            let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);
+            open.replace("THIS", &format!("e{n}")) + &part + close
+        };
+        (0..12).map(level).collect()
+    }
+
+    #[test]
+    fn references_that_multiply_cost_little_or_are_refused() {
+        let shape = "<rect width='9' height='9' PROPERTY='url(#NEXT)'/>";
+        let tried = "<path d='M0 0h9v9' stroke='red' fill='url(#e0)' PROPERTY='url(#e0)'/>";
+        for (tag, property, n) in [("pattern", "fill", 3), ("filter", "filter", 2)] {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            let all = levels(&open, &part, &format!("</{tag}>"));
+            let tried = tried.replace("fill='url(#e0)' PROPERTY", property);
+            assert_eq!(n_lit(&(all + &tried)), n, "{tag}: a fill closes its path");
+        }
+        let long = format!("M0 0{}", "h1v1".repeat(20_000));
+        let levels_of = |tag: &str, property: &str| {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            levels(&open, &part, &format!("</{tag}>")) + &tried.replace("PROPERTY", property)
+        };
+        let refused = [
+            levels_of("clipPath", "clip-path"),
+            levels_of("mask", "mask"),
+            levels("<g id='THIS'>", "<use href='#NEXT'/>", "</g>") + "<g id='e12'/>",
+            format!("<path id='p' d='{long}'/>") + &"<use href='#p'/>".repeat(5000),
+            "<marker id='m'>".to_owned()
+                + &"<path d='M0 0h1' stroke='red'/>".repeat(100)
+                + &format!("</marker><path d='{long}' stroke='red' marker-mid='url(#m)'/>"),
+            "<g id='a'><use href='#b'/></g><g id='b'><use href='#a'/></g>".to_owned(),
+            "<g>".repeat(200) + &"</g>".repeat(200),
+            (0..300).map(|n| format!("<g id='g{}'><use href='#g{n}'/></g>", n + 1)).collect(),
+            "<style>q * * * * * *{fill:red}</style>".to_owned()
+                + &"<g>".repeat(100)
+                + &"</g>".repeat(100),
+            "<path d='M0 0h90' stroke='red' stroke-dasharray='0.001'/>".repeat(100),
+            "<path d='M0 0A5 6 30 0 1 1e30 9' stroke='red'/>".to_owned(),
+            "<rect width='1e30' height='1e30' rx='1e30' stroke='red'/>".to_owned(),
+            "<g id='g'><circle r='1e6' stroke='red'/></g>".to_owned()
+                + &"<use href='#g'/>".repeat(1000),
+            "<circle r='1em' font-size='1e30' stroke='red'/>".to_owned(),
+            format!("<style>{}a{{{}}}</style>", "a,".repeat(9000), "x:y;".repeat(9000)),
+        ];
+        for (n, inner) in refused.iter().enumerate() {
+            let error = drawn(inner).unwrap_err().to_string();
+            assert!(!error.contains("nothing drawn"), "{n}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_drawn_changes_nothing_else() {
+        let line = "<path id='p' d='M0 0h9' stroke='red'/>";
+        let clipped = line.replace("/>", " clip-path='url(#c)' mask='url(#gone)'/>");
+        assert_eq!(n_lit(&clipped), 1, "by what is not there");
+        let within = format!("<clipPath id='c'>{line}</clipPath><use href='#p'/>");
+        assert_eq!(n_lit(&within), 1, "used from within a clip");
+        let filled = "<path d='M0 0h9v9z' fill='url(#g)'/>";
+        for server in ["linearGradient", "radialGradient", "pattern"] {
+            let filled = format!(
+                "<{server} id='g' width='1' height='1'><stop/><path d='M0 0h1v1'/></{server}>\
+                 {filled}"
+            );
+            assert_eq!(n_lit(&filled), 3, "{server}");
+        }
+        let arrow = "<marker id='m' overflow='visible'><path d='M0 0l-2 1' stroke='red'/></marker>\
+                     <path d='M0 0h9' stroke='red' marker-end='url(#m)'/>";
+        assert_eq!(n_lit(arrow), 2, "an arrow and its head");
+        let styled = "<style>.a > path, #b{stroke:red}</style><g class='a'><path d='M0 0h9'/></g>\
+                      <path id='b' d='M0 5h9'/><path d='M0 7h9'/>";
+        assert_eq!(n_lit(styled), 2, "two of three have a style");
     }
 }

@@ -113,7 +113,8 @@ impl<'a> Page<'a> {
             return (self.rim(index, item, &near), false);
         };
         let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
-        let is_border = |fill: [u8; 3]| is_of_ground && !alike(fill.map(f64::from), color.map(f64::from));
+        let is_border =
+            |fill: [u8; 3]| is_of_ground && !alike(fill.map(f64::from), color.map(f64::from));
         if own.is_some_and(|own| is_border(own.color)) {
             // A border in the color of the ground: what shows is the fill.
             near.retain(|layer| layer.element != index || !layer.is_stroke);
@@ -121,7 +122,8 @@ impl<'a> Page<'a> {
         }
         // The sides that only the fill closes.
         let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
-        let mut at_rim = |place, sides| self.rim_color(index, item, &near, own?, true, place, sides);
+        let mut at_rim =
+            |place, sides| self.rim_color(index, item, &near, own?, true, place, sides);
         let (sides, _) = self.parts(&closing, item, &near, &mut at_rim);
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
@@ -145,13 +147,15 @@ impl<'a> Page<'a> {
                 return Some(color);
             }
             // The edge of what lies under an outline in the color of what is beneath.
-            let rim = own.and_then(|own| self.rim_color(index, item, &near, own, true, place, sides));
+            let rim =
+                own.and_then(|own| self.rim_color(index, item, &near, own, true, place, sides));
             is_alike |= rim.is_none();
             rim
         };
         let (mut parts, is_whole) = self.parts(&self.lines(line), item, &near, &mut look);
         if is_whole && sides.is_empty() {
-            return (parts.first().map_or(Shown::Parts(Vec::new()), |it| Shown::Stroke(it.1)), is_alike);
+            let color = parts.first().map_or(color, |part| part.1);
+            return (Shown::Stroke(color), is_alike);
         }
         parts.extend(sides);
         (Shown::Parts(parts), is_alike)
@@ -173,6 +177,10 @@ impl<'a> Page<'a> {
             // Thinner than a look to its sides.
             let seen = !self.is_covered(index, near, place) && self.within(&item.cuts, place);
             return seen.then_some(own.color);
+        }
+        // Where a clip ends at the fill's own path, that is the rim.
+        if !is_own && !sides.iter().all(|side| own.area.holds(*side)) {
+            return None;
         }
         let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
         if ![left.1, right.1].contains(&Some(index)) || alike(left.0, right.0) {

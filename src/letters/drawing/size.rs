@@ -33,7 +33,8 @@ pub(super) fn check<'a, 'input>(
 ) -> Result<(), String> {
     // The lengths of a page, by which shares are measured.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
-    let lengths = pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
+    let lengths =
+        pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
     let mut counting = Counting { styles, page, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(root, 0)?;

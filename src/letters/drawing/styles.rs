@@ -170,7 +170,8 @@ impl<'a, 'input> Styles<'a, 'input> {
     /// The element that `#name` or `url(#name)` refers to.
     pub(super) fn target(&self, link: &str) -> Option<Node<'a, 'input>> {
         let link = link.trim();
-        let link = link.strip_prefix("url(").map_or(link, |url| url.split(')').next().unwrap_or(""));
+        let link =
+            link.strip_prefix("url(").map_or(link, |url| url.split(')').next().unwrap_or(""));
         self.ids.get(link.trim().trim_matches(['"', '\'']).strip_prefix('#')?).copied()
     }
 }
@@ -263,5 +264,53 @@ impl Element for Matched<'_, '_, '_> {
 
     fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
         matches!(class, PseudoClass::FirstChild) && self.0.prev_sibling_element().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(xml: &str) -> std::result::Result<(), String> {
+        let budget = Budget::of("a.svg", "none");
+        check_text(xml, &budget)?;
+        budget.check().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn entities_are_counted_where_they_are_put_in() {
+        let small = "<!DOCTYPE svg [<!ENTITY ns 'http://ns.adobe.com/'>]><svg a='&ns;' b='&lt;'/>";
+        check(small).unwrap();
+        // Quadratic: 120 kB that is put in 40,000 times.
+        let wide = format!(
+            "<!DOCTYPE svg [<!ENTITY a '{}'>]><svg a='{}'/>",
+            "x".repeat(120_000),
+            "&a;".repeat(40_000)
+        );
+        assert!(check(&wide).unwrap_err().contains("4577 MiB"), "{:?}", check(&wide));
+    }
+
+    #[test]
+    fn references_are_compared_with_all_entities() {
+        let many: String = (0..30_000).map(|n| format!("<!ENTITY e{n} 'x'>")).collect();
+        let used = |n| format!("<!DOCTYPE svg [{many}]><svg>{}</svg>", "&e29999;".repeat(n));
+        check(&used(100)).unwrap();
+        assert!(check(&used(20_000)).unwrap_err().contains("more work"));
+        let markup = "<!DOCTYPE svg [<!ENTITY a '<g/>'>]><svg>&a;</svg>";
+        assert!(check(markup).unwrap_err().contains("holds elements"));
+    }
+
+    #[test]
+    fn attributes_of_a_tag_are_compared_with_each_other_and_prefixes_with_namespaces() {
+        let tags = |xml: &str| check(xml).is_ok();
+        let list = |n: usize, name: &str| -> String {
+            (0..n).map(|k| format!(" {name}{k}='>'")).collect()
+        };
+        assert!(tags(&format!("<svg{}/>", list(5000, "a"))));
+        assert!(!tags(&format!("<svg{}/>", list(20_000, "a"))));
+        assert!(tags(&format!("<svg>{}</svg>", "<g a='1' b='2'/>".repeat(100_000))), "many tags");
+        let own = "<g xmlns:x='y'/>".repeat(50_000);
+        assert!(tags(&format!("<svg>{own}</svg>")), "the same prefix again and again");
+        assert!(!tags(&format!("<svg{}>{own}</svg>", list(300, "xmlns:p"))));
     }
 }
