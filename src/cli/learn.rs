@@ -10,7 +10,7 @@ use super::{
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::scene::NamedScene;
-use crate::study::{
+use crate::studies::{
     Conditions, LearnOptions, Prepared, Round, align, check_writes, correct, learn,
 };
 

@@ -6,10 +6,10 @@ use super::{
     Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
     warn, warn_of_fewer_drones,
 };
-use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
+use crate::tracking::{Part, track};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use super::studies::{StudyFlags, counter, open_results, open_store};
 use super::{Args, Report, Result, json, table};
 use crate::report::endurance;
-use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
+use crate::studies::{
+    Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv,
+};
 
 /// Files that are written at the end.
 const FILES: [&str; 2] = ["robustness.csv", "robustness.svg"];

@@ -18,9 +18,9 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
 use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
-use noctograph_flying::plan::Plan;
-use noctograph_flying::sensors::Positioning;
-use noctograph_flying::sim::ControllerKind;
+use noctograph_plan::Plan;
+use noctograph_sim::ControllerKind;
+use noctograph_sim::sensors::Positioning;
 
 /// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
 /// log's variables, and `@CFLIB@` in that of the oldest cflib.
@@ -328,10 +328,10 @@ mod tests {
     use crate::tests::decoded;
     use noctograph_core::camera::CameraOptions;
     use noctograph_core::lamps::{Drive, Fixture, LightOptions};
-    use noctograph_flying::plan::{PlanOptions, plan};
-    use noctograph_flying::sensors::Positioning;
-    use noctograph_flying::sim::SimOptions;
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+    use noctograph_sim::SimOptions;
+    use noctograph_sim::sensors::Positioning;
 
     /// The script of NO under a word, and the data in it.
     fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// Longest piece: the largest uint16, in s.
 const MAX_PIECE_S: f64 = 65.535;
@@ -293,8 +293,8 @@ mod tests {
     use super::super::pieces::motion;
     use super::super::tests::{assert_same, checked_m, decoded, read, waves};
     use super::*;
-    use noctograph_flying::plan::{PlanOptions, Setpoint, plan};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, Setpoint, plan};
 
     fn noor() -> Plan {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();

@@ -21,7 +21,7 @@ use super::safety::{
 use super::{File, Job, gains, numbered, stem, with_caution};
 use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// The script, with `@DATA@` in place of the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");

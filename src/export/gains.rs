@@ -15,8 +15,8 @@ use serde_json::{Map, json};
 
 use super::File;
 use noctograph_core::error::Result;
-use noctograph_flying::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use noctograph_flying::sim::{ControllerKind, SimOptions};
+use noctograph_sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
+use noctograph_sim::{ControllerKind, SimOptions};
 
 /// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;

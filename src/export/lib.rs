@@ -15,8 +15,8 @@ use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::Result;
 use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
-use noctograph_flying::plan::Plan;
-use noctograph_flying::sim::SimOptions;
+use noctograph_plan::Plan;
+use noctograph_sim::SimOptions;
 
 mod cflib;
 pub mod compressed;

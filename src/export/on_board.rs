@@ -12,7 +12,7 @@ use super::poly4d::Poly4d;
 use super::safety::SINK_M_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
-use noctograph_flying::plan::{Plan, Setpoint, conflict};
+use noctograph_plan::{Plan, Setpoint, conflict};
 
 /// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
 const TAKE_OFF_S: f64 = 3.0;

@@ -11,7 +11,7 @@ use std::ops::Range;
 use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::{Plan, Setpoint};
+use noctograph_plan::{Plan, Setpoint};
 
 /// Times between two setpoints at which a piece is held against the design, at least, and the
 /// longest time between two of them, s: a run-up is 0.5 s without a setpoint.

@@ -16,7 +16,7 @@ use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
 use super::safety::SINK_M_S;
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
@@ -204,8 +204,8 @@ mod tests {
     use super::super::pieces::motion;
     use super::super::tests::{Row, assert_same, checked_m, read, waves};
     use super::*;
-    use noctograph_flying::plan::{PlanOptions, plan};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
 
     #[test]
     fn a_drone_that_hears_nothing_more_lands_by_itself() {

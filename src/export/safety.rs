@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::flight::{BATTERY_V, Flight};
-use noctograph_flying::sensors::Positioning;
-use noctograph_flying::vehicle::BatteryOptions;
+use noctograph_sim::sensors::Positioning;
+use noctograph_sim::vehicle::BatteryOptions;
 
 /// Largest distance by which what stands in a room may be outside of it, m: rooms are typed to the
 /// decimeter, and a station that hangs on the wall is measured to some centimeters. More would let
@@ -218,9 +218,9 @@ pub fn table() -> String {
         "\
 | what is checked | by | limit | from |
 |---|---|---|---|
-| the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/studio/preflight/profile.rs` |
+| the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
 | one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m; a camera outside is a warning | the room's middle on the floor is x = y = 0 |
-| the camera's place | `check` | some usual camera shows the whole word from within the room | `src/studio/preflight/placement.rs` |
+| the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |
 | cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
 | drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
 | firmware | cflib | {OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE} | `supervisor.c`, `usec_time.c` |
@@ -243,9 +243,9 @@ pub fn table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_flying::plan::{PlanOptions, plan};
-    use noctograph_flying::sim::{Drone, SimOptions, fly};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+    use noctograph_sim::{Drone, SimOptions, fly};
 
     /// A flight of a short word from a charge, and what the table's rule says of it.
     fn flown(charge_frac: f64) -> (Battery, bool) {

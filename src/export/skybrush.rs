@@ -15,7 +15,7 @@ use super::zip::zip;
 use super::{File, Job, stem};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
-use noctograph_flying::plan::{MIN_HORIZONTAL_M, Plan};
+use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Steps of a light program per second.
 const LIGHT_HZ: f64 = 50.0;

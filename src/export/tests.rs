@@ -10,7 +10,7 @@ use proptest::strategy::Strategy;
 
 use super::compressed::{Axis, Compressed, END, Piece};
 use super::pieces::{Polynomials, Stretch, motion};
-use noctograph_flying::plan::{Plan, Setpoint};
+use noctograph_plan::{Plan, Setpoint};
 
 /// A time, and position, velocity and acceleration at it.
 pub(super) type Row = (f64, [Vector3<f64>; 3]);

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::lights::{commands, screen_rgb};
 use super::{File, Job, stem};
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// Positions and color frames per second.
 const POSITION_HZ: f64 = 10.0;

@@ -23,7 +23,7 @@ use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};
 use noctograph_core::error::Result;
-use noctograph_flying::estimate::Normal;
+use noctograph_sim::estimate::Normal;
 
 /// σ of a bias before the log: antenna delays that nobody measured are some 0.5 m, paths around an
 /// obstacle less than a meter longer.

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::positions::slope;
 use super::{BiasOf, Link, LocateOptions, RangeSample};
-use noctograph_flying::estimate::{
+use noctograph_sim::estimate::{
     Entry, Gate, Measurement, Normal, Part, Step, along, variance_rate,
 };
 

@@ -14,7 +14,7 @@ use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::read_lighthouse_config;
 use noctograph::sim::{Drone, SimOptions, fly};
-use noctograph::study::{Conditions, Store};
+use noctograph::studies::{Conditions, Store};
 
 /// A reader of files.
 pub(crate) struct Reader {

@@ -131,8 +131,8 @@ mod tests {
     use crate::identify::tests::assumed_of;
     use noctograph_core::crazyflie::MOTOR_SIGNS;
     use noctograph_core::random::split_mix;
-    use noctograph_flying::sim::SimOptions;
-    use noctograph_flying::vehicle::Plant;
+    use noctograph_sim::SimOptions;
+    use noctograph_sim::vehicle::Plant;
 
     /// Half a minute of hovering while the yaw is pushed to and fro, logged at 100 Hz with a
     /// gyroscope's noise.
