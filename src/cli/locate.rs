@@ -12,7 +12,6 @@ use super::{
     Error, FlightFlags, Outcome, OutputFolder, Report, Result, SceneFlags, json, numbers, table,
     warn, warn_of,
 };
-use crate::crazyflie::read_anchors;
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
@@ -23,6 +22,7 @@ use crate::locate::{
 use crate::logs;
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
+use crate::sensors::read_anchors;
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 use noctograph_core::statistics::median;

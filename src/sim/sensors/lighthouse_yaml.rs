@@ -8,13 +8,18 @@
 //! angles here are those after that. They would change the slant of second-generation planes, by
 //! the tilt of up to 0.05 rad about 30°: a tenth of the height's noise. A warning says so.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::Matrix3;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_saphyr::Spanned;
 
+use super::yaml::from_yaml;
 use super::{Generation, Station};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Broken, Limit, Yaml};
+use noctograph_core::files::Limit;
 
 /// Largest file that is read; sixteen stations take some 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
@@ -27,6 +32,36 @@ const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, wi
 /// Keys of the file and of a station's geometry; others are named in a warning.
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
+
+/// The keys of a mapping, with their lines.
+type Keys = BTreeMap<String, Spanned<IgnoredAny>>;
+
+/// The file: what of it has an effect.
+#[derive(Deserialize)]
+struct Config {
+    r#type: Spanned<String>,
+    version: Spanned<String>,
+    #[serde(rename = "systemType")]
+    system_type: Option<Spanned<String>>,
+    #[serde(default)]
+    geos: BTreeMap<u8, Geometry>,
+    #[serde(default)]
+    calibs: BTreeMap<u8, IgnoredAny>,
+}
+
+/// Place of a station, m, and the rotation from its frame to the world's, row by row.
+#[derive(Deserialize)]
+struct Geometry {
+    origin: Spanned<[f64; 3]>,
+    rotation: Spanned<[[f64; 3]; 3]>,
+}
+
+/// All keys of the stations' geometries.
+#[derive(Deserialize)]
+struct Geometries {
+    #[serde(default)]
+    geos: BTreeMap<u8, Keys>,
+}
 
 /// Content of a Lighthouse configuration file.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,30 +84,19 @@ pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
 
 /// Reads the text of a configuration; `file` is its name in messages.
 fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
-    let broken = |broken: Broken| broken.error(file, HINT);
-    let yaml = Yaml::parse(yaml).map_err(broken)?;
-    let must_be = |key: &str, wanted: &[&str]| -> Result<String> {
-        let value = yaml.get(key).map_err(broken)?;
-        let text = value.text().map_err(broken)?;
-        if wanted.contains(&text) {
-            return Ok(text.to_owned());
+    let all: Keys = from_yaml(yaml, file, HINT)?;
+    let mut others = unknown(&all, &KEYS);
+    let config: Config = from_yaml(yaml, file, HINT)?;
+    must_be("type", &config.r#type, &["lighthouse_system_configuration"], file)?;
+    must_be("version", &config.version, &["1"], file)?;
+    let generation = match &config.system_type {
+        Some(system_type) => {
+            must_be("systemType", system_type, &["1", "2"], file)?;
+            if system_type.value == "1" { Generation::V1 } else { Generation::V2 }
         }
-        let place = format!("{file}:{}: {key}", value.line);
-        Err(Error::input(place, text, wanted.join(" or "), HINT))
+        None => Generation::V2,
     };
-    must_be("type", &["lighthouse_system_configuration"])?;
-    must_be("version", &["1"])?;
-    let generation = match yaml.find("systemType").map_err(broken)? {
-        Some(_) if must_be("systemType", &["1", "2"])? == "1" => Generation::V1,
-        _ => Generation::V2,
-    };
-    let of = |key: &str| match yaml.find(key).map_err(broken)? {
-        Some(value) => value.numbered().map_err(broken),
-        None => Ok(Vec::new()),
-    };
-    let (geos, calibs) = (of("geos")?, of("calibs")?);
-    let mut others = unknown(&yaml, &KEYS).map_err(broken)?;
-    if geos.is_empty() {
+    if config.geos.is_empty() {
         let found = match others.as_slice() {
             [] => "no base station under geos".to_owned(),
             keys => format!("no base station under geos, but {}", keys.join(", ")),
@@ -80,53 +104,56 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
         return Err(Error::input(file, found, "at least one", HINT));
     }
     let mut stations = Vec::new();
-    for (id, geometry) in &geos {
-        others.extend(unknown(geometry, &GEOMETRY).map_err(broken)?);
+    for (id, geometry) in &config.geos {
         stations.push(station(generation, geometry, file, *id)?);
     }
-    let mut warnings = warnings(&geos, &calibs);
+    let geometries: Geometries = from_yaml(yaml, file, HINT)?;
+    others.extend(geometries.geos.values().flat_map(|keys| unknown(keys, &GEOMETRY)));
+    let mut warnings = warnings(&config);
     if !others.is_empty() {
         warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
     }
     Ok(LighthouseConfig { stations, warnings })
 }
 
+fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
+    if wanted.contains(&value.value.as_str()) {
+        return Ok(());
+    }
+    let place = format!("{file}:{}: {key}", value.referenced.line());
+    Err(Error::input(place, &value.value, wanted.join(" or "), HINT))
+}
+
 /// A station of its geometry.
-fn station(generation: Generation, geometry: &Yaml, file: &str, id: u8) -> Result<Station> {
-    let broken = |broken: Broken| broken.error(file, HINT);
-    let refused = |value: &Yaml, key: &str, found: String, wanted: &str| {
-        Error::input(format!("geos.{id}.{key}"), found, wanted, HINT).at(file, value.line as u64)
+fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
+    let refused = |line: u64, key: &str, found: String, wanted: &str| {
+        Err(Error::input(format!("geos.{id}.{key}"), found, wanted, HINT).at(file, line))
     };
-    let [origin, rotation] = GEOMETRY.map(|key| geometry.get(key).map_err(broken));
-    let (origin, rotation) = (origin?, rotation?);
-    let position_m = origin.numbers::<3>().map_err(broken)?;
+    let position_m = geometry.origin.value;
     if !position_m.iter().all(|x| x.abs() <= 1e4) {
-        let found = format!("{position_m:?}");
-        return Err(refused(origin, "origin", found, "meters within ±1e4"));
+        let line = geometry.origin.referenced.line();
+        return refused(line, "origin", format!("{position_m:?}"), "meters within ±1e4");
     }
-    let mut rows = [[0.0; 3]; 3];
-    for (row, numbers) in rows.iter_mut().zip(rotation.items::<3>().map_err(broken)?) {
-        *row = numbers.numbers().map_err(broken)?;
+    let rows = geometry.rotation.value;
+    let rotation = Matrix3::from_row_iterator(rows.into_iter().flatten());
+    let error = (rotation * rotation.transpose() - Matrix3::identity()).abs().max();
+    if !(error <= ROTATION_TOLERANCE && rotation.determinant() > 0.0) {
+        let line = geometry.rotation.referenced.line();
+        return refused(line, "rotation", format!("{rows:?}"), "a rotation");
     }
-    let r = Matrix3::from_row_iterator(rows.into_iter().flatten());
-    let off = (r * r.transpose() - Matrix3::identity()).abs().max();
-    if !(off <= ROTATION_TOLERANCE && r.determinant() > 0.0) {
-        return Err(refused(rotation, "rotation", format!("{rows:?}"), "a rotation"));
-    }
-    Ok(placed(generation, position_m, &r))
+    Ok(placed(generation, position_m, &rotation))
 }
 
 /// The keys of a mapping that are not among those known, with their lines.
-fn unknown(yaml: &Yaml, known: &[&str]) -> std::result::Result<Vec<String>, Broken> {
-    let others = yaml.entries()?.iter().filter(|entry| !known.contains(&entry.key.as_str()));
-    Ok(others.map(|entry| format!("{} (line {})", entry.key, entry.line)).collect())
+fn unknown(keys: &Keys, known: &[&str]) -> Vec<String> {
+    let others = keys.iter().filter(|(key, _)| !known.contains(&key.as_str()));
+    others.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
 }
 
-fn warnings(geos: &[(u8, &Yaml)], calibs: &[(u8, &Yaml)]) -> Vec<String> {
-    let placed = |id: u8| geos.iter().any(|(other, _)| *other == id);
-    let list = |wanted: bool| {
-        let ids = calibs.iter().map(|(id, _)| *id).filter(|id| placed(*id) == wanted);
-        ids.map(|id| id.to_string()).collect::<Vec<_>>().join(", ")
+fn warnings(config: &Config) -> Vec<String> {
+    let list = |placed: bool| {
+        let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == placed);
+        ids.map(u8::to_string).collect::<Vec<_>>().join(", ")
     };
     let (calibrated, homeless) = (list(true), list(false));
     let mut warnings = Vec::new();

@@ -4,6 +4,7 @@
 //! streams of noise and draws a fixed number from them at each of its measurements, so that none
 //! can shift another's.
 
+mod anchors_yaml;
 mod coverage;
 mod crossing_beams;
 #[cfg(test)]
@@ -19,6 +20,7 @@ mod room;
 mod station;
 mod streams;
 mod uwb;
+mod yaml;
 
 use nalgebra::Vector3;
 
@@ -32,6 +34,7 @@ use self::uwb::Uwb;
 use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::flight::Warning;
 
+pub use self::anchors_yaml::read_anchors;
 pub use self::coverage::{Coverage, CoveredPlace, coverage};
 pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};

@@ -1,49 +1,52 @@
 //! Anchors from the file that cfclient saves: YAML, an index with x, y and z in meters each.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::error::{Result, within};
-use crate::files::{Broken, Limit, Yaml, YamlEntry};
-use crate::input_error;
+use serde::Deserialize;
+use serde_saphyr::Spanned;
 
-/// Keys of an anchor.
-const AXES: [&str; 3] = ["x", "y", "z"];
+use super::yaml::from_yaml;
+use noctograph_core::error::{Result, within};
+use noctograph_core::files::Limit;
+use noctograph_core::input_error;
 
 /// Largest file that is read.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
+
+const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
+
+/// The place of an anchor in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Anchor {
+    x: f64,
+    y: f64,
+    z: f64,
+}
 
 /// Reads the places of the anchors, in the order of their indices.
 ///
 /// # Errors
 ///
-/// [`Error::Io`](crate::error::Error::Io) where the file cannot be read;
-/// [`Error::Input`](crate::error::Error::Input) with its line where it is broken, and for indices
-/// that do not count from 0.
+/// [`Error::Io`](noctograph_core::error::Error::Io) where the file cannot be read;
+/// [`Error::Input`](noctograph_core::error::Error::Input) with its line where it is broken, and for
+/// indices that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
-
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
-    let broken = |broken: Broken| broken.error(file, HINT);
-    let yaml = Yaml::parse(yaml).map_err(broken)?;
+    let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();
-    for (index, (key, anchor)) in yaml.numbered().map_err(broken)?.into_iter().enumerate() {
-        let place = format!("{file}:{}: anchor {key}", anchor.line);
+    for (index, (key, Spanned { value, referenced, .. })) in anchors.into_iter().enumerate() {
+        let place = format!("{file}:{}: anchor {key}", referenced.line());
         if usize::from(key) != index {
             return Err(input_error!(place, "key {key}", "key {index}", "{HINT}"));
         }
-        for YamlEntry { key: name, value, .. } in anchor.entries().map_err(broken)? {
-            if !AXES.contains(&name.as_str()) {
-                return Err(input_error!(place, "key {name}", "x, y and z", "{HINT}"));
-            }
-            let number_m = value.number().map_err(broken)?;
-            within(&format!("{place}, {name}"), number_m, -1e4, 1e4)?;
-        }
-        let mut place_m = [0.0; 3];
-        for (axis_m, name) in place_m.iter_mut().zip(AXES) {
-            *axis_m = anchor.get(name).and_then(Yaml::number).map_err(broken)?;
+        let place_m = [value.x, value.y, value.z];
+        for (name, coordinate_m) in ["x", "y", "z"].into_iter().zip(place_m) {
+            within(&format!("{place}, {name}"), coordinate_m, -1e4, 1e4)?;
         }
         if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
             return Err(input_error!(place, "the place of key {first}", "another", "{HINT}"));

@@ -1,6 +1,6 @@
 //! A camera from the EXIF of a photograph: sensor, lens and exposure.
 //!
-//! EXIF 2.32. The tags that are understood are those of [`CameraOptions::taken_as`]; no other tag
+//! EXIF 2.32. The tags that are understood are those of [`taken_as`]; no other tag
 //! changes the camera, and a directory that holds none of them may be broken.
 //!
 //! The width of the sensor is that of the body where the model is known, else from its resolution
@@ -15,15 +15,14 @@ use std::path::Path;
 
 use exif::{Exif, In, Tag, Value};
 
-use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel, Metering};
-use crate::error::{Error, Result};
-use crate::files::{JpegFrame, Limit};
+use noctograph_core::camera::{
+    BodyModel, CameraOptions, CustomBody, CustomLens, INFINITY_M, LensModel, Metering,
+};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{JpegFrame, Limit};
 
 /// Largest file of a photograph: a raw one of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
-
-/// Distance in focus that stands for infinity: the greatest of a scene.
-pub const INFINITY_M: f64 = 1e6;
 
 /// The value of a tag for infinity, in `SubjectDistance`.
 const ENDLESS: u32 = u32::MAX;
@@ -47,140 +46,137 @@ const TAGS: [(&str, &str); 7] = [
     ("_px", "PixelXDimension"),
 ];
 
-impl CameraOptions {
-    /// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
-    /// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
-    /// aspect, with as many pixels on the longer side as before. Pose and all else stay. The
-    /// texts say what is a guess, and why.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF, lacks
-    /// tags that a camera needs, with their names, or has numbers that no camera has.
-    pub fn taken_as(self, path: &Path) -> Result<(Self, Vec<String>)> {
-        let place = path.display().to_string();
-        let bytes = LIMIT.read(path)?;
-        let size_px = size_px(&bytes);
-        let mut reader = exif::Reader::new();
-        // What is needed may stand in whole directories beside a broken one.
-        let reader = reader.continue_on_error(true);
-        // Of a TIFF file, raw photographs too, the container's reader would make a copy.
-        let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
-        let read = match is_tiff {
-            true => reader.read_raw(bytes),
-            false => reader.read_from_container(&mut std::io::Cursor::new(bytes)),
-        };
-        let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
-            let found = format_args!("no EXIF ({error})");
-            Error::input(&place, found, "a photograph as the camera wrote it", HINT)
-        })?;
-        let (camera, warnings) = self.with_exif(&exif, size_px, &place)?;
-        // An impossible number is the file's, not that of a key.
-        camera.check().map_err(|error| {
-            let Error::Input { place: key, found, wanted, .. } = &error else { return error };
-            match TAGS.iter().find(|(part, _)| key.key.contains(part)) {
-                Some((_, tag)) => {
-                    let place = format_args!("{place}: EXIF, {tag}");
-                    Error::input(place, found, wanted.as_str(), HINT)
-                }
-                None => error,
+/// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
+/// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
+/// aspect, with as many pixels on the longer side as before. Pose and all else stay. The
+/// texts say what is a guess, and why.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF, lacks
+/// tags that a camera needs, with their names, or has numbers that no camera has.
+pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Vec<String>)> {
+    let place = path.display().to_string();
+    let bytes = LIMIT.read(path)?;
+    let size_px = size_px(&bytes);
+    let mut reader = exif::Reader::new();
+    // What is needed may stand in whole directories beside a broken one.
+    let reader = reader.continue_on_error(true);
+    // Of a TIFF file, raw photographs too, the container's reader would make a copy.
+    let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
+    let read = match is_tiff {
+        true => reader.read_raw(bytes),
+        false => reader.read_from_container(&mut std::io::Cursor::new(bytes)),
+    };
+    let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
+        let found = format_args!("no EXIF ({error})");
+        Error::input(&place, found, "a photograph as the camera wrote it", HINT)
+    })?;
+    let (camera, warnings) = with_exif(camera, &exif, size_px, &place)?;
+    // An impossible number is the file's, not that of a key.
+    camera.check().map_err(|error| {
+        let Error::Input { place: key, found, wanted, .. } = &error else { return error };
+        match TAGS.iter().find(|(part, _)| key.key.contains(part)) {
+            Some((_, tag)) => {
+                let place = format_args!("{place}: EXIF, {tag}");
+                Error::input(place, found, wanted.as_str(), HINT)
             }
-        })?;
-        Ok((camera, warnings))
-    }
-
-    fn with_exif(
-        mut self,
-        exif: &Exif,
-        size_px: Option<[f64; 2]>,
-        place: &str,
-    ) -> Result<(Self, Vec<String>)> {
-        let mut warnings = Vec::new();
-        let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
-        let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
-        let sensor_width_m = match &body {
-            Some(body) => Some(body.figures().sensor_width_m),
-            None => width_m(exif, focal_length_m, &mut warnings),
-        };
-        let f_number = number(exif, Tag::FNumber)
-            .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
-        let exposure_s = number(exif, Tag::ExposureTime)
-            .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
-        let width = "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)";
-        let needed = [
-            ("FocalLength", focal_length_m),
-            (width, sensor_width_m),
-            ("FNumber", f_number),
-            ("ExposureTime", exposure_s),
-            ("PhotographicSensitivity", iso(exif)),
-        ];
-        let [
-            Some(focal_length_m),
-            Some(sensor_width_m),
-            Some(f_number),
-            Some(exposure_s),
-            Some(iso),
-        ] = needed.map(|(_, value)| value)
-        else {
-            let missing = needed.iter().filter(|(_, value)| value.is_none());
-            let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
-            let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
-            let found = format_args!("EXIF without {missing}{why}");
-            return Err(Error::input(place, found, "the tags of lens and exposure", HINT));
-        };
-        self.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
-        let distortion = match self.lens {
-            LensModel::Custom(lens) => lens.distortion,
-            _ => [0.0; 4],
-        };
-        self.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
-        (self.f_number, self.iso, self.metering) = (f_number, iso, Metering::Off);
-        self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
-        self.focus_m = subject_m(exif).or(self.focus_m);
-        self.take_aspect(exif, size_px, &mut warnings);
-        warnings.extend(odd_tags(exif));
-        Ok((self, warnings))
-    }
-
-    /// Sets width and height to the aspect of the photograph, upright.
-    fn take_aspect(&mut self, exif: &Exif, size_px: Option<[f64; 2]>, warnings: &mut Vec<String>) {
-        let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
-        let width = side(Tag::PixelXDimension, Tag::ImageWidth);
-        let height = side(Tag::PixelYDimension, Tag::ImageLength);
-        let Some([mut width, mut height]) = width.zip(height).map(<[f64; 2]>::from).or(size_px)
-        else {
-            let missing = "EXIF without PixelXDimension and PixelYDimension";
-            warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
-            return;
-        };
-        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
-        // left the tag.
-        let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
-        if let Some([real_width, real_height]) = size_px
-            && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
-        {
-            if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
-                turned = false;
-            } else {
-                warnings.push(format!(
-                    "EXIF is of a picture of {width} x {height} pixels, and this one has {real_width} \
-                     x {real_height}: it was cropped, and its camera saw more than it shows"
-                ));
-            }
-            (width, height) = (real_width, real_height);
+            None => error,
         }
-        let longer = self.width_px.max(self.height_px);
-        let shorter = f64::from(longer) * (width.min(height) / width.max(height));
-        #[expect(clippy::cast_possible_truncation, reason = "a side")]
-        let shorter = (shorter.round() as u32).max(1);
-        (self.width_px, self.height_px) = (longer, shorter);
-        if (width < height) != turned {
-            (self.width_px, self.height_px) = (shorter, longer);
-            // The longer side of the sensor is vertical.
-            let share = f64::from(shorter) / f64::from(longer);
-            let sensor_width_m = self.body.figures().sensor_width_m * share;
-            self.body = BodyModel::Custom(CustomBody { sensor_width_m });
+    })?;
+    Ok((camera, warnings))
+}
+
+fn with_exif(
+    mut camera: CameraOptions,
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    place: &str,
+) -> Result<(CameraOptions, Vec<String>)> {
+    let mut warnings = Vec::new();
+    let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
+    let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
+    let sensor_width_m = match &body {
+        Some(body) => Some(body.figures().sensor_width_m),
+        None => width_m(exif, focal_length_m, &mut warnings),
+    };
+    let f_number = number(exif, Tag::FNumber)
+        .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
+    let exposure_s = number(exif, Tag::ExposureTime)
+        .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
+    let width = "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)";
+    let needed = [
+        ("FocalLength", focal_length_m),
+        (width, sensor_width_m),
+        ("FNumber", f_number),
+        ("ExposureTime", exposure_s),
+        ("PhotographicSensitivity", iso(exif)),
+    ];
+    let [Some(focal_length_m), Some(sensor_width_m), Some(f_number), Some(exposure_s), Some(iso)] =
+        needed.map(|(_, value)| value)
+    else {
+        let missing = needed.iter().filter(|(_, value)| value.is_none());
+        let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
+        let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
+        let found = format_args!("EXIF without {missing}{why}");
+        return Err(Error::input(place, found, "the tags of lens and exposure", HINT));
+    };
+    camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
+    let distortion = match camera.lens {
+        LensModel::Custom(lens) => lens.distortion,
+        _ => [0.0; 4],
+    };
+    camera.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
+    (camera.f_number, camera.iso, camera.metering) = (f_number, iso, Metering::Off);
+    camera.shutter_close_s = Some(camera.shutter_open_s + exposure_s);
+    camera.focus_m = subject_m(exif).or(camera.focus_m);
+    take_aspect(&mut camera, exif, size_px, &mut warnings);
+    warnings.extend(odd_tags(exif));
+    Ok((camera, warnings))
+}
+
+/// Sets width and height to the aspect of the photograph, upright.
+fn take_aspect(
+    camera: &mut CameraOptions,
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    warnings: &mut Vec<String>,
+) {
+    let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
+    let width = side(Tag::PixelXDimension, Tag::ImageWidth);
+    let height = side(Tag::PixelYDimension, Tag::ImageLength);
+    let Some([mut width, mut height]) = width.zip(height).map(<[f64; 2]>::from).or(size_px) else {
+        let missing = "EXIF without PixelXDimension and PixelYDimension";
+        warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
+        return;
+    };
+    // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
+    // left the tag.
+    let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
+    if let Some([real_width, real_height]) = size_px
+        && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
+    {
+        if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
+            turned = false;
+        } else {
+            warnings.push(format!(
+                "EXIF is of a picture of {width} x {height} pixels, and this one has {real_width} \
+                 x {real_height}: it was cropped, and its camera saw more than it shows"
+            ));
         }
+        (width, height) = (real_width, real_height);
+    }
+    let longer = camera.width_px.max(camera.height_px);
+    let shorter = f64::from(longer) * (width.min(height) / width.max(height));
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
+    let shorter = (shorter.round() as u32).max(1);
+    (camera.width_px, camera.height_px) = (longer, shorter);
+    if (width < height) != turned {
+        (camera.width_px, camera.height_px) = (shorter, longer);
+        // The longer side of the sensor is vertical.
+        let share = f64::from(shorter) / f64::from(longer);
+        let sensor_width_m = camera.body.figures().sensor_width_m * share;
+        camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
     }
 }
 
@@ -400,7 +396,7 @@ mod tests {
     }
 
     fn taken(tags: &[(Tag, Value)]) -> (CameraOptions, Vec<String>) {
-        CameraOptions::default().taken_as(tiff(tags).path()).unwrap()
+        taken_as(CameraOptions::default(), tiff(tags).path()).unwrap()
     }
 
     #[test]
@@ -479,7 +475,7 @@ mod tests {
             let mut edited = other.clone();
             let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
             edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
-            let error = CameraOptions::default().taken_as(tiff(&edited).path()).unwrap_err();
+            let error = taken_as(CameraOptions::default(), tiff(&edited).path()).unwrap_err();
             let found = error.to_string();
             assert!(found.contains("FocalLengthIn35mmFilm"), "{found}");
             assert!(found.contains(why) || found.ends_with("lens and exposure"), "{found}");
@@ -511,7 +507,7 @@ mod tests {
             (Tag::PhotographicSensitivity, Value::Long(vec![4_000_000_000])),
         ] {
             let file = tiff(&telephone_with(&[], &[(tag, value)]));
-            let error = CameraOptions::default().taken_as(file.path()).unwrap_err().to_string();
+            let error = taken_as(CameraOptions::default(), file.path()).unwrap_err().to_string();
             assert!(error.starts_with(&file.path().display().to_string()), "{error}");
             assert!(error.contains(&tag.to_string()) && !error.contains("camera."), "{error}");
         }
@@ -535,13 +531,13 @@ mod tests {
         let next = inner + 2 + 12 * entries(&bytes, inner);
         bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);
         std::fs::write(file.path(), &bytes).unwrap();
-        let camera = CameraOptions::default().taken_as(file.path()).unwrap().0;
+        let camera = taken_as(CameraOptions::default(), file.path()).unwrap().0;
         assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
         // And the one after the first, of the thumbnail.
         let next = first + 2 + 12 * entries(&bytes, first);
         bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
         std::fs::write(file.path(), &bytes).unwrap();
-        assert_eq!(CameraOptions::default().taken_as(file.path()).unwrap().0.iso, 50.0);
+        assert_eq!(taken_as(CameraOptions::default(), file.path()).unwrap().0.iso, 50.0);
     }
 
     /// A JPEG of a size with these tags: markers alone.
@@ -568,12 +564,12 @@ mod tests {
             (&telephone(), [400, 300], (1920, 1440)),
         ] {
             let (camera, said) =
-                CameraOptions::default().taken_as(jpeg(tags, size_px).path()).unwrap();
+                taken_as(CameraOptions::default(), jpeg(tags, size_px).path()).unwrap();
             assert_eq!((camera.width_px, camera.height_px), wanted, "{size_px:?}");
             assert!(said.is_empty(), "{said:?}");
         }
         let cropped = jpeg(&telephone(), [2000, 2000]);
-        let (camera, said) = CameraOptions::default().taken_as(cropped.path()).unwrap();
+        let (camera, said) = taken_as(CameraOptions::default(), cropped.path()).unwrap();
         assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
         assert!(said[0].contains("cropped"), "{said:?}");
     }
@@ -605,7 +601,7 @@ mod tests {
             let wanted = taken(&good).0;
             good.retain(|(other, _)| *other != tag);
             good.push((tag, odd));
-            match CameraOptions::default().taken_as(tiff(&good).path()) {
+            match taken_as(CameraOptions::default(), tiff(&good).path()) {
                 Ok((camera, said)) => {
                     let name = tag.to_string();
                     let is_named = said.iter().any(|text| text.contains(&name));
@@ -621,7 +617,7 @@ mod tests {
 
     #[test]
     fn missing_tags_are_named() {
-        let error = |path: &Path| CameraOptions::default().taken_as(path).unwrap_err();
+        let error = |path: &Path| taken_as(CameraOptions::default(), path).unwrap_err();
         let some: Vec<_> = telephone().drain(..2).collect();
         let message = error(tiff(&some).path()).to_string();
         for tag in ["FocalLengthIn35mmFilm", "FNumber", "ExposureTime", "PhotographicSensitivity"] {
