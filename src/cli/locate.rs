@@ -98,7 +98,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.named(&[], &USED)?.scene;
+    let mut scene = args.scene.load_using(&[], &USED)?;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();

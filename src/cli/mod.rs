@@ -44,7 +44,6 @@ mod generate;
 mod hold;
 mod identify;
 mod import;
-mod learn;
 mod letters;
 mod locate;
 mod locate_region;
@@ -174,8 +173,6 @@ verbs! {
         /// Tune gains, observer and speed for legible words
         Tune(tune::TuneArgs)
             "noctograph tune cf21 --words I:1 --budget 40 --test-words O --test-seeds 1",
-        /// Learn a word's setpoints and light schedule from its flights
-        Learn(learn::LearnArgs) "noctograph learn cf21 NO --rounds 2 --repeats 2",
         /// Find which disturbance makes a word illegible first
         Robustness(robustness::RobustnessArgs)
             "noctograph robustness cf21 --words I:1 --times 1,4",
@@ -471,7 +468,7 @@ mod tests {
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
         // `scene` writes it down. `export` refuses what `check`, which flies, stops.
-        let noisy = "preview check export expose fly meter rank tune learn robustness hold scene";
+        let noisy = "preview check export expose fly meter rank tune robustness hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 

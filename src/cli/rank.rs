@@ -20,7 +20,7 @@ use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
-    /// Scenes: files, presets, team, pid, geometric, tuned, or learned folders (./tuned)
+    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned)
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     #[command(flatten)]

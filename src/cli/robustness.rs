@@ -16,7 +16,7 @@ const ON_BOARD: &str = "outages of the radio do not move a drone that flies a tr
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {
-    /// Scene: a file, a preset, team, pid, geometric, tuned, or a learned folder
+    /// Scene: a file, a preset, team, pid, geometric, tuned, or a folder
     scene: String,
     #[command(flatten)]
     study: StudyFlags,

@@ -25,7 +25,6 @@ const COMMANDS: [(&str, &str); 18] = [
     ("identify", "identify flight.csv --scene team"),
     ("gains", "gains --scene team"),
     ("rank", "rank team pid --words I:2"),
-    ("learn", "learn team I --rounds 1 --repeats 1"),
     ("robustness", "robustness team --words I:1 --times 0,1"),
 ];
 

@@ -47,7 +47,6 @@ const CASES: [Case; 46] = [
     ("JSON log, numbers of a variable", "import @.json -o out.csv", log_json_long, 1_200_000),
     ("CSV log, rows at 1 kHz", "import @.csv -o out.csv", log_csv, 1_000_000),
     ("the same, without motors, identified", "identify @.csv", log_csv, 1_000_000),
-    ("the same, learned from", "learn cf21 I --flight @.csv -o out", log_csv, 1_000_000),
     ("logs of 10 MB, an evening", "import @ -o out", evening, 12),
     ("links to one log, an evening", "import @ -o out", links, 12),
     ("flight, rows", "expose @.csv --word I --backend cpu --size 320x180 -o out.png", flight, 40_000),

@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use noctograph_core::control::StepResponse;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Warning};
-use noctograph_flying::plan::feedforward::{feedforward, inverse, learn};
+use noctograph_flying::plan::feedforward::{corrected, feedforward, inverse};
 use noctograph_flying::plan::{
     Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
     stroke_ends, time_lights,
@@ -57,7 +57,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
                 // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
                 flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
-                learn(&led, &flight, &inverse)
+                corrected(&led, &flight, &inverse)
             }
         };
         match scene.plan.light_clock {

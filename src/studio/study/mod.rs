@@ -1,7 +1,7 @@
 //! Study: which controller paints the most legible word, with confidence intervals.
 //!
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene, a
-//! learned plan, a table of the factors that break the word.
+//! table of the factors that break the word.
 //!
 //! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
 //!    the reader's own resolution on a small film and read: one [`Outcome`].
@@ -18,12 +18,10 @@
 //! each controller.
 
 mod conditions;
-mod correct;
 mod design;
 mod evening;
 mod hold;
 mod knobs;
-mod learn;
 mod outcome;
 mod rank;
 mod remedy;
@@ -38,7 +36,6 @@ mod trial;
 mod tune;
 
 pub use conditions::{Conditions, Factor};
-pub use correct::{LearnOptions, align, check_writes, correct};
 pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{
@@ -46,7 +43,6 @@ pub use hold::{
     HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,
 };
 pub use knobs::{Knob, Turn, settings, turned};
-pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use remedy::{Remedy, SEEDS, remedies};
