@@ -60,7 +60,6 @@ mod rank;
 mod read;
 mod relit;
 mod report;
-mod robustness;
 mod scene;
 mod score;
 mod serve;
@@ -173,9 +172,6 @@ verbs! {
         /// Tune gains, observer and speed for legible words
         Tune(tune::TuneArgs)
             "noctograph tune cf21 --words I:1 --budget 40 --test-words O --test-seeds 1",
-        /// Find which disturbance makes a word illegible first
-        Robustness(robustness::RobustnessArgs)
-            "noctograph robustness cf21 --words I:1 --times 1,4",
         /// Hold an altitude on three imperfect sensors: figures and plots
         Hold(hold::HoldArgs) "noctograph hold --scenario calm --runs 4",
     }
@@ -468,7 +464,7 @@ mod tests {
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
         // `scene` writes it down. `export` refuses what `check`, which flies, stops.
-        let noisy = "preview check export expose fly meter rank tune robustness hold scene";
+        let noisy = "preview check export expose fly meter rank tune hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 

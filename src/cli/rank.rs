@@ -39,7 +39,7 @@ pub(super) struct RankArgs {
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let contenders = args.scenes.iter().map(|named| args.study.scene(named, &conditions));
     let contenders = contenders.collect::<Result<_>>()?;
     let (words, seed) = (args.study.words(50)?, args.study.seed);

@@ -25,7 +25,6 @@ const COMMANDS: [(&str, &str); 18] = [
     ("identify", "identify flight.csv --scene team"),
     ("gains", "gains --scene team"),
     ("rank", "rank team pid --words I:2"),
-    ("robustness", "robustness team --words I:1 --times 0,1"),
 ];
 
 /// All keys of a value, at any depth.

@@ -70,7 +70,7 @@ const CASES: [Case; 46] = [
     ("words, ranked", "rank cf21 --words @.txt -o out", words, 5_000),
     ("words, tuned for", "tune cf21 --words @.txt --budget 600000 -o out", words, 5_000),
     ("conditions, ranked, bytes", "rank cf21 --words I --seeds 1 --conditions @.toml -o out", conditions, 260_000),
-    ("conditions, robustness, bytes", "robustness cf21 --words I:1 --times 0,1 --conditions @.toml -o out", conditions, 260_000),
+    ("conditions, bytes", "rank cf21 --words I:1 --conditions @.toml -o out", conditions, 260_000),
     ("conditions, a spread, bytes", "preview I --spread 2 --size 320x180 --conditions @.toml -o out", conditions, 260_000),
     ("stroke font, points of a letter", "plan I --font @.strokes -o out.csv", strokes, 4_000),
     ("stroke font, bytes", "plan I --font @.strokes -o out.csv", comments, 1_100_000),

@@ -149,12 +149,10 @@ fn the_files_of_a_study_are_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let limited = "trap '' XFSZ; ulimit -f $1; shift; exec \"$0\" \"$@\"";
     let rank = ["rank", "cf21", "--words", "I:2"];
-    let robustness = ["robustness", "cf21", "--words", "I:1", "--times", "0,1"];
     let tune = ["tune", "cf21", "--words", "I:1", "--budget", "34", "--test-seeds", "0"];
     // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
-    let cases: [Fills<'_>; 3] = [
+    let cases: [Fills<'_>; 2] = [
         ("16", &rank, &[], &["ranking.csv", "ranking.json", "flights.csv", "photos.png"]),
-        ("8", &robustness, &[], &["robustness.csv", "robustness.svg"]),
         ("8", &tune, &[], &["candidates.csv", "pareto.svg", "scene.toml"]),
     ];
     for (blocks, command, more, names) in cases {
@@ -192,23 +190,6 @@ fn the_files_of_a_study_are_of_one_run() {
     let small = ["preview", "I", "--report", "--backend", "cpu", "--size", "320x180", "-o", "out"];
     noctograph(folder.path()).args(small).assert().code(2);
     assert_eq!(text(&folder.path().join("out/photo.png")), "old", "the page is one of the set");
-}
-
-#[test]
-fn a_refused_robustness_leaves_nothing_and_no_equal_flight_is_flown_twice() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |word: &str| {
-        let arguments = ["robustness", "cf21", "--times", "0,1,2", "--conditions", "still"];
-        let arguments = [&arguments[..], &["--words", word, "-o", "out"]].concat();
-        noctograph(folder.path()).args(arguments).output().unwrap()
-    };
-    for refused in ["\u{6c34}:1", "I:0"] {
-        assert_eq!(run(refused).status.code(), Some(2), "{refused}");
-        assert_eq!(names_in(folder.path()), [""; 0], "{refused}");
-    }
-    assert_eq!(run("I:2").status.code(), Some(0));
-    let flights = text(&folder.path().join("out/flights.jsonl"));
-    assert_eq!(flights.lines().count(), 2, "without disturbance all levels are equal");
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! Study: which controller paints the most legible word, with confidence intervals.
 //!
-//! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene, a
-//! table of the factors that break the word.
+//! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
 //! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
 //!    the reader's own resolution on a small film and read: one [`Outcome`].
@@ -25,7 +24,6 @@ mod knobs;
 mod outcome;
 mod rank;
 mod remedy;
-mod robustness;
 mod search;
 mod shard;
 mod spread;
@@ -35,7 +33,7 @@ mod tables;
 mod trial;
 mod tune;
 
-pub use conditions::{Conditions, Factor};
+pub use conditions::Conditions;
 pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{
@@ -46,10 +44,9 @@ pub use knobs::{Knob, Turn, settings, turned};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use remedy::{Remedy, SEEDS, remedies};
-pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
 pub use shard::{Shard, shards};
 pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};
-pub use tables::{candidates_csv, flights_csv, ranking_csv, robustness_csv};
+pub use tables::{candidates_csv, flights_csv, ranking_csv};
 pub use trial::Prepared;
 pub use tune::{Candidate, TuneOptions, Tuned, tune};

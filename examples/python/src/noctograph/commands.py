@@ -270,30 +270,6 @@ def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = Non
     return _with_files("hold", scenario=scenario, runs=runs, output=output, **options)
 
 
-def robustness(
-    scene: Scene | str, words: str | None = None, *, output: PathLike | None = None, **options: Any
-) -> Report:
-    """Which of the things that differ from flight to flight breaks a word first.
-
-    Parameters
-    ----------
-    scene : Scene or str
-        The scene.
-    words : str, optional
-        Words with their flights, as ``"NOOR:12"``; the scene's word by default.
-    output : path, optional
-        Folder for the tables; without it, ``report.files`` has them.
-    **options
-        Those of ``noctograph robustness``, as ``times="0,1,2,4"``, ``conditions``.
-
-    Returns
-    -------
-    Report
-    """
-    words = scene.word if words is None and isinstance(scene, Scene) else words
-    return _with_files("robustness", scene, output=output, words=words, **options)
-
-
 def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     """Stops over saturation of each lamp, and the exposure to set.
 
