@@ -48,7 +48,6 @@ mod letters;
 mod locate;
 mod locate_region;
 mod meter;
-mod movie;
 mod names;
 mod outcome;
 mod output;

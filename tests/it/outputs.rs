@@ -41,8 +41,7 @@ fn standard_output_takes_a_file_and_the_table_goes_beside_it() {
 fn what_is_refused_leaves_nothing_and_names_stay_in_their_folder() {
     let folder = tempfile::tempdir().unwrap();
     noctograph(folder.path()).args(["plan", "HI"]).assert().success();
-    let refusals: [(&[&str], &[&str], &str); 4] = [
-        (&["preview", "HI"], &["--movie", "movie.gif"], "*.apng"),
+    let refusals: [(&[&str], &[&str], &str); 3] = [
         (&["export", "HI", "--to", "poly4d"], &["--word", "NO"], "wanted HI"),
         (&["hold", "--runs", "1"], &["--scenario", "all,clam"], "calm"),
         (&["locate", "--region"], &["--observer", "filter"], "--observer"),

@@ -25,7 +25,6 @@ use noctograph_core::settings::Described;
 
 pub use noctograph_core::photo::Photo;
 
-pub use animation::Animation;
 pub use metadata::Metadata;
 pub use open::{read, read_with_notes};
 pub use options::{Noise, PhotoOptions, SensorNoise};
@@ -38,7 +37,6 @@ use sensor::Sensor;
 use starburst::{Change, starburst};
 use tone::{Levels8, Levels16};
 
-mod animation;
 mod backdrop;
 pub mod exr;
 pub mod flip;

@@ -42,7 +42,7 @@ mod file;
 mod keys;
 mod lighting;
 mod metering;
-mod movie;
+mod moments;
 mod planned;
 mod problems;
 mod response;
