@@ -12,7 +12,7 @@ use noctograph_core::digest::fnv_1a;
 use noctograph_core::error::{Error, Result};
 
 /// Most flights of a study: a week of one core.
-const MAX_TRIALS: usize = 500_000;
+pub(super) const MAX_TRIALS: usize = 500_000;
 
 /// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
 /// any part of them can be flown anywhere.
