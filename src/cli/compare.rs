@@ -242,7 +242,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
         }
         Discrepancy::Path(m) => (
             format!("B flies another path than A, {:.0} mm away (RMS)", 1e3 * m),
-            "subtract B's mean error: noctograph plan WORD --after B",
+            "measure B's drone, and set the scene so: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
             format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::cli::{json, noctograph};
 
 /// Commands in an order in which each finds the files that it names; the heading is the verb's.
-const COMMANDS: [(&str, &str); 18] = [
+const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),
     ("fly", "fly plan.csv"),

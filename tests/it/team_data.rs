@@ -65,17 +65,6 @@ fn the_teams_tables_1_and_2_come_from_their_log() {
     assert_near(own, [0.0; 3], 1e-12);
 }
 
-/// The log turns by a few degrees: its yaw says little of the rotors' torque, and says so.
-#[test]
-#[ignore = "needs ../shared/data"]
-fn the_teams_log_does_not_show_the_reaction_torque() {
-    let (folder, log) = (tempfile::tempdir().unwrap(), &*noor_log());
-    let run =
-        noctograph(folder.path()).args(["identify", log, "--scene", "team"]).assert().success();
-    run.stdout(predicate::str::contains("not identifiable from this log: yaw was not excited"));
-    let found = run_json(folder.path(), &["identify", log, "--scene", "team"]);
-}
-
 /// The paper's Figure 6 from above, with black lines at y = ±0.2 m, and its Figure 7 from the front.
 #[test]
 #[ignore = "needs ../shared/data"]

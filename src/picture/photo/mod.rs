@@ -46,7 +46,6 @@ mod noise;
 mod open;
 mod options;
 pub mod png;
-pub mod register;
 mod sensor;
 mod spread;
 mod starburst;
