@@ -29,7 +29,7 @@ const TICKS_HZ: f64 = 100.0;
 type Case = (&'static str, &'static str, fn(&Path, usize), usize);
 
 #[rustfmt::skip]
-const CASES: [Case; 46] = [
+const CASES: [Case; 45] = [
     ("SVG, strokes here and there", "plan --drawing @.svg -o out.csv", svg, 600),
     ("the same, by four drones", "plan --drawing @.svg --drones 4 -o out", svg, 160),
     ("the same, checked", "check --drawing @.svg", svg, 600),

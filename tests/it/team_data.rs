@@ -16,7 +16,6 @@ use noctograph::sensors::SensorOptions;
 use noctograph::sim::{Drone, SimOptions, fly};
 use noctograph::study::{Band, Conditions, Held};
 use noctograph::vehicle::Gusts;
-use predicates::prelude::*;
 use serde_json::Value;
 
 use crate::cli::{json, noctograph, run_json};

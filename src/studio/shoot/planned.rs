@@ -168,9 +168,6 @@ fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
         tick_s: options.tick_s,
-        phase_s: options.tick_phase_s,
-        rise_s: options.rise_s,
-        decay_s: options.decay_s,
     }
 }
 
