@@ -74,7 +74,7 @@ fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let (flights, time) = budget(&args.budget)?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;

@@ -43,7 +43,7 @@ VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
 CAN_BE_ARMED, CAN_FLY, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 5, 6, 7, 11
 
-# What noctograph's import, compare and learn read, by type; 26 bytes a block at most.
+# What noctograph's import and compare read, by type; 26 bytes a block at most.
 LOG = @LOG@
 # The observer of the AE483 course, where the firmware has it.
 OPTIONAL = @OPTIONAL@

@@ -40,10 +40,6 @@ settings! {
         ink: String = String::new(), for "letters.drawing";
         /// Strokes of a drawing that are left out, in the same way; empty: none.
         without: String = String::new(), for "letters.drawing";
-        /// Largest distance of straight strokes from a drawing's curves.
-        tolerance_m: f64 = 0.001, in 1e-4..=1.0;
-        /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
-        smoothing_m: f64 = 0.005, in 0.0..=1.0;
         /// Speed along the strokes of handwriting whose points have times.
         pace: Pace = Pace::Even, for "plan.style" = "even";
         /// Height of a capital.
@@ -71,6 +67,12 @@ settings! {
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
         /// Size of a text on that canvas.
         fit: Fitting = Fitting::Shrink, for "letters.canvas_m", unless "letters.drawing";
+        fixed {
+            /// Largest distance of straight strokes from a drawing's curves.
+            tolerance_m: f64 = 0.001;
+            /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
+            smoothing_m: f64 = 0.005;
+        }
     }
 
     /// Size of a text on a canvas.

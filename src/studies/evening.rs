@@ -258,7 +258,7 @@ impl Evening {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
             "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
-             # room's: rank, robustness and preview --spread take this file as --conditions.\n",
+             # room's: rank and preview --spread take this file as --conditions.\n",
             self.logs.len()
         );
         for FoundCondition { key, value, from } in found {

@@ -92,8 +92,6 @@ settings! {
     pub struct AltitudeHoldOptions {
         /// Error of the altitude that weighs as much as the other two.
         error_m: f64 = 0.2, in 0.001..=100.0;
-        /// Error of the vertical velocity.
-        error_m_s: f64 = 1.0, in 0.001..=100.0;
         /// Vertical acceleration.
         acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }
