@@ -1,8 +1,9 @@
 //! The flight of a trajectory on board as a plan, so that the simulator flies what was exported.
 //!
-//! The script of [`super::cflib`] takes off, goes to the beginning of the trajectory, starts it and
-//! lands with the firmware's high-level commander, which moves from rest to rest on polynomials of
-//! degree 7 (`pptraj.c`, `poly7_nojerk`). Between these the decoded trajectory is flown.
+//! Scripts upload one trajectory from the floor to the floor ([`Timeline`]): take-off, the way to
+//! the first letter, the letters, and a landing for a drone that hears nothing more. The script's
+//! own landing comes before that one. Legs from rest to rest are polynomials of degree 7, as those
+//! of the firmware's high-level commander.
 
 use nalgebra::Vector3;
 
@@ -14,10 +15,14 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 use noctograph_flying::plan::{Plan, Setpoint, conflict};
 
-/// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
-const TAKE_OFF_S: f64 = 3.0;
-/// Hover after each, s.
+/// Duration of the take-off, and of the way to the first letter, s; as in `cflib.py`.
+const TAKE_OFF_S: f64 = 3.5;
+/// Hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
+/// Hover after the time at which the script lands, s: then the trajectory lands by itself.
+const ALONE_S: f64 = 3.0;
+/// Depth below the floor at which that landing ends, which keeps the drone there, m.
+const BELOW_FLOOR_M: f64 = 0.1;
 /// Shortest landing, s.
 const MIN_LAND_S: f64 = 2.0;
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
@@ -104,7 +109,7 @@ pub(super) fn pieces(
 /// The command to take off before trajectories of which the first starts at a time, in the time of
 /// their plans, s.
 pub(super) fn zero_s(before_s: f64) -> f64 {
-    before_s - 2.0 * (TAKE_OFF_S + HOVER_S)
+    before_s - 2.0 * TAKE_OFF_S
 }
 
 /// When the first of several trajectories starts, in the time of their plans, s.
@@ -117,12 +122,27 @@ pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
 }
 
-/// When a drone with a trajectory on board is where; time zero is the command to take off.
+/// A leg from rest to rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    /// The axes that move.
+    pub(super) axes: &'static [usize],
+    pub(super) duration_s: f64,
+    pub(super) ends_m: [Vector3<f64>; 2],
+}
+
+const UP: &[usize] = &[2];
+/// Both, even where the plan's ends are the same: a drone that stands beside the plan's start flies
+/// there.
+const LEVEL: &[usize] = &[0, 1];
+const HOVER: &[usize] = &[];
+
+/// When a drone with a trajectory on board is where; time zero is the start of the trajectory.
 pub(super) struct Timeline {
     /// That command in the time of the plan, s.
     pub(super) zero_s: f64,
     /// Rest to rest before the trajectory, and after it: end, s, and place.
-    pub(super) before: [(f64, Vector3<f64>); 5],
+    pub(super) before: [(f64, Vector3<f64>); 4],
     pub(super) after: [(f64, Vector3<f64>); 2],
 }
 
@@ -145,23 +165,46 @@ impl Timeline {
             before: [
                 (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
                 (TAKE_OFF_S, above_m),
-                (TAKE_OFF_S + HOVER_S, above_m),
-                (2.0 * TAKE_OFF_S + HOVER_S, first_m),
+                (2.0 * TAKE_OFF_S, first_m),
                 (start_s, first_m),
             ],
             after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
         }
     }
 
+    /// The legs from the floor to the beginning of the trajectory.
+    pub(super) fn legs_before(&self) -> [Leg; 3] {
+        [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
+            let [from, to] = [self.before[index], self.before[index + 1]];
+            Leg { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
+        })
+    }
+
+    /// The legs after the trajectory of a drone that is told nothing more, where the script lands
+    /// `over_s` after the trajectory's end.
+    pub(super) fn legs_alone(&self, over_s: f64) -> [Leg; 2] {
+        let last_m = self.after[0].1;
+        let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
+        let sinks_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
+        let hovers_s = over_s.max(0.0) + ALONE_S;
+        [
+            Leg { axes: HOVER, duration_s: hovers_s, ends_m: [last_m; 2] },
+            Leg { axes: UP, duration_s: sinks_s, ends_m: [last_m, below_m] },
+        ]
+    }
+
     fn position_m(&self, time_s: f64, trajectory_m: impl Fn(f64) -> Vector3<f64>) -> Vector3<f64> {
-        let start_s = self.before[4].0;
+        let start_s = self.before[3].0;
         if (start_s..self.after[0].0).contains(&time_s) {
             return trajectory_m(time_s - start_s);
         }
         let legs: &[_] = if time_s < start_s { &self.before } else { &self.after };
         let leg = legs.windows(2).find(|leg| time_s < leg[1].0).unwrap_or(&legs[legs.len() - 2..]);
         let [(from_s, from_m), (to_s, to_m)] = [leg[0], leg[1]];
-        between(from_m, to_m, (time_s - from_s) / (to_s - from_s))
+        if time_s >= to_s {
+            return to_m;
+        }
+        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).at(time_s - from_s)[0]
     }
 }
 
@@ -207,11 +250,4 @@ fn flown_alone(
         });
     }
     Ok(out)
-}
-
-/// From rest to rest on the polynomial of degree 7 without jerk at its ends.
-fn between(from_m: Vector3<f64>, to_m: Vector3<f64>, share: f64) -> Vector3<f64> {
-    let s = share.clamp(0.0, 1.0);
-    let s4 = s * s * s * s;
-    from_m.lerp(&to_m, s4 * (35.0 - 84.0 * s + 70.0 * s * s - 20.0 * s * s * s))
 }
