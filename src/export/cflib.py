@@ -414,9 +414,9 @@ class Drone:
         low, high = LIMITS["fence_m"]
         lasting = [  # what is wrong, whether it is, for how long it may be
             # The firmware has stopped the motors already.
+            ("a deck has a fault: the drone falls", self.has(DECK_FAULT), 0.0),
             ("the drone has crashed: it falls", self.has(CRASHED) or self.has(TUMBLED), 0.0),
             ("the firmware has locked the drone: it falls", self.has(LOCKED), 0.0),
-            ("a deck has a fault: the drone falls", self.has(DECK_FAULT), 0.0),
             ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
             ("what the drone reports is no number", not all(map(math.isfinite, judged)),
              LIMITS["wrong_s"]),

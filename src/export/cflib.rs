@@ -427,7 +427,7 @@ mod tests {
         assert_eq!(times_s(&[a, b, c, d]).unwrap(), [0.5, 1.01, 1.5], "the one before the corner");
         let [corner, late] = [setpoint(1.0, 1.2, -1.0), setpoint(1.01, 1.19, -1.0)];
         assert_eq!(times_s(&[a, corner, late, d]).unwrap(), [0.5, 1.0, 1.5], "the one after it");
-        let turns = setpoint(1.0, 1.0, 0.5);
+        let turns = setpoint(1.0, 1.3, 0.5);
         let error = times_s(&[a, turns, setpoint(1.01, 1.2, 0.0), d]).unwrap_err().to_string();
         assert!(error.contains("100 setpoints a second at 1.00 s"), "{error}");
         let apart = [a, setpoint(0.52, 0.7, 0.0), setpoint(0.54, 0.6, 0.0)];
@@ -460,6 +460,52 @@ mod tests {
         let own = ["lqr", "lqr-feedforward", "lqr-integral"].map(|name| (name, None));
         let all = [&own[..], &[("pid", Some(1)), ("geometric", Some(5)), ("altitude", None)]];
         assert_eq!(numbers, all.concat(), "`controller.h`; a new kind is said here");
+    }
+
+    #[test]
+    fn the_drones_of_a_fleet_have_numbers_and_their_own_limits() {
+        let strokes = write("I", &LetterOptions::default()).unwrap();
+        let one = plan(&strokes, &PlanOptions::even()).unwrap();
+        let plans = [one.clone(), one.clone()];
+        let camera = CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap();
+        let battery = Battery { rest_v: 4.1, least_rest_v: Some(3.9), sag_v: 0.6 };
+        let checks = Checks { batteries: vec![None, Some(battery)], ..checks() };
+        let job = Job {
+            plans: &plans,
+            flown: &[],
+            unsafe_because: None,
+            word: "I",
+            light: &LightOptions::default(),
+            sim: &SimOptions::default(),
+            camera: &camera,
+            tolerance_m: 0.002,
+            mode: Mode::Position,
+            trajectory_clock: 1.0,
+            checks: &checks,
+        };
+        let [first, second] = [0, 1].map(|drone| data(&job, drone, 0.0).unwrap());
+        assert_eq!(first["uri"], "radio://0/80/2M/E7E7E7E701");
+        assert_eq!(second["uri"], "radio://0/80/2M/E7E7E7E702");
+        assert_eq!([&first["log"], &second["log"]], ["I_flight-1.json", "I_flight-2.json"]);
+        assert_eq!([&first["limits"]["rest_v"], &second["limits"]["rest_v"]], [3.8, 3.9]);
+        assert_eq!(first["limits"]["lost_m2"], 0.01, "ten times the variance that has settled");
+        assert_eq!([&first["limits"]["low_v"], &first["limits"]["critical_v"]], [3.2, 3.0]);
+        let heights = one.setpoints.iter().map(|setpoint| setpoint.position_m.z);
+        assert_eq!(first["top_m"], heights.fold(f64::NEG_INFINITY, f64::max));
+        assert_eq!(first["start_m"], json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y]));
+        // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
+        let refused = |data: &Value| data["trajectory"]["refused"].as_str().unwrap().to_owned();
+        assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
+        let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();
+        assert!(refused(&slow).contains("trajectory_clock"), "{}", refused(&slow));
+        let asked = Job { mode: Mode::Trajectory, ..job };
+        assert!(data(&asked, 0, 0.0).is_err(), "and where it is asked for, nothing is written");
+        let alone = Job { plans: &plans[..1], ..job };
+        assert_eq!(data(&alone, 0, 0.0).unwrap()["uri"], "radio://0/80/2M/E7E7E7E7E7");
+        let unknown = Checks { platform: None, ..checks.clone() };
+        let unknown = data(&Job { checks: &unknown, ..job }, 0, 0.0).unwrap();
+        assert_eq!([&unknown["limits"]["low_v"], &unknown["limits"]["critical_v"]], [0.0, 0.0]);
+        assert_eq!(unknown["limits"]["platforms"], json!([]));
     }
 
     #[test]

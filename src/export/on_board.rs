@@ -251,3 +251,111 @@ fn flown_alone(
     }
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_flying::plan::{PlanOptions, plan};
+    use noctograph_letters::{LetterOptions, write};
+
+    fn planned(word: &str) -> Plan {
+        plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
+    }
+
+    /// A plan that begins later and stands farther to the right.
+    fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
+        let mut plan = plan.clone();
+        for setpoint in &mut plan.setpoints {
+            setpoint.time_s += later_s;
+            setpoint.position_m.x += right_m;
+        }
+        plan
+    }
+
+    fn flown_of(plans: &[Plan]) -> Vec<Plan> {
+        flown(plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
+    }
+
+    /// The setpoint of a plan at a time.
+    fn setpoint_at(plan: &Plan, time_s: f64) -> usize {
+        plan.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6) - 1
+    }
+
+    #[test]
+    fn a_flown_plan_moves_as_its_velocities_and_accelerations_say() {
+        for plan in flown_of(&[planned("NO")]) {
+            for pair in plan.setpoints.windows(2) {
+                let step_s = pair[1].time_s - pair[0].time_s;
+                // An acceleration of 2 m/s² may begin within a step.
+                let off_m = (pair[0].design_m(pair[1].time_s) - pair[1].position_m).norm();
+                assert!(off_m <= 2.5 * step_s * step_s, "{off_m} m at {} s", pair[0].time_s);
+                let off_m_s = (pair[0].velocity_m_s + pair[0].acceleration_m_s2 * step_s
+                    - pair[1].velocity_m_s)
+                    .norm();
+                assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
+            }
+        }
+    }
+
+    #[test]
+    fn a_flown_plan_writes_the_letters_with_their_lights_between_take_off_and_landing() {
+        let plan = planned("NO");
+        let stretch = Stretch::new(&plan).unwrap();
+        let flown = &flown_of(std::slice::from_ref(&plan))[0];
+        let zero_s = stretch.start_s() - 7.0;
+        let (lit, flown_lit) = (plan.lit(), flown.lit());
+        for (row, setpoint) in plan.setpoints.iter().enumerate().filter(|(_, s)| s.letter.is_some()) {
+            let there = setpoint_at(flown, setpoint.time_s - zero_s);
+            let off_m = (flown.setpoints[there].position_m - setpoint.position_m).norm();
+            assert!(off_m < 0.004, "{off_m} m at {} s", setpoint.time_s);
+            assert_eq!(flown.setpoints[there].letter, setpoint.letter);
+            assert_eq!(flown_lit[there], lit[row], "lit at {} s", setpoint.time_s);
+            for (channel, levels) in &plan.lights {
+                assert_eq!(flown.lights[channel][there], levels[row], "{channel}");
+            }
+        }
+        assert!(flown_lit.iter().any(|lit| *lit > 0.0) && flown_lit[0] == 0.0);
+        let [first, last] = [0, flown.setpoints.len() - 1].map(|row| flown.setpoints[row]);
+        let home_m = plan.setpoints[0].position_m;
+        assert_eq!(first.position_m, Vector3::new(home_m.x, home_m.y, 0.0));
+        let end_m = stretch.setpoints[stretch.last()].position_m;
+        assert!((last.position_m - Vector3::new(end_m.x, end_m.y, 0.0)).norm() < 0.001, "{last:?}");
+        let lasts_s = 7.0 + stretch.duration_s() + 0.5 + f64::max(end_m.z / 0.3, 2.0);
+        assert!((last.time_s - lasts_s).abs() < 0.02, "{} s instead of {lasts_s} s", last.time_s);
+        let hovers = &flown.setpoints[setpoint_at(flown, 7.0 + stretch.duration_s() + 0.45)];
+        assert!((hovers.position_m - end_m).norm() < 0.001, "it hovers before it lands");
+    }
+
+    #[test]
+    fn drones_take_off_together_and_each_waits_for_its_turn() {
+        let one = planned("I");
+        let two = moved(&one, 3.0, 1.5);
+        let both = flown_of(&[two.clone(), one.clone()]);
+        let first_m = Stretch::new(&two).unwrap().setpoints[0].position_m;
+        let there_m = |time_s: f64| both[0].setpoints[setpoint_at(&both[0], time_s)].position_m;
+        assert!((there_m(7.0) - first_m).norm() < 0.001 && (there_m(9.9) - first_m).norm() < 0.001);
+        assert!((there_m(11.0) - first_m).norm() > 0.05, "and writes from 10 s on");
+        assert!(both[1].duration_s() + 2.9 < both[0].duration_s(), "the other one has not waited");
+        let near = [one.clone(), moved(&one, 3.0, 0.2)];
+        let error = flown(&near, Form::Compressed, 0.002, Length::OnBoard).unwrap_err();
+        assert!(error.to_string().contains("two drones come within 0."), "{error}");
+        assert!(error.hint().contains("fewer drones"), "{}", error.hint());
+        assert!(flown(&near, Form::Compressed, 0.002, Length::Any).is_ok(), "a show is not flown");
+    }
+
+    #[test]
+    fn without_a_link_a_drone_hovers_and_lands_where_it_is_below_the_floor() {
+        let plan = planned("I");
+        let stretch = Stretch::new(&plan).unwrap();
+        let [first_m, last_m] = [Vector3::new(0.0, 0.0, 0.9), Vector3::new(1.0, 0.2, 1.1)];
+        let timeline = Timeline::new(&plan, &stretch, stretch.start_s(), [first_m, last_m]);
+        let [hover, descent] = timeline.legs_alone(0.5);
+        assert_eq!((hover.duration_s, hover.ends_m), (3.5, [last_m; 2]));
+        assert_eq!(descent.ends_m, [last_m, Vector3::new(1.0, 0.2, -0.1)]);
+        assert!((descent.duration_s - 4.0).abs() < 1e-9, "1.2 m at 0.3 m/s: {descent:?}");
+        assert_eq!(timeline.legs_alone(-9.0)[0].duration_s, 3.0, "the script lands before the end");
+        let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
+        assert_eq!(low.legs_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
+        assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
+    }
+}

@@ -74,7 +74,9 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     };
     let home_m = timeline.before[0].1;
     let mut points = vec![json!([0.0, place(home_m), []])];
-    points.extend(timeline.before.windows(2).map(|l| leg(l[0].1, l[1].0, l[1].1)));
+    // The first drone of a fleet waits for none.
+    let legs = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
+    points.extend(legs.map(|ends| leg(ends[0].1, ends[1].0, ends[1].1)));
     let mut time_s = timeline.before[3].0;
     for (duration_s, [_, b, c, d]) in curves {
         time_s += duration_s;

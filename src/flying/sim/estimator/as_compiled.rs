@@ -207,10 +207,10 @@ fn states_and_standard_deviations_are_those_of_the_firmwares_own_code() {
             position_m * 1e3,
             velocity_m_s * 1e3,
         );
-        assert!(position_m < 1e-3, "{name}: {position_m} m");
-        assert!(velocity_m_s < 5e-3, "{name}: {velocity_m_s} m/s");
-        assert!(angle_deg < 0.05, "{name}: {angle_deg} deg");
-        assert!(worst < 2.0, "{name}: {worst} %");
-        assert!(mean.abs() < 0.3, "{name}: {mean} %");
+        assert!(position_m < 1e-4, "{name}: {position_m} m");
+        assert!(velocity_m_s < 5e-4, "{name}: {velocity_m_s} m/s");
+        assert!(angle_deg < 5e-3, "{name}: {angle_deg} deg");
+        assert!(worst < 1.0, "{name}: {worst} %");
+        assert!(mean.abs() < 0.1, "{name}: {mean} %");
     }
 }
