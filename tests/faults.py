@@ -16,6 +16,7 @@ import sys
 import tempfile
 import unittest
 import unittest.mock
+import warnings
 
 import cflib.crazyflie.log
 
@@ -321,9 +322,6 @@ class Faults(unittest.TestCase):
         script.need_cflib()
 
     def test_no_dongle_is_one_line(self):
-        import cflib.crazyflie.syncCrazyflie
-        import cflib.drivers.crazyradio
-
         script, said = load("I.py"), io.StringIO()
 
         def nothing_plugged_in(*_, **__):
@@ -331,6 +329,7 @@ class Faults(unittest.TestCase):
 
         drivers = unittest.mock.patch("cflib.crtp.get_link_driver", nothing_plugged_in)
         with drivers, contextlib.redirect_stderr(said), contextlib.ExitStack() as links_opened:
+            warnings.simplefilter("ignore")  # of cflib's own Python
             with self.assertRaises(script.Stopped) as ended:
                 script.opened(links_opened, "radio://0/80/2M/E7E7E7E7E7")
         self.assertEqual(said.getvalue(), "")

@@ -8,9 +8,7 @@ use super::{
     Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
     findings, named, warn,
 };
-use crate::export::{
-    Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem,
-};
+use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{

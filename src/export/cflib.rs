@@ -286,11 +286,11 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::safety::{Battery, Checks, Platform};
-        use noctograph_core::camera::CameraOptions;
-    use noctograph_core::lamps::{Drive, Fixture, LightOptions};
     use crate::lights;
+    use crate::safety::{Battery, Checks, Platform};
     use nalgebra::Vector3;
+    use noctograph_core::camera::CameraOptions;
+    use noctograph_core::lamps::{Drive, Fixture, LightOptions};
     use noctograph_flying::plan::{PlanOptions, Setpoint, plan};
     use noctograph_flying::sensors::Positioning;
     use noctograph_flying::sim::SimOptions;
@@ -309,14 +309,24 @@ mod tests {
     ) -> (String, Plan, Value) {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, options).unwrap();
+        let (script, data) = exported_plan(word, checks, &plan, light);
+        (script, plan, data)
+    }
+
+    fn exported_plan(
+        word: &str,
+        checks: &Checks,
+        plan: &Plan,
+        light: &LightOptions,
+    ) -> (String, Value) {
         let job = Job {
-            plans: std::slice::from_ref(&plan),
-            flown: std::slice::from_ref(&plan),
+            plans: std::slice::from_ref(plan),
+            flown: std::slice::from_ref(plan),
             unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
             light,
             sim: &SimOptions::default(),
-            camera: &CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap(),
+            camera: &CameraOptions::default().camera([-1.0, 0.5, 1.0, 1.5], 1.0).unwrap(),
             tolerance_m: 0.002,
             mode: Mode::Position,
             trajectory_clock: 1.0,
@@ -326,7 +336,7 @@ mod tests {
         let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
         let text: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
         let data = serde_json::from_str(&text).unwrap();
-        (script, plan, data)
+        (script, data)
     }
 
     fn checks() -> Checks {
@@ -397,6 +407,13 @@ mod tests {
         assert_eq!((before.len() / 2, &after[after.len() - 10..]), (59, "1000000000"));
         // `exported` has another drone begin at 0 s of the plan's time: this one waits.
         assert_eq!(trajectory["start_s"], -7.0);
+        // The hover lasts until 3 s after the script has landed.
+        let stretch = Stretch::new(&plan).unwrap();
+        let over_s =
+            trajectory["end_s"].as_f64().unwrap() - stretch.start_s() - stretch.duration_s();
+        let hover_ms = u16::from_str_radix(&after[2..4], 16).unwrap()
+            + 256 * u16::from_str_radix(&after[4..6], 16).unwrap();
+        assert!((f64::from(hover_ms) - 1e3 * (over_s + 3.0)).abs() < 2.0, "{hover_ms} ms");
         let home_mm = |axis: usize| (1e3 * plan.setpoints[0].position_m[axis]).round() as i16;
         for (axis, places) in trajectory["start_bytes"].as_array().unwrap().iter().enumerate() {
             for place in places.as_array().unwrap() {
@@ -422,17 +439,40 @@ mod tests {
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
         };
         // Straight on at 1 m/s, a corner at 1.01 s, straight on.
-        let [a, b, c] = [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];
+        let [a, b, c] =
+            [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];
         let d = setpoint(1.5, 0.52, -1.0);
         assert_eq!(times_s(&[a, b, c, d]).unwrap(), [0.5, 1.01, 1.5], "the one before the corner");
         let [corner, late] = [setpoint(1.0, 1.2, -1.0), setpoint(1.01, 1.19, -1.0)];
         assert_eq!(times_s(&[a, corner, late, d]).unwrap(), [0.5, 1.0, 1.5], "the one after it");
+        let held = setpoint(1.01, 1.2, 1.0);
+        assert_eq!(times_s(&[a, corner, held, d]).unwrap(), [0.5, 1.0, 1.5], "sent is the same");
+        let other = Setpoint { letter: Some(1), ..late };
+        assert!(times_s(&[a, corner, other, d]).is_err(), "the next letter begins");
         let turns = setpoint(1.0, 1.3, 0.5);
         let error = times_s(&[a, turns, setpoint(1.01, 1.2, 0.0), d]).unwrap_err().to_string();
         assert!(error.contains("100 setpoints a second at 1.00 s"), "{error}");
         let apart = [a, setpoint(0.52, 0.7, 0.0), setpoint(0.54, 0.6, 0.0)];
         assert_eq!(times_s(&apart).unwrap(), [0.5, 0.52, 0.54], "50 a second are sent");
         assert_eq!(times_s(&[a, setpoint(9.5, 1.0, 0.0)]).unwrap(), [0.5], "to the end");
+    }
+
+    #[test]
+    fn a_ring_with_few_changes_is_played_on_board_and_one_with_many_is_not() {
+        let options = PlanOptions { lights: vec!["ring".to_owned()], ..PlanOptions::even() };
+        let timing = |strokes: usize| {
+            let light = LightOptions::default();
+            let (_, mut plan, _) = exported_with("NO", &checks(), &options, &light);
+            let lit = plan.lights.get_mut("ring").unwrap();
+            let n = lit.len();
+            for (row, level) in lit.iter_mut().enumerate() {
+                *level = f64::from(u8::from(2 * strokes * row / n % 2 == 1 && row + 9 < n));
+            }
+            exported_plan("NO", &checks(), &plan, &light).1["trajectory"]["timing"].clone()
+        };
+        let four = timing(4);
+        assert_eq!(four["entries"].as_array().unwrap().len(), 8, "{four}");
+        assert_eq!(timing(9), Value::Null, "more than the memory holds");
     }
 
     #[test]
@@ -492,7 +532,10 @@ mod tests {
         assert_eq!([&first["limits"]["low_v"], &first["limits"]["critical_v"]], [3.2, 3.0]);
         let heights = one.setpoints.iter().map(|setpoint| setpoint.position_m.z);
         assert_eq!(first["top_m"], heights.fold(f64::NEG_INFINITY, f64::max));
-        assert_eq!(first["start_m"], json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y]));
+        assert_eq!(
+            first["start_m"],
+            json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
+        );
         // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
         let refused = |data: &Value| data["trajectory"]["refused"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
@@ -544,7 +587,8 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter,
         };
-        let plan = |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
+        let plan =
+            |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
         let one = plan(&[at(-3.0, 0.0, None), at(-1.0, 0.5, Some(0)), at(-0.5, 1.5, Some(0))]);
         let two = plan(&[at(1.0, 1.0, Some(1)), at(0.0, 0.4, Some(1)), at(9.0, 9.0, None)]);
         let want = [[-1.0, 0.3, 0.4], [1.0, 0.3, 0.4], [1.0, 0.3, 1.5], [-1.0, 0.3, 1.5]];
@@ -554,7 +598,8 @@ mod tests {
 
     #[test]
     fn no_character_of_a_word_hides_or_turns_a_line_of_the_script() {
-        for c in ['\u{202e}', '\u{2066}', '\u{2028}', '\u{200f}', '\u{feff}', '\u{e0041}', '\u{7f}'] {
+        for c in ['\u{202e}', '\u{2066}', '\u{2028}', '\u{200f}', '\u{feff}', '\u{e0041}', '\u{7f}']
+        {
             let word = format!("A{c}B");
             let (script, _, data) = exported(&word, &checks());
             assert_eq!(data["word"], word, "it is still the word");

@@ -465,11 +465,8 @@ mod tests {
             &points(two_mm, left),
             &points(three_mm, zero),
         ];
-        let letters = [
-            &[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0][..],
-            &[1, 0xF4, 1, 100, 0],
-            &[0, 0xE8, 3],
-        ];
+        let letters =
+            [&[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0][..], &[1, 0xF4, 1, 100, 0], &[0, 0xE8, 3]];
         let after = [
             &[0, 0x80, 0x0C][..], // hover of 0.2 s and 3 s
             &[0x30, 0xD0, 7],     // from 500 to -100 mm in 2000 ms
@@ -480,7 +477,10 @@ mod tests {
         assert_eq!(flight_of_beside(0.0).1, want);
         let (_, waiting) = flight_of_beside(70.0);
         let waits = [0, 0xFF, 0xFF, 0, 0x71, 0x11]; // 65 535 and 4 465 ms
-        assert_eq!(waiting, [before.concat(), waits.to_vec(), letters.concat(), after.concat()].concat());
+        assert_eq!(
+            waiting,
+            [before.concat(), waits.to_vec(), letters.concat(), after.concat()].concat()
+        );
         for (places, mm) in START_BYTES.into_iter().zip([two_mm, three_mm]) {
             places.into_iter().for_each(|place| assert_eq!(want[place..place + 2], mm));
         }
@@ -521,7 +521,8 @@ mod tests {
         let own = Compressed::encode(&beside(), 0.0001).unwrap();
         let most = (TRAJECTORY_MEMORY_BYTES - bytes.len()) / 3;
         let with = |n: usize| {
-            let hover = Piece { axes: [Axis::Constant; 3], ..own.pieces[own.pieces.len() - 1].clone() };
+            let hover =
+                Piece { axes: [Axis::Constant; 3], ..own.pieces[own.pieces.len() - 1].clone() };
             let pieces = [own.pieces.clone(), vec![hover; n]].concat();
             Compressed { pieces, ..own }.flight(&timeline, 0.2)
         };

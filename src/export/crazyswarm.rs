@@ -71,7 +71,9 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
     let drones = job.plans.iter().zip(&files).enumerate();
     let drones = drones
-        .map(|(index, (plan, csv))| drone(job, index, plan, &csv.name, controller, zero_s(before_s)))
+        .map(|(index, (plan, csv))| {
+            drone(job, index, plan, &csv.name, controller, zero_s(before_s))
+        })
         .collect::<Result<Vec<_>>>()?;
     let checks = job.checks;
     let data = json!({

@@ -351,7 +351,10 @@ mod format_tests {
             memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
         };
         let short = of("NO");
-        assert_eq!((&short.formats[..], short.fits_all), (&["compressed", "poly4d", "cflib"][..], true));
+        assert_eq!(
+            (&short.formats[..], short.fits_all),
+            (&["compressed", "poly4d", "cflib"][..], true)
+        );
         let long = of(&"NOCTOGRAPH".repeat(2));
         assert_eq!((&long.formats[..], long.fits_all), (&["compressed", "cflib"][..], false));
         assert!(long.pieces > poly4d::MAX_PIECES && long.bytes <= TRAJECTORY_MEMORY_BYTES);
@@ -365,6 +368,8 @@ mod format_tests {
         let of = |is: fn(Format) -> bool| -> Vec<Format> {
             Format::ALL.iter().copied().filter(|format| is(*format)).collect()
         };
+        let within_mm: Vec<f64> = Form::ALL.iter().map(|form| 1e3 * form.tolerance_m()).collect();
+        assert_eq!(within_mm, [2.0, 5.0]);
         assert_eq!(of(|format| !format.flies()), [Gains, LogConfig]);
         assert_eq!(of(Format::stays_in_the_air), [Compressed, Poly4d]);
         assert_eq!(of(|format| format.note().is_some()), [Skyc, Vviz]);

@@ -212,7 +212,8 @@ mod tests {
     #[test]
     fn a_flight_rises_writes_waits_for_the_landing_and_comes_down_by_itself() {
         let plan = plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::even());
-        let (plan, stretch) = (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
+        let (plan, stretch) =
+            (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
         let one = Poly4d::fit(plan, 0.005).unwrap();
         // It starts 2 s after another drone of its fleet.
         let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
