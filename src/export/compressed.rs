@@ -13,8 +13,8 @@
 
 use nalgebra::Vector3;
 
-use super::on_board::{Leg, Timeline};
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
+use super::timeline::{Leg, Timeline};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::plan::Plan;
@@ -33,7 +33,7 @@ const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 /// What ends a trajectory.
 const END: [u8; 3] = [0; 3];
 
-/// What ends a trajectory with a goal that is no number: a line along z that lasts no time, at which
+/// What ends a trajectory without a goal: a line along z that lasts no time, at which
 /// the firmware divides by zero. Its commander on board then gives no more setpoints
 /// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later; at
 /// [`END`] the drone is held for ever. So since release 2023.11.

@@ -12,13 +12,13 @@ use serde_json::json;
 
 use super::cflib::{AFTERGLOW_S, firmware_controller};
 use super::lights::{dark, preparation};
-use super::on_board::{Timeline, earliest_s, zero_s};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::safety::{
     CRITICAL_BATTERY_V, FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, LOST_FACTOR, NOSE_RAD, Platform,
     REST_V, START_RADIUS_M, WRONG_S, variance_m2,
 };
+use super::timeline::{Timeline, earliest_s, zero_s};
 use super::{File, Job, ascii, gains, numbered, stem, with_caution};
 use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};

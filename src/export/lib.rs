@@ -33,13 +33,14 @@ pub mod safety;
 mod skybrush;
 #[cfg(test)]
 mod tests;
+mod timeline;
 mod vviz;
 pub mod zip;
 
 pub use cflib::Mode;
 pub use on_board::{Form, Length, flown};
-use on_board::{earliest_s, zero_s};
 use safety::Checks;
+use timeline::{earliest_s, zero_s};
 
 settings! {
     /// Form of exported files.

@@ -12,8 +12,8 @@
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::compressed::Compressed;
-use super::on_board::{Leg, Timeline};
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
+use super::timeline::{Leg, Timeline};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
 use noctograph_flying::plan::Plan;

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::compressed::Compressed;
 use super::lights::{commands, screen_rgb};
-use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
+use super::timeline::{Timeline, earliest_s};
 use super::zip::zip;
 use super::{File, Job, ascii, stem};
 use noctograph_core::camera::Camera;
