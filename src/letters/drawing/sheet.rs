@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use image::{Rgb, RgbImage, imageops};
 
-use super::levels::{morphed, softened};
+use super::levels::{closed, softened};
 use crate::outline::area;
 use crate::vector::{ahead, between, cross, direction, dot, minus};
 use noctograph_core::geometry::distance;
@@ -112,7 +112,7 @@ impl Edges {
         };
         // Without thin dark lines: rulings are no sides of a sheet, nor is a frame that is drawn.
         let log: Vec<f64> = small.pixels().map(log).collect();
-        let log = morphed(&log, width as usize, PEN, f64::max, f64::min);
+        let log = closed(&log, width as usize, PEN);
         let log = softened(&log, width as usize);
         let scale = [(picture.width(), width), (picture.height(), height)]
             .map(|(n, small)| f64::from(n) / f64::from(small));
