@@ -38,8 +38,10 @@ const SURROUNDINGS: f64 = 0.3;
 /// and seven photographs of scikit-image (astronaut, camera, cat, coffee, gravel, motorcycle,
 /// rocket), and up to 0.03 of drawings, whiteboards and pages of print.
 const SHADES: f64 = 0.04;
-/// Mean width of what lies over the rim of a sheet and is no line, by the sheet's longer side.
+/// What lies over the rim of a photographed picture is no line from this mean width on, by the
+/// longer side, and from this share of its outline on that lies along the rim.
 const OVER_RIM: f64 = 0.02;
+const ALONG: f64 = 0.1;
 /// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
 /// out; but one of which most is opaque and as white as paper has its paper.
 const GROUNDS: [u8; 3] = [255, 0, 128];
@@ -82,7 +84,7 @@ pub(super) fn read(
         refuse("a picture without lines that stand out from its paper", hint)
     };
     let field = Field::of(&picture).ok_or_else(blank)?;
-    if options.corners_px.is_none() && field.shades > SHADES {
+    if corners.is_none() && field.shades > SHADES {
         let hint = "draw its lines on paper or in a drawing program; where it shows a sheet of paper, \
                     name the corners of that (letters.corners_px)";
         return Err(refuse("a photograph, of tones without lines", hint));
@@ -192,7 +194,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
 }
 
 /// A transparent picture on a ground from which its ink stands out.
-pub(super) fn on_ground(picture: &RgbaImage) -> RgbImage {
+fn on_ground(picture: &RgbaImage) -> RgbImage {
     let opaque = || picture.pixels().filter(|pixel| pixel.0[3] > 127);
     let n_opaque = opaque().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
@@ -226,7 +228,7 @@ impl Field {
         let is_around = |patch: &Vec<Contour>| {
             let along = self.along_rim(&patch[0]);
             let is_thick = || mean_stroke_width(patch) > OVER_RIM * side;
-            let is_over = || is_thick() || along > 0.25 * polyline_length_m(&patch[0]);
+            let is_over = || is_thick() || along > ALONG * polyline_length_m(&patch[0]);
             along > SURROUNDINGS * side || !self.is_clean && along > 0.0 && is_over()
         };
         if !patches.iter().all(is_around) {

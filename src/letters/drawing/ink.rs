@@ -66,7 +66,7 @@ pub(super) struct Field {
     /// Whether the picture was drawn on a screen, not photographed or scanned.
     pub(super) is_clean: bool,
     /// Share of the picture in tones between paper and strong ink that change slowly, as those of
-    /// a photograph do; 0 on even paper.
+    /// a photograph do; 0 of what was drawn on a screen.
     pub(super) shades: f64,
 }
 
@@ -96,7 +96,7 @@ impl Field {
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let by_level = |(ink, level): (&f64, &f64)| (ink / level.max(faint / RIM)).min(1.0);
         let ink: Vec<f64> = contrast.iter().zip(&levels).map(by_level).collect();
-        let shades = if even.is_some() { 0.0 } else { shades(&contrast, width, strong) };
+        let shades = if is_clean { 0.0 } else { shades(&contrast, width, strong) };
         (inked().count() > 0).then_some(Self {
             width,
             height,
@@ -237,7 +237,7 @@ fn has_light_ink(picture: &RgbImage) -> bool {
 }
 
 /// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
-pub(super) fn grain(contrast: &[f64], width: usize) -> f64 {
+fn grain(contrast: &[f64], width: usize) -> f64 {
     let rows = contrast.chunks(width).flat_map(|row| row.iter().zip(row.iter().skip(2)));
     // In 4000ths, so that the finest grain has a level.
     1.05 * quantile(rows.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0

@@ -432,8 +432,6 @@ mod handwritten_tests;
 #[cfg(test)]
 mod picture_tests;
 #[cfg(test)]
-mod probe_tests;
-#[cfg(test)]
 mod sheet_tests;
 #[cfg(test)]
 mod svg_tests;

@@ -157,9 +157,6 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows
     ];
     for (index, taken) in takes.iter().enumerate() {
         let (picture, corners) = photographed(taken);
-        if std::env::var("DUMP").is_ok() {
-            picture.save(format!("/tmp/paper/all/e_take{index}.png")).unwrap();
-        }
         let found = traced(&picture, image::ImageFormat::Jpeg);
         let [missing, added] = off(&found);
         assert!(
