@@ -42,6 +42,8 @@ const SHADES: f64 = 0.04;
 /// longer side, and from this share of its outline on that lies along the rim.
 const OVER_RIM: f64 = 0.02;
 const ALONG: f64 = 0.1;
+/// Share of a picture in faint marks from which on they are named.
+const FAINT: f64 = 0.02;
 /// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
 /// out; but one of which most is opaque and as white as paper has its paper.
 const GROUNDS: [u8; 3] = [255, 0, 128];
@@ -113,12 +115,21 @@ pub(super) fn read(
         return Err(super::too_many(file));
     }
     let mut warnings = Vec::new();
-    if n_cut > 0 {
-        warnings.push(format!(
-            "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around \
-             the paper; leave a margin around the drawing"
-        ));
-    }
+    let mut warn = |is: bool, text: &str| warnings.extend(is.then(|| text.to_owned()));
+    let cut = format!(
+        "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
+         paper; leave a margin around the drawing"
+    );
+    warn(n_cut > 0, &cut);
+    warn(
+        field.faint > FAINT,
+        "marks that are much fainter than the rest are not drawn, such as the paper's rulings: draw \
+         over those that are meant",
+    );
+    warn(
+        field.inner_edges() > field.width.max(field.height),
+        "areas of several colors that touch are drawn as one: leave a gap between them",
+    );
     if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
         warnings.push(format!(

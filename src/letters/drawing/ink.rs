@@ -7,6 +7,7 @@
 //! counts: yellow is as strong as blue.
 
 use image::RgbImage;
+use image::imageops::{grayscale, thumbnail};
 
 use super::levels::{closed, extremes, quantile, softened};
 
@@ -24,9 +25,11 @@ const MIDDLE: [f64; 2] = [70.0, 155.0];
 /// Blocks along the longer side by which light ink is told from dark ink.
 const BLOCKS: usize = 24;
 
-/// Half of the widest pen, and of the widest patch that is ink, by the picture's longer side.
-const PEN: f64 = 1.0 / 40.0;
-const PATCH: f64 = 1.0 / 5.0;
+/// How many times half of the widest pen, and of the widest patch that is ink, are in the picture's
+/// longer side; pixels across one of the picture in which patches are sought.
+const PEN: u32 = 40;
+const PATCH: u32 = 5;
+const COARSE: u32 = 4;
 /// What is wider than a pen is paper in shadow where it has this share of the light around it, in
 /// channels whose shares differ by no more than this ratio.
 const SHADOW: f64 = 0.36;
@@ -50,6 +53,9 @@ const STRONG: f64 = 0.97;
 /// Pixels around one whose strongest ink is its level: more than the blur of a lens.
 const NEAR: usize = 3;
 
+/// Least change of a color over four pixels that is the edge of another ink.
+const APART: f64 = 0.2;
+
 /// The level at which a rim of ink lies, by that of the ink: see [`Field::ink`].
 pub(super) const RIM: f64 = 0.5;
 
@@ -63,6 +69,8 @@ pub(super) struct Field {
     pub(super) contrast: Vec<f64>,
     /// What the ink leaves of red, green and blue of the paper's; of light ink, its own.
     pub(super) color: Vec<[f64; CHANNELS]>,
+    /// Share of the picture in marks that are too faint for ink.
+    pub(super) faint: f64,
     /// Whether the picture was drawn on a screen, not photographed or scanned.
     pub(super) is_clean: bool,
     /// Share of the picture in tones between paper and strong ink that change slowly, as those of
@@ -96,6 +104,8 @@ impl Field {
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let by_level = |(ink, level): (&f64, &f64)| (ink / level.max(faint / RIM)).min(1.0);
         let ink: Vec<f64> = contrast.iter().zip(&levels).map(by_level).collect();
+        let is_faint = |level: &&f64| (least..faint).contains(*level);
+        let n_faint = levels.iter().filter(is_faint).count();
         let shades = if is_clean { 0.0 } else { shades(&contrast, width, strong) };
         (inked().count() > 0).then_some(Self {
             width,
@@ -103,9 +113,25 @@ impl Field {
             ink,
             contrast,
             color,
+            faint: n_faint as f64 / (width * height) as f64,
             is_clean,
             shades,
         })
+    }
+}
+
+impl Field {
+    /// Pixels along edges between two inks, with ink all around.
+    pub(super) fn inner_edges(&self) -> usize {
+        let within = extremes(&self.ink, self.width, NEAR, f64::min);
+        let changes = |pixel: usize, step: usize| {
+            let (after, before) = (self.color[pixel + 2 * step], self.color[pixel - 2 * step]);
+            (0..CHANNELS).any(|c| (after[c] - before[c]).abs() > APART)
+        };
+        let is_edge = |pixel: &usize| {
+            within[*pixel] > RIM && (changes(*pixel, 1) || changes(*pixel, self.width))
+        };
+        (2 * self.width..within.len() - 2 * self.width).filter(is_edge).count()
     }
 }
 
@@ -180,30 +206,34 @@ fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
 /// The ink of each pixel, dark or light ink alone, by the paper around it.
 fn inks(picture: &RgbImage) -> Vec<Inked> {
     let width = picture.width() as usize;
-    let longer = f64::from(picture.width().max(picture.height()));
     let is_light = has_light_ink(picture);
     let bright = |value: u8| if is_light { 255.0 - f64::from(value) } else { f64::from(value) };
     let channels = channels(picture, bright);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
-    let [beside_pens, beside_patches] = [PEN, PATCH].map(|share| {
-        let steps = (share * longer).ceil() as usize;
-        [0, 1, 2].map(|c| closed(&channels[c], width, steps))
-    });
+    let side = picture.width().max(picture.height());
+    let [wide, high] = [picture.width(), picture.height()].map(|side| side.div_ceil(COARSE));
+    let coarse = self::channels(&thumbnail(picture, wide, high), bright);
+    let near = [0, 1, 2].map(|c| closed(&channels[c], width, side.div_ceil(PEN) as usize));
+    let far = [0, 1, 2]
+        .map(|c| closed(&coarse[c], wide as usize, high.max(wide).div_ceil(PATCH) as usize));
+    let papers = |pixel: usize| {
+        let [x, y] = [pixel % width, pixel / width].map(|place| place / COARSE as usize);
+        let far = [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0));
+        ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
+    };
     // What is wider than a pen and no shadow is a patch of ink, as is its rim.
     let is_patch = |pixel: usize| {
-        let shares =
-            [0, 1, 2].map(|c| beside_pens[c][pixel].max(1.0) / beside_patches[c][pixel].max(1.0));
+        let (near, far) = papers(pixel);
+        let shares = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
             [f64::min, f64::max].map(|extreme| shares.into_iter().fold(shares[0], extreme));
-        f64::from(u8::from(
-            shares.iter().sum::<f64>() < SHADOW * CHANNELS as f64 || most > HUE * least,
-        ))
+        let is_dark = shares.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
+        f64::from(u8::from(is_dark || most > HUE * least))
     };
     let patches: Vec<f64> = (0..channels[0].len()).map(is_patch).collect();
     let patches = extremes(&patches, width, NEAR, f64::max);
     let ink = |pixel: usize| {
-        let paper = if patches[pixel] > 0.0 { &beside_patches } else { &beside_pens };
-        let paper = [0, 1, 2].map(|c| paper[c][pixel].max(1.0));
+        let (near, far) = papers(pixel);
+        let paper = if patches[pixel] > 0.0 { far } else { near };
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
         let (mut most, mut left) = (0.0_f64, [0.0; CHANNELS]);
         for c in 0..CHANNELS {
@@ -219,7 +249,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most
 /// of it rather than darker.
 fn has_light_ink(picture: &RgbImage) -> bool {
-    let luma = image::imageops::grayscale(picture);
+    let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
     let mut skew = 0.0;

@@ -321,7 +321,7 @@ fn light_and_dark_ink_on_paper_of_a_middle_tone_are_drawn_and_on_transparency() 
 }
 
 #[test]
-fn rulings_of_the_paper_are_weaker_than_a_pen_and_not_drawn() {
+fn rulings_of_the_paper_are_fainter_than_a_pen_and_named() {
     let mut canvas = Canvas::new([1000, 700], [252, 251, 246]);
     for k in 1..22 {
         let y = 32.0 * f32::from(u8::try_from(k).unwrap());
@@ -336,6 +336,11 @@ fn rulings_of_the_paper_are_weaker_than_a_pen_and_not_drawn() {
     canvas.draw(&circle(780.0, 250.0, 90.0), [240, 205, 40], 7.0);
     let found = traced(&as_taken(&canvas, 0.75), image::ImageFormat::Jpeg);
     assert_eq!(hues(&found), [([0; 3], 1), ([255, 255, 0], 1)]);
+    assert!(
+        found.warnings.len() == 1 && found.warnings[0].contains("faint"),
+        "{:?}",
+        found.warnings
+    );
 }
 
 /// A picture as a camera takes it: less light to one side, and grain.
@@ -354,6 +359,24 @@ fn as_taken(canvas: &Canvas, least_light: f64) -> image::RgbImage {
         }
     }
     picture
+}
+
+#[test]
+fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
+    let [yellow, blue] = [[250, 210, 30], [20, 60, 200]];
+    for (disc, inner) in [(blue, yellow), (yellow, blue), ([0; 3], yellow)] {
+        let mut canvas = Canvas::new([600, 400], WHITE);
+        canvas.fill(&circle(200.0, 200.0, 150.0), disc);
+        canvas.fill(&icon(3, [200.0, 200.0], 60.0).0, inner);
+        let found = canvas.traced();
+        let told = &found.warnings;
+        assert_eq!((found.lines.len(), told.len()), (1, 1), "{told:?}");
+        assert!(told[0].contains("several colors"), "{told:?}");
+    }
+    let mut canvas = Canvas::new([600, 400], WHITE);
+    canvas.fill(&circle(300.0, 200.0, 150.0), [240, 80, 60]);
+    let found = traced(&as_taken(&canvas, 0.5), image::ImageFormat::Jpeg);
+    assert_eq!((found.lines.len(), found.warnings), (1, Vec::new()));
 }
 
 #[test]
