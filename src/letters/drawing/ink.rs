@@ -22,17 +22,19 @@ const EVEN: f64 = 0.2;
 /// Tones of paper that changes evenly on which light ink shows as dark ink does.
 const MIDDLE: [f64; 2] = [70.0, 155.0];
 
-/// Blocks along the longer side by which light ink is told from dark ink.
+/// Blocks along the longer side by which light ink is told from dark ink, and by how much more than
+/// the other it differs from most of its block.
 const BLOCKS: usize = 24;
+const SKEWED: f64 = 1.4;
 
 /// How many times half of the widest pen, and of the widest patch that is ink, are in the picture's
 /// longer side; pixels across one of the picture in which patches are sought.
 const PEN: u32 = 40;
-const PATCH: u32 = 5;
+const PATCH: u32 = 3;
 const COARSE: u32 = 4;
 /// What is wider than a pen is paper in shadow where it has this share of the light around it, in
 /// channels whose shares differ by no more than this ratio.
-const SHADOW: f64 = 0.36;
+const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
 /// Least ink, as a share of the paper's brightness, of a picture that was drawn on a screen, whose
@@ -247,23 +249,33 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
 }
 
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most
-/// of it rather than darker.
+/// of it rather than darker; where both are alike, where the picture's rim is dark.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    let mut skew = 0.0;
-    for (left, top) in
-        (0..height).step_by(block).flat_map(|y| (0..width).step_by(block).map(move |x| (x, y)))
-    {
-        let [dark, most, bright] = [0.02, 0.5, 0.98].map(|share| {
-            let rows = luma.chunks(width).skip(top).take(block);
-            let values = rows.flat_map(|row| row[left..].iter().take(block));
-            quantile(values.map(|value| f64::from(*value)), share)
-        });
-        skew += bright - 2.0 * most + dark;
+    let quantiles = |[left, top]: [usize; 2]| {
+        let rows = luma.chunks(width).skip(top).take(block);
+        let block =
+            rows.flat_map(|row| row[left..].iter().take(block).map(|tone| f64::from(*tone)));
+        [0.02, 0.5, 0.98].map(|share| quantile(block.clone(), share))
+    };
+    let tops = (0..height).step_by(block);
+    let blocks = tops.flat_map(|top| (0..width).step_by(block).map(move |left| [left, top]));
+    let (mut darker, mut brighter) = (0.0, 0.0);
+    for [dark, most, bright] in blocks.map(quantiles) {
+        (darker, brighter) = (darker + most - dark, brighter + bright - most);
     }
-    skew > 0.0
+    if brighter.max(darker) > SKEWED * brighter.min(darker) {
+        return brighter > darker;
+    }
+    let tones = |keep: fn(u32, u32) -> bool, share: f64| {
+        let (right, bottom) = (luma.width() - 1, luma.height() - 1);
+        let kept = luma.enumerate_pixels().filter(|(x, y, _)| keep(x % right, y % bottom));
+        quantile(kept.map(|(.., tone)| f64::from(tone.0[0])), share)
+    };
+    let [dark, bright] = [0.02, 0.98].map(|share| tones(|_, _| true, share));
+    2.0 * tones(|x, y| x == 0 || y == 0, 0.5) < dark + bright
 }
 
 /// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
