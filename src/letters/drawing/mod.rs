@@ -94,12 +94,12 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 ///
 /// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
-/// center and patches along their rim ([`LetterOptions::trace`]); a photograph is refused. With less
-/// than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color
-/// of its stroke, or else of its fill, and along a gradient up to 64 colors. What is not followed,
-/// such as filters, is named in the warnings; text is refused. Handwriting keeps its order and
-/// direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
-/// [`LetterOptions::pace`].
+/// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
+/// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
+/// path has the color of its stroke, or else of its fill, and along a gradient up to 64 colors.
+/// What is not followed, such as filters, is named in the warnings; text is refused. Handwriting
+/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has
+/// the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
