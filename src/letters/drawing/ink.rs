@@ -126,8 +126,14 @@ impl Field {
     /// Pixels along edges between two inks, with ink all around.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
+        // Shadows cross what was photographed: they leave its hue.
+        let color = |pixel: usize| {
+            let color = self.color[pixel];
+            let light = if self.is_clean { 1.0 } else { color.iter().sum::<f64>().max(APART) };
+            color.map(|value| value / light)
+        };
         let changes = |pixel: usize, step: usize| {
-            let (after, before) = (self.color[pixel + 2 * step], self.color[pixel - 2 * step]);
+            let (after, before) = (color(pixel + 2 * step), color(pixel - 2 * step));
             (0..CHANNELS).any(|c| (after[c] - before[c]).abs() > APART)
         };
         let is_edge = |pixel: &usize| {

@@ -375,8 +375,13 @@ fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
     }
     let mut canvas = Canvas::new([600, 400], WHITE);
     canvas.fill(&circle(300.0, 200.0, 150.0), [240, 80, 60]);
-    let found = traced(&as_taken(&canvas, 0.5), image::ImageFormat::Jpeg);
-    assert_eq!((found.lines.len(), found.warnings), (1, Vec::new()));
+    let mut shaded = as_taken(&canvas, 0.5);
+    for soft in [true, false] {
+        let found = traced(&shaded, image::ImageFormat::Jpeg);
+        assert_eq!((found.lines.len(), found.warnings), (1, Vec::new()), "{soft}");
+        let in_shadow = shaded.enumerate_pixels_mut().filter(|(x, ..)| *x < 300);
+        in_shadow.for_each(|(.., pixel)| pixel.0 = pixel.0.map(|value| value / 2));
+    }
 }
 
 #[test]
