@@ -120,9 +120,7 @@ impl Field {
             shades,
         })
     }
-}
 
-impl Field {
     /// Pixels along edges between two inks, with ink all around.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
@@ -275,13 +273,13 @@ fn has_light_ink(picture: &RgbImage) -> bool {
     if brighter.max(darker) > SKEWED * brighter.min(darker) {
         return brighter > darker;
     }
-    let tones = |keep: fn(u32, u32) -> bool, share: f64| {
-        let (right, bottom) = (luma.width() - 1, luma.height() - 1);
-        let kept = luma.enumerate_pixels().filter(|(x, y, _)| keep(x % right, y % bottom));
+    let is_rim =
+        |x: u32, y: u32| x == 0 || y == 0 || x + 1 == luma.width() || y + 1 == luma.height();
+    let tones = |rim_alone: bool, share: f64| {
+        let kept = luma.enumerate_pixels().filter(|(x, y, _)| !rim_alone || is_rim(*x, *y));
         quantile(kept.map(|(.., tone)| f64::from(tone.0[0])), share)
     };
-    let [dark, bright] = [0.02, 0.98].map(|share| tones(|_, _| true, share));
-    2.0 * tones(|x, y| x == 0 || y == 0, 0.5) < dark + bright
+    2.0 * tones(true, 0.5) < tones(false, 0.02) + tones(false, 0.98)
 }
 
 /// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
