@@ -3,7 +3,6 @@
 use super::font;
 use noctograph_core::error::Result;
 use noctograph_core::settings::{Described, settings};
-use noctograph_core::strokes::Picture;
 
 settings! {
     /// Letters and their layout.
@@ -25,16 +24,14 @@ settings! {
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
         drawing_sha256: String = String::new(), for "letters.drawing";
-        /// What a picture is.
-        picture: Picture = Picture::Auto, for "letters.drawing";
         /// Corners of the sheet of paper in a picture, which is cut out and seen square on: x and y
         /// of the upper left, upper right, lower right and lower left one, in the picture's pixels.
         /// By default those of a sheet that is seen as a whole.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
         /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go
         /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
-        /// sketch of the longest. By default 1, and 0.5 of a photograph.
-        detail: Option<f64> = None, in 0.0..=1.0, for "letters.drawing";
+        /// sketch of the longest.
+        detail: f64 = 1.0, in 0.0..=1.0, for "letters.drawing";
         /// Strokes of a drawing that are drawn, as large as the canvas allows: colors, and numbers
         /// as the drawing of the plan shows them, such as `red` or `2,5-7`; empty: all.
         ink: String = String::new(), for "letters.drawing";
