@@ -6,20 +6,6 @@ use std::collections::BTreeMap;
 
 use crate::digest::Digest;
 use crate::geometry::{bounds, distance};
-use crate::settings::settings;
-
-settings! {
-    /// What a picture is.
-    pub enum Picture {
-        /// As it looks: a photograph where what would be its paper has texture, or else a drawing.
-        /// A photograph of few tones, such as a skyline before an even sky, looks like a drawing.
-        "auto" => Auto,
-        /// Lines on paper or a logo: ink is drawn.
-        "drawing" => Drawing,
-        /// A photograph: long edges are drawn.
-        "photograph" => Photograph,
-    }
-}
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
@@ -38,9 +24,6 @@ pub struct Strokes {
     pub order: StrokeOrder,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
-    /// Where a stroke goes on in another color, along a gradient: one glyph's light ends there and
-    /// another's begins.
-    pub joints_m: Vec<[f64; 2]>,
     /// What the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
     /// The number of each stroke of a drawing, by which it is chosen or left out (`letters.ink`,
@@ -48,9 +31,6 @@ pub struct Strokes {
     pub numbers: Vec<(usize, [f64; 2])>,
     /// A drawing as its file has it.
     pub source: Source,
-    /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
-    /// bitmap.
-    pub picture: Picture,
     /// What of a drawing's file is not followed, and what is not as it seems: a sentence each, with
     /// the place in the file.
     pub warnings: Vec<String>,
@@ -61,6 +41,8 @@ pub struct Strokes {
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
+    /// Whether it is a bitmap: its strokes are in pixels.
+    pub is_bitmap: bool,
     /// All strokes in the order of their numbers, those that are left out as well.
     pub strokes: Vec<SourceStroke>,
 }
@@ -70,7 +52,7 @@ pub struct Source {
 pub struct SourceStroke {
     /// In pixels of the picture, or units of another drawing; y down.
     pub points: Vec<[f64; 2]>,
-    /// The color by whose name it is chosen; none along a gradient.
+    /// The color by whose name it is chosen; none where the file has none.
     pub color: Option<&'static str>,
 }
 
@@ -147,16 +129,14 @@ impl Strokes {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them, whatever their
-    /// colors.
+    /// Number of its strokes: lit moves without a way in the dark between them.
     #[must_use]
     pub fn n_strokes(&self) -> usize {
         let runs = |glyph: &Glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
             runs.filter(|run| run[0].lit).count()
         };
-        let n_runs: usize = self.glyphs.iter().map(runs).sum();
-        n_runs.saturating_sub(self.joints_m.len())
+        self.glyphs.iter().map(runs).sum()
     }
 
     /// Length of its strokes.

@@ -9,7 +9,7 @@ use super::http::Answer;
 use super::{Error, Value, json};
 use crate::preflight::{Checked, Severity};
 use crate::shoot::Problem;
-use crate::study::Remedy;
+use crate::studies::Remedy;
 
 /// A sentence.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -57,7 +57,7 @@ keys! {
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
-    PictureNone "picture-none" 422 "no lines are found in the picture" "choose another way to follow it";
+    PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
     FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
     TooSlow "too-slow" 422 "it took too long" "write or draw less";

@@ -23,8 +23,8 @@ use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
-use crate::strokes::{Picture, Source, SourceStroke, Strokes};
-use crate::study::Remedy;
+use crate::strokes::{Source, SourceStroke, Strokes};
+use crate::studies::Remedy;
 use noctograph_core::files::files_in;
 use noctograph_core::geometry::{bounds, simplify};
 
@@ -258,11 +258,11 @@ fn describe(shot: &Shot, said: &mut Value) {
 /// A drawing as its file has it, in whole pixels of a picture, or in thousandths of the larger side
 /// of any other; null of a word.
 fn source(strokes: &Strokes) -> Value {
-    let Source { corners_px, strokes: all } = &strokes.source;
+    let Source { corners_px, is_bitmap, strokes: all } = &strokes.source;
     let [left, top, right, bottom] = bounds(all.iter().flat_map(|it| it.points.iter().copied()));
-    let ([x, y], scale) = match strokes.picture {
-        Picture::Auto => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
-        Picture::Drawing | Picture::Photograph => ([0.0; 2], 1.0),
+    let ([x, y], scale) = match is_bitmap {
+        true => ([0.0; 2], 1.0),
+        false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
     };
     let told = |SourceStroke { points, color }: &SourceStroke| {
         let points: Vec<[f64; 2]> =

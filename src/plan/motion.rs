@@ -1,0 +1,274 @@
+//! The motion along a lit stroke: as fast as the limits allow, its corners rounded within a stated
+//! error.
+//!
+//! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]); the
+//! motion is the pen under two moving averages ([`super::smoothing`]). These averages are
+//! differences of the pen's integrals, so that position, velocity and acceleration are exact at any
+//! time.
+
+use nalgebra::Vector2;
+
+use super::EvenStyle;
+use super::pen::PenStroke;
+use super::smoothing::Smoothing;
+use super::speed::profile;
+
+/// State of the design at one instant, in the plane of the word.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct State {
+    pub(super) position_m: Vector2<f64>,
+    pub(super) velocity_m_s: Vector2<f64>,
+    pub(super) acceleration_m_s2: Vector2<f64>,
+}
+
+/// The pen from one instant on, with constant acceleration, and its two integrals up to there.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    start_s: f64,
+    position_m: Vector2<f64>,
+    velocity_m_s: Vector2<f64>,
+    acceleration_m_s2: Vector2<f64>,
+    once_m_s: Vector2<f64>,
+    twice_m_s2: Vector2<f64>,
+}
+
+/// Acceleration by its limit from which a stroke is flown more slowly as a whole.
+pub(super) const BEYOND: f64 = 1.045;
+
+/// The motion along a stroke.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    smoothing: Smoothing,
+    origin_m: Vector2<f64>,
+    pieces: Vec<Piece>,
+    /// Time of the pen by time of the stroke, which lasts whole ticks.
+    pace: f64,
+    /// When it begins, after the stroke does.
+    from_s: f64,
+    duration_s: f64,
+}
+
+impl Motion {
+    /// The motion along a stroke at a speed, lasting a multiple of `tick_s`.
+    pub(super) fn new(stroke: &PenStroke, speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
+        let smoothing = Smoothing::new(speed_m_s, style);
+        let origin_m = stroke.points_m[0];
+        let nodes = profile(stroke, &smoothing, speed_m_s);
+        let mut pen = Pen::default();
+        // The pen starts before the stroke and ends beyond it: the ends are no corners.
+        let reach_s = smoothing.reach_s();
+        let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
+        let [first_m_s, last_m_s] =
+            [(nodes[0], nodes[1], first), (nodes[nodes.len() - 2], last, last)]
+                .map(|(a, b, end)| (b.position_m - a.position_m).normalize() * end.speed_m_s);
+        let before_m = first.position_m - origin_m - first_m_s * reach_s;
+        pen.draw(before_m, first_m_s, Vector2::zeros(), reach_s);
+        for leg in nodes.windows(2) {
+            let way = leg[1].position_m - leg[0].position_m;
+            let (length_m, along) = (way.norm(), way.normalize());
+            let lasts_s = 2.0 * length_m / (leg[0].speed_m_s + leg[1].speed_m_s);
+            let acceleration = along * ((leg[1].speed_m_s - leg[0].speed_m_s) / lasts_s);
+            let start_m = leg[0].position_m - origin_m;
+            let velocity_m_s = along * leg[0].speed_m_s;
+            pen.draw(start_m, velocity_m_s, acceleration, lasts_s);
+        }
+        let pen_s = pen.end_s - reach_s;
+        let last_m = last.position_m - origin_m;
+        pen.draw(last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
+        let whole = |lasts_s: f64| (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
+        let duration_s = whole(pen_s);
+        let pace = pen_s / duration_s;
+        let mut motion =
+            Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s };
+        // Where the pen turns while its speed changes, both accelerations add up.
+        let beyond = motion.most_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
+        if beyond > BEYOND {
+            motion.duration_s = whole(duration_s * beyond.sqrt());
+            motion.pace = pen_s / motion.duration_s;
+        }
+        motion
+    }
+
+    /// Greatest acceleration at every so many seconds.
+    fn most_m_s2(&self, step_s: f64) -> f64 {
+        let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
+        let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
+        steps.map(|time_s| self.at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.duration_s - self.from_s
+    }
+
+    /// The rest of it from a time on.
+    pub(super) fn after(self, time_s: f64) -> Self {
+        Self { from_s: self.from_s + time_s, ..self }
+    }
+
+    /// The middle of the averages, in the time of the pen.
+    fn middle_s(&self, time_s: f64) -> f64 {
+        (self.from_s + time_s) * self.pace + self.smoothing.reach_s()
+    }
+
+    /// The state `time_s` after its beginning.
+    pub(super) fn at(&self, time_s: f64) -> State {
+        let Smoothing { long_s, short_s, .. } = self.smoothing;
+        let middle_s = self.middle_s(time_s);
+        let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
+        let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
+        let mut average = State::default();
+        for (off_s, sign) in corners {
+            let (pen, once, twice) = self.piece_at(middle_s + off_s).at(middle_s + off_s);
+            average.position_m += twice * sign;
+            average.velocity_m_s += once * sign;
+            average.acceleration_m_s2 += pen * sign;
+        }
+        let area_s2 = long_s * short_s;
+        State {
+            position_m: self.origin_m + average.position_m / area_s2,
+            velocity_m_s: average.velocity_m_s * (self.pace / area_s2),
+            acceleration_m_s2: average.acceleration_m_s2 * (self.pace * self.pace / area_s2),
+        }
+    }
+
+    fn piece_at(&self, time_s: f64) -> &Piece {
+        let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
+        &self.pieces[next.max(1) - 1]
+    }
+}
+
+/// The pen's path under construction.
+#[derive(Debug, Default)]
+struct Pen {
+    pieces: Vec<Piece>,
+    end_s: f64,
+}
+
+impl Pen {
+    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
+        let still = Vector2::zeros();
+        let before = self.pieces.last().map(|last| last.at(self.end_s));
+        let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
+        self.pieces.push(Piece {
+            start_s: self.end_s,
+            position_m: p,
+            velocity_m_s: v,
+            acceleration_m_s2: a,
+            once_m_s,
+            twice_m_s2,
+        });
+        self.end_s += lasts_s;
+    }
+}
+
+impl Piece {
+    /// The pen and its first and second integral.
+    fn at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+        let t = time_s - self.start_s;
+        let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
+        let pen = p + v * t + a * (t * t / 2.0);
+        let once = p * t + v * (t * t / 2.0) + a * (t * t * t / 6.0);
+        let twice = p * (t * t / 2.0) + v * (t * t * t / 6.0) + a * (t * t * t * t / 24.0);
+        (pen, self.once_m_s + once, self.twice_m_s2 + self.once_m_s * t + twice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_core::geometry::segment_distance;
+
+    fn motion(points: &[[f64; 2]], speed_m_s: f64, corner_error_m: f64) -> Motion {
+        let style = EvenStyle { corner_error_m, ..EvenStyle::default() };
+        let stroke = PenStroke::even(0, points.iter().map(|p| Vector2::from(*p)).collect());
+        Motion::new(&stroke, speed_m_s, &style, 0.05)
+    }
+
+    /// Largest distance from the motion to a polyline, speed, acceleration and jerk.
+    fn extremes(motion: &Motion, points: &[[f64; 2]]) -> [f64; 4] {
+        let mut most = [0.0_f64; 4];
+        let mut before: Option<State> = None;
+        let dt_s = 0.001;
+        let mut time_s = 0.0;
+        while time_s <= motion.duration_s() {
+            let now = motion.at(time_s);
+            let point = [now.position_m.x, now.position_m.y];
+            let off = points.windows(2).map(|leg| segment_distance(point, [leg[0], leg[1]]));
+            let jerk =
+                before.map_or(0.0, |b| (now.acceleration_m_s2 - b.acceleration_m_s2).norm() / dt_s);
+            let found = [
+                off.fold(f64::INFINITY, f64::min),
+                now.velocity_m_s.norm(),
+                now.acceleration_m_s2.norm(),
+                jerk,
+            ];
+            for (most, found) in most.iter_mut().zip(found) {
+                *most = most.max(found);
+            }
+            before = Some(now);
+            time_s += dt_s;
+        }
+        most
+    }
+
+    const N: [[f64; 2]; 4] = [[0.0, 0.5], [0.0, 1.0], [0.3, 0.5], [0.3, 1.0]];
+
+    #[test]
+    fn a_straight_stroke_is_flown_at_one_speed_from_end_to_end() {
+        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], 0.2, 0.01);
+        assert!((line.duration_s() - 2.5).abs() < 1e-12, "0.5 m at 0.2 m/s");
+        for k in 0..=50 {
+            let found = line.at(0.05 * f64::from(k));
+            let want = Vector2::new(0.1, 0.5 + 0.01 * f64::from(k));
+            assert!((found.position_m - want).norm() < 1e-9, "{found:?}");
+            assert!((found.velocity_m_s - Vector2::new(0.0, 0.2)).norm() < 1e-9, "{found:?}");
+            assert!(found.acceleration_m_s2.norm() < 1e-7, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn corners_keep_within_error_and_limits_at_any_speed() {
+        for (speed, error_m) in [(0.2, 0.01), (0.2, 0.002), (0.5, 0.01), (0.5, 0.0005), (1.0, 0.02)]
+        {
+            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, speed, error_m), &N);
+            assert!(off_m < error_m * 1.02 + 1e-9, "{speed} m/s, {error_m} m: {off_m} m off");
+            assert!(m_s < speed * (1.0 + 1e-6), "{speed} m/s: {m_s} m/s");
+            assert!(m_s2 < 2.0 * 1.04, "{speed} m/s, {error_m} m: {m_s2} m/s²");
+            assert!(m_s3 < 30.0 * 1.05, "{speed} m/s, {error_m} m: {m_s3} m/s³");
+        }
+    }
+
+    #[test]
+    fn corners_cost_no_time_at_the_reference_speed() {
+        let n = motion(&N, 0.2, 0.01);
+        let length_m = 1.0 + libm::hypot(0.3, 0.5);
+        assert!(n.duration_s() - length_m / 0.2 < 0.05, "{} s", n.duration_s());
+    }
+
+    #[test]
+    fn a_circle_of_many_corners_is_a_circle() {
+        let points: Vec<[f64; 2]> = (0..=100)
+            .map(|k| {
+                let (sin, cos) = libm::sincos(f64::from(k) * std::f64::consts::TAU / 100.0);
+                [0.05 * cos, 0.05 * sin]
+            })
+            .collect();
+        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, 0.2, 0.01), &points);
+        assert!(off_m < 0.003 && m_s < 0.2001, "{off_m} m, {m_s} m/s");
+        assert!(m_s2 < 2.0 * 0.2 * 0.2 / 0.05, "centripetal: {m_s2} m/s²");
+    }
+
+    #[test]
+    fn velocity_and_acceleration_are_the_derivatives() {
+        let n = motion(&N, 0.5, 0.01);
+        let h = 1e-5;
+        for k in 1..100 {
+            let t = n.duration_s() * f64::from(k) / 100.0;
+            let [before, now, after] = [n.at(t - h), n.at(t), n.at(t + h)];
+            let slope = (after.position_m - before.position_m) / (2.0 * h);
+            assert!((slope - now.velocity_m_s).norm() < 1e-5, "at {t}");
+            let slope = (after.velocity_m_s - before.velocity_m_s) / (2.0 * h);
+            assert!((slope - now.acceleration_m_s2).norm() < 1e-3, "at {t}");
+        }
+    }
+}
