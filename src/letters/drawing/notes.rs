@@ -207,6 +207,11 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 }
                 "stroke" => (!is_word && svgtypes::Paint::from_str(value).is_err())
                     .then_some((shown, "not followed")),
+                "stop-color"
+                    if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) =>
+                {
+                    Some(("a transparent stop-color".into(), "drawn where it is transparent, too"))
+                }
                 "stop-color" | "color" => (!is_word && svgtypes::Color::from_str(value).is_err())
                     .then_some((shown, "not followed")),
                 "stop-opacity" => (svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0)

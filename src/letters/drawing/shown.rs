@@ -67,7 +67,7 @@ impl<'a> Page<'a> {
         for (element, item) in painted.iter().enumerate() {
             if let Some(fill) = item.fill_layer(element, scale) {
                 if page.is_whole(&fill) {
-                    ground = fill.color.map(f64::from);
+                    ground = blended(ground, &fill);
                 }
                 page.layers.push(fill);
             }
@@ -122,8 +122,7 @@ impl<'a> Page<'a> {
         }
         // The sides that only the fill closes.
         let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
-        let mut at_rim =
-            |place, sides| self.rim_color(index, item, &near, own?, true, place, sides);
+        let mut at_rim = |place, sides| self.rim_color(&near, own?, true, place, sides);
         let (sides, _) = self.parts(&closing, item, &near, &mut at_rim);
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
@@ -147,8 +146,7 @@ impl<'a> Page<'a> {
                 return Some(color);
             }
             // The edge of what lies under an outline in the color of what is beneath.
-            let rim =
-                own.and_then(|own| self.rim_color(index, item, &near, own, true, place, sides));
+            let rim = own.and_then(|own| self.rim_color(&near, own, true, place, sides));
             is_alike |= rim.is_none();
             rim
         };
@@ -165,8 +163,6 @@ impl<'a> Page<'a> {
     /// on its two sides differ.
     fn rim_color(
         &self,
-        index: usize,
-        item: &Painted,
         near: &[&Layer<'a>],
         own: &Layer<'a>,
         is_own: bool,
@@ -175,7 +171,7 @@ impl<'a> Page<'a> {
     ) -> Option<Color> {
         if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
             // Thinner than a look to its sides.
-            let seen = !self.is_covered(index, near, place) && self.within(&item.cuts, place);
+            let seen = !self.is_covered(own.element, near, place) && self.within(&own.cuts, place);
             return seen.then_some(own.color);
         }
         // Where a clip ends at the fill's own path, that is the rim.
@@ -183,12 +179,12 @@ impl<'a> Page<'a> {
             return None;
         }
         let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-        if ![left.1, right.1].contains(&Some(index)) || alike(left.0, right.0) {
+        if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
             return None;
         }
         // A hole in the color of the paper is the edge of what is around it.
         let is_paper = alike(own.color.map(f64::from), self.paper);
-        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != index);
+        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
         let of_other = other.filter(|_| is_paper).and_then(|other| {
             near.iter().find(|layer| layer.element == other).map(|layer| layer.color)
         });
@@ -200,7 +196,7 @@ impl<'a> Page<'a> {
         let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
         let Some(own) = own else { return Shown::Parts(Vec::new()) };
-        let mut at_rim = |place, sides| self.rim_color(index, item, near, own, true, place, sides);
+        let mut at_rim = |place, sides| self.rim_color(near, own, true, place, sides);
         let (mut parts, is_whole) =
             self.parts(&self.lines(&item.closed()), item, near, &mut at_rim);
         let n_own = parts.len();
@@ -208,8 +204,7 @@ impl<'a> Page<'a> {
         for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
             if own.area.meets(bounds(contour.iter().copied())) {
                 let lines = std::slice::from_ref(contour);
-                let mut at_clip =
-                    |place, sides| self.rim_color(index, item, near, own, false, place, sides);
+                let mut at_clip = |place, sides| self.rim_color(near, own, false, place, sides);
                 parts.extend(self.parts(lines, item, near, &mut at_clip).0);
             }
         }
@@ -329,8 +324,7 @@ impl<'a> Page<'a> {
     ) -> ([f64; 3], Option<usize>) {
         let (mut color, mut top) = (self.paper, None);
         for layer in near.iter().filter(|layer| of(layer) && self.lies_at(layer, place)) {
-            let own = layer.color.map(f64::from);
-            color = [0, 1, 2].map(|i| color[i] + layer.alpha * (own[i] - color[i]));
+            color = blended(color, layer);
             top = Some(layer.element);
         }
         (color, top)
@@ -378,6 +372,11 @@ fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
 fn closing_sides(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let open = lines.iter().filter(|line| line.len() > 2 && !is_closed(line));
     open.map(|line| vec![line[line.len() - 1], line[0]]).collect()
+}
+
+/// A color with a layer over it.
+fn blended(below: [f64; 3], layer: &Layer<'_>) -> [f64; 3] {
+    [0, 1, 2].map(|i| below[i] + layer.alpha * (f64::from(layer.color[i]) - below[i]))
 }
 
 fn alike(a: [f64; 3], b: [f64; 3]) -> bool {

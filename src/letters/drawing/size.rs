@@ -42,9 +42,16 @@ pub(super) fn check<'a, 'input>(
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
     let elements = all.elements + n_markers * marker.elements;
-    if elements > MAX_ELEMENTS || all.bytes + n_markers * marker.bytes > MAX_BYTES {
-        let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
+    let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
+    if elements > MAX_ELEMENTS {
         return Err(format!("{elements} elements, those of {what} counted"));
+    }
+    let bytes = all.bytes + n_markers * marker.bytes;
+    if bytes > MAX_BYTES {
+        return Err(format!(
+            "more data than an input may hold: attributes of {bytes:.1e} bytes, those of {what} \
+             counted"
+        ));
     }
     let curves = all.curves + n_markers * marker.curves;
     if curves > MAX_CURVES {

@@ -36,6 +36,9 @@ const POINT: f64 = 2e-5;
 /// butt.
 const DASH: f64 = 1e-5;
 
+/// Opacity of a gradient: it hides what is beneath, and is told from its one color.
+const GRADIENT: f64 = 0.95;
+
 /// Hint where a text is found.
 const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path; \
                     Illustrator: Type > Create Outlines)";
@@ -157,7 +160,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
     let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
     // usvg may panic on broken files.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(edited, &reading)));
-    let tree = tree.map_err(|_| "a drawing on which usvg fails".to_owned())?;
+    let tree = tree.map_err(|_panic| "a drawing on which usvg fails".to_owned())?;
     tree.map_err(|broken| broken.to_string())
 }
 
@@ -327,7 +330,8 @@ impl<'a> Walk<'a> {
     }
 
     /// The color of a paint and its opacity. A gradient has the color of the middle one of its
-    /// stops that show, and the mean opacity of all; in a mask it is as light as its lightest.
+    /// stops that show, and the mean opacity of all, but not the whole of it, so that nothing on it
+    /// passes for one of its shades; in a mask it is as light as its lightest.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let rgb = |color: usvg::Color| [color.red, color.green, color.blue];
         let stops = match paint {
@@ -347,7 +351,7 @@ impl<'a> Walk<'a> {
         }
         let seen: Vec<&usvg::Stop> = stops.iter().filter(|stop| opacity(stop) > 0.0).collect();
         let mean = stops.iter().map(opacity).sum::<f64>() / stops.len() as f64;
-        seen.get(seen.len() / 2).map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), mean))
+        seen.get(seen.len() / 2).map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), GRADIENT * mean))
     }
 }
 

@@ -374,6 +374,7 @@ fn what_is_not_followed_is_named_with_its_number_and_place() {
         ),
         ("translate `9px", "<path style='translate:9px 0' d='M0 5H9V9'/>"),
         ("stop-opacity", "<linearGradient id='g'><stop stop-opacity='0'/></linearGradient>"),
+        ("transparent stop", "<linearGradient id='g'><stop stop-color='#f000'/></linearGradient>"),
         ("systemLanguage", "<g systemLanguage='de'/>"),
         ("breaks off", "<path style='fill:none;?;stroke:red' d='M0 5H9'/>"),
         ("style sheet with", "<style>.a\\31{fill:red}</style>"),

@@ -246,6 +246,10 @@ fn a_gradient_is_the_color_of_its_middle_stop_where_any_of_it_shows() {
     assert_eq!((strokes.colors.clone(), strokes.n_strokes()), (vec![[0, 255, 0]], 1));
     let noted = "stroke by a gradient: in the color of its middle stop";
     assert!(strokes.warnings[0].contains(noted), "{:?}", strokes.warnings);
+    let ground = "<rect width='200' height='100' fill='url(#g)'/>\
+                  <path d='M5 5h90' stroke='#00f' fill='none'/>";
+    let until_blue = stop("red", "") + &stop("blue", "offset='1'");
+    assert_eq!(drawn(&until_blue, ground).n_strokes(), 1, "on paper in a gradient");
     let fading = stop("red", "") + &stop("blue", "offset='1' stop-opacity='0'");
     for line in [stroke, "<rect width='90' height='50' fill='url(#g)'/>"] {
         let strokes = drawn(&fading, line);
