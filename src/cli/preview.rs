@@ -12,9 +12,9 @@ use super::{
     findings, json, line, movie, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, Profile, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -42,9 +42,6 @@ pub(super) struct PreviewArgs {
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
     pub(super) report: bool,
-    /// Whether changes are flown where a word does not read: some thirty flights.
-    #[arg(skip = true)]
-    pub(super) with_remedies: bool,
     /// The order that the report shows; `None`: as it was typed.
     #[arg(skip)]
     pub(super) command: Option<String>,
@@ -62,23 +59,30 @@ impl PreviewArgs {
     pub(super) fn shoot(&self) -> Result<Shoot> {
         self.subject.shoot(|scene| self.picture.apply(scene))
     }
-}
 
-/// What a preview found, for a caller that shows it in its own way.
-pub(super) struct Seen<'a> {
-    pub(super) shot: &'a Shot,
-    pub(super) findings: &'a [Checked],
-    pub(super) remedies: &'a [Remedy],
+    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    pub(super) fn ready(
+        &self,
+        change: impl FnOnce(&mut Scene) -> Result<()>,
+    ) -> Result<NamedScene> {
+        self.subject.ready(|scene| {
+            self.picture.apply(scene)?;
+            change(scene)
+        })
+    }
+
+    pub(super) fn profile(&self) -> Profile {
+        self.profile.profile(&self.subject)
+    }
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    previewed(args, |_| ())
+    args.movie.as_deref().map_or(Ok(()), movie::check)?;
+    previewed(args, args.shoot()?)
 }
 
-/// Previews, and shows what was found before it is told in words.
-pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Result<Report> {
-    args.movie.as_deref().map_or(Ok(()), movie::check)?;
-    let mut shoot = args.shoot()?;
+/// Previews what is ready to fly.
+pub(super) fn previewed(args: &PreviewArgs, mut shoot: Shoot) -> Result<Report> {
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
         shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
@@ -110,7 +114,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let flights: Vec<Report> = flights.collect();
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("photo_sha256", shot.file.as_deref().map(sha256));
-    let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
+    let remedies = match verdict.filter(|verdict| !verdict.legible) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
         _ => Vec::new(),
@@ -123,7 +127,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile.profile(&args.subject);
+    let profile = args.profile();
     let findings = match args.report {
         true => {
             let flights = shot.flights.iter().cloned().map(Ok).collect();
@@ -138,7 +142,6 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
         let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
         format!("the camera does not fit in the room: {why} (see `check --room`)")
     }));
-    seen(&Seen { shot: &shot, findings: &findings, remedies: &remedies });
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);

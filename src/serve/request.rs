@@ -1,5 +1,5 @@
-//! What a visitor wishes to see: a word or a drawing, and settings. It becomes the arguments of a
-//! verb, so that the page can do what the command line does and nothing else.
+//! A photo that a visitor asks for: a word or a drawing, and settings. It becomes the arguments of
+//! a verb, so that the page can do what the command line does and nothing else.
 //!
 //! No path comes from the network: a drawing is a text, which is written into the job's own folder,
 //! and only keys that name no file can be set.
@@ -7,20 +7,19 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::{Cursor, Write};
-use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use clap::Parser;
 use image::{ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
-use super::super::preview::PreviewArgs;
-use super::said::{Key, Said};
-use super::{CommandLine, Error, Output, Result, Verb, json, refused};
-use crate::letters::LetterOptions;
+use super::Download;
+use super::messages::{Key, Message};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Output;
 
 /// Most characters of a word, and of the name of a visitor.
-pub(super) const MAX_WORD: usize = 24;
+pub(crate) const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
 /// Most bytes of a setting's value: the longest lists the strokes that are left out.
@@ -38,13 +37,17 @@ const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing ca
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
     plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
 
+/// Those of them that the page of a kiosk sets: the lamp's color, and the pad.
+const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace light.deck \
+    light.letters_wrgb plan.lights";
+
 /// Proportions of a photo that a page may ask for, width by height.
 const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 
-/// A request of the page.
+/// A request as the page sends it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Request {
+struct Posted {
     visitor: String,
     number: Option<u64>,
     #[serde(default = "yes")]
@@ -62,22 +65,22 @@ fn yes() -> bool {
     true
 }
 
-/// What a visitor wishes to see.
+/// A photo that a visitor asks for.
 #[derive(Debug)]
-pub(super) struct Wish {
+pub(crate) struct PhotoRequest {
     /// Random name of the page that asks.
-    pub(super) visitor: String,
-    /// Rises with each change, so that a wish that arrives late is known.
-    pub(super) number: Option<u64>,
+    pub(crate) visitor: String,
+    /// Rises with each change, so that a request that arrives late is known.
+    pub(crate) number: Option<u64>,
     /// Whether changes are flown where a word does not read.
-    pub(super) advice: bool,
-    pub(super) subject: Subject,
+    pub(crate) advice: bool,
+    pub(crate) subject: Subject,
 }
 
 /// What is written or drawn, and how: equal subjects make equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub(super) struct Subject {
-    pub(super) word: String,
+pub(crate) struct Subject {
+    pub(crate) word: String,
     drawing: Option<Drawing>,
     /// Width, depth and height in meters, as `--room` takes them.
     room: Option<String>,
@@ -89,27 +92,19 @@ pub(super) struct Subject {
 /// What can be made.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Task {
+pub(crate) enum Task {
     /// The photo while one types.
     Live(Subject),
     /// The large photo, with advice or without.
     Large(Subject, bool),
-    /// The drawing of the plans (SVG).
-    Plan(Subject),
-    /// The report (HTML).
-    Report(Subject),
-    /// The scripts that fly it, with what they need.
-    Script(Subject),
+    /// A file that is made when it is asked for.
+    Download(Download, Subject),
 }
 
 impl Task {
-    pub(super) fn subject(&self) -> &Subject {
+    pub(crate) fn subject(&self) -> &Subject {
         match self {
-            Self::Live(subject)
-            | Self::Large(subject, _)
-            | Self::Plan(subject)
-            | Self::Report(subject)
-            | Self::Script(subject) => subject,
+            Self::Live(subject) | Self::Large(subject, _) | Self::Download(_, subject) => subject,
         }
     }
 }
@@ -151,18 +146,18 @@ impl Drawing {
     }
 }
 
-impl Wish {
-    /// Reads and checks a request.
-    pub(super) fn parse(body: &[u8]) -> std::result::Result<Self, Said> {
-        let refused = |found: String| Err(Said::of_old_page(&found));
-        let request: Request = match serde_json::from_slice(body) {
-            Ok(request) => request,
+impl PhotoRequest {
+    /// Reads and checks a request; that of a kiosk has no settings but those of its page.
+    pub(crate) fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
+        let refused = |found: String| Err(Message::of_old_page(&found));
+        let posted: Posted = match serde_json::from_slice(body) {
+            Ok(posted) => posted,
             Err(broken) => return refused(broken.to_string()),
         };
-        let Request { visitor, number, advice, word, drawing, room, settings, aspect } = request;
+        let Posted { visitor, number, advice, word, drawing, room, settings, aspect } = posted;
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
-            return Err(Said::new(
+            return Err(Message::new(
                 Key::WordLong,
                 json!({ "letters": n_letters, "most": MAX_WORD }),
                 format!("{n_letters} letters, wanted at most {MAX_WORD}"),
@@ -170,51 +165,53 @@ impl Wish {
             ));
         }
         if word.trim().is_empty() && drawing.is_none() {
-            let hint = "type or draw something";
-            return Err(Said::new(Key::WordEmpty, json!({}), "there is no word".into(), hint));
+            return Err(Key::WordEmpty.into());
         }
         if !is_name(&visitor) {
             return refused(format!("a visitor of {} bytes", visitor.len()));
         }
-        if let Some(key) = settings.keys().find(|key| KEYS.split(' ').all(|known| known != *key)) {
+        let lacks = |keys: &str| settings.keys().find(|key| keys.split(' ').all(|it| it != *key));
+        if let Some(key) = lacks(KEYS) {
             return refused(format!("the setting {key}"));
+        }
+        if is_kiosk && (room.is_some() || lacks(KIOSK_KEYS).is_some()) {
+            return Err(Key::NotHere.into());
         }
         if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
             return refused(format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len()));
         }
-        if let Some(font) = settings.get("letters.font") {
-            let letters = LetterOptions { font: font.clone(), ..LetterOptions::default() };
-            if letters.files().next().is_some() {
-                return refused(format!("letters.font={font}"));
-            }
+        // A name with a dot is a file's.
+        if let Some(font) = settings.get("letters.font").filter(|it| it.contains(['.', '/', '\\']))
+        {
+            return refused(format!("letters.font={font}"));
         }
         if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
             return refused(format!("the proportions {aspect}"));
         }
         let subject = Subject { word, drawing, room, settings, aspect };
-        Ok(Self { visitor, number, advice, subject })
+        Ok(Self { visitor, number, advice: advice && !is_kiosk, subject })
     }
 }
 
 /// Whether a visitor may be called so.
-pub(super) fn is_name(visitor: &str) -> bool {
+pub(crate) fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 impl Subject {
     /// The word; `None` for a drawing.
-    pub(super) fn title(&self) -> Option<&str> {
+    pub(crate) fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
     /// Whether it is a picture, whose lines are looked for.
-    pub(super) fn is_picture(&self) -> bool {
+    pub(crate) fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
     /// The size of a photo of about as many pixels: `--size=960x540`.
-    pub(super) fn size(&self, pixels: f64) -> String {
+    pub(crate) fn size(&self, pixels: f64) -> String {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
         let even = |side: f64| 2 * (side / 2.0).round() as u32;
@@ -222,82 +219,24 @@ impl Subject {
         format!("--size={}x{}", even(width), even(width / aspect))
     }
 
-    /// Arguments for a verb that takes a subject; a drawing is written into a folder.
-    pub(super) fn arguments(&self, folder: &Path) -> Result<Vec<OsString>> {
-        let mut arguments = Vec::new();
-        let mut flag = |name: &str, value: &str| arguments.push(format!("{name}={value}").into());
-        for (key, value) in &self.settings {
-            flag("--set", &format!("{key}={value}"));
-        }
-        if let Some(room) = &self.room {
-            flag("--room", room);
-        }
+    /// Arguments for a verb that takes a subject; a drawing is written into the present folder.
+    pub(crate) fn arguments(&self) -> Result<Vec<OsString>> {
+        let settings = self.settings.iter().map(|(key, value)| format!("--set={key}={value}"));
+        let mut arguments: Vec<OsString> = settings.map(OsString::from).collect();
+        arguments.extend(self.room.iter().map(|room| format!("--room={room}").into()));
         match &self.drawing {
-            None => flag("--word", &self.word),
+            None => arguments.push(format!("--word={}", self.word).into()),
             Some(drawing) => {
                 let name = match drawing.kind {
                     Kind::Svg => "drawing.svg",
                     Kind::Json => "drawing.json",
                     Kind::Jpg => "drawing.jpg",
                 };
-                let (path, bytes) = (folder.join(name), drawing.bytes()?);
-                Output::create(&path)?.keep(|out| out.write_all(&bytes))?;
-                arguments.extend(["--drawing".into(), path.into()]);
+                let bytes = drawing.bytes()?;
+                Output::create(name.as_ref())?.keep(|out| out.write_all(&bytes))?;
+                arguments.push(format!("--drawing={name}").into());
             }
         }
         Ok(arguments)
-    }
-}
-
-/// The arguments of a preview, parsed as the command line's.
-pub(super) fn preview_args(arguments: Vec<OsString>) -> Result<PreviewArgs> {
-    let typed = ["noctograph", "preview"].map(OsString::from).into_iter().chain(arguments);
-    match CommandLine::try_parse_from(typed).map(|args| args.verb) {
-        Ok(Verb::Preview(args)) => Ok(args),
-        Ok(_) => unreachable!("the verb is preview"),
-        Err(error) => {
-            let wanted = "values that the controls offer";
-            Err(Error::input("settings", refused(&error), wanted, "reload the page"))
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::Value;
-
-    fn subject(wish: &Value) -> Subject {
-        let mut wish = wish.clone();
-        wish["visitor"] = "me".into();
-        Wish::parse(wish.to_string().as_bytes()).unwrap().subject
-    }
-
-    #[test]
-    fn every_refusal_has_a_key_and_a_sentence_without_a_path() {
-        let folder = tempfile::tempdir().unwrap();
-        let of = |wish: Value| {
-            let subject = subject(&wish);
-            let typed = subject.arguments(folder.path());
-            let error = typed.and_then(preview_args).and_then(|it| it.shoot());
-            let said = Said::of_error(&error.unwrap_err(), subject.is_picture());
-            let temporary = folder.path().to_str().unwrap();
-            assert!(!said.text.contains(temporary) && !said.hint.contains(temporary), "{said:?}");
-            said.key
-        };
-        let svg = |text: &str| json!({ "drawing": { "kind": "svg", "text": text } });
-        let json = |text: &str| json!({ "drawing": { "kind": "json", "text": text } });
-        assert_eq!(of(json!({ "word": "A\u{1f600}" })), "letter-missing");
-        assert_eq!(of(svg("<svg xmlns='http://www.w3.org/2000/svg'/>")), "drawing-empty");
-        assert_eq!(of(svg("no")), "drawing-broken");
-        assert_eq!(of(json("{\"strokes\": 3}")), "drawing-broken");
-        assert_eq!(of(json("{\"strokes\": []}")), "drawing-empty");
-        let jpg = json!({ "drawing": { "kind": "jpg", "text": "AAAA" } });
-        assert_eq!(of(jpg), "drawing-broken");
-        let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
-        let long = json!({ "strokes": far }).to_string();
-        assert!(["flight-long", "drawing-large"].contains(&&*of(json(&long))));
-        assert_eq!(of(json!({ "word": "A", "room": "--help" })), "page-old");
-        assert_eq!(of(json!({ "word": "A", "settings": { "seed": "x" } })), "not-possible");
     }
 }

@@ -1,26 +1,27 @@
-//! What a visitor is told, as data: a key with its values, which the page words in the visitor's
+//! Messages to visitors as data: a key with its values, which the page words in the visitor's
 //! language, and the English sentence for a page that lacks the key. No path of this machine is in
 //! it.
 
 use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use serde_json::{Value, json};
 
-use super::super::advice::{mentioned, typed};
-use super::http::Answer;
-use super::{Error, Value, json};
-use crate::preflight::{Checked, Severity};
-use crate::shoot::Problem;
-use crate::study::Remedy;
+use super::http::{self, Reply};
+use noctograph_core::error::Error;
+use noctograph_studio::preflight::{Checked, Severity};
+use noctograph_studio::scene::Change;
+use noctograph_studio::shoot::Problem;
 
-/// A sentence.
+/// A message.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub(super) struct Said {
+pub(crate) struct Message {
     /// Name of the sentence: `word-long`.
-    pub(super) key: String,
+    pub(crate) key: String,
     /// Its figures, by name with their unit.
-    pub(super) values: Value,
-    pub(super) text: String,
+    pub(crate) values: Value,
+    pub(crate) text: String,
     /// What to do, in English; may be empty.
-    pub(super) hint: String,
+    pub(crate) hint: String,
 }
 
 /// Declares the keys of refusals: name, status of HTTP where it is one, English sentence and hint.
@@ -28,7 +29,7 @@ macro_rules! keys {
     ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
         /// What can be refused.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(super) enum Key { $($key,)+ }
+        pub(crate) enum Key { $($key,)+ }
 
         impl Key {
             const ALL: &[Self] = &[$(Self::$key,)+];
@@ -66,10 +67,9 @@ keys! {
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
     Broken "broken" 500 "the program failed on this" "change something and try again";
     Busy "busy" 503 "many visitors wait" "try again";
-    Gone "gone" 404 "this is no longer kept" "take the photo again";
+    Closed "gone" 404 "this is no longer kept" "take the photo again";
     DiskFull "disk-full" 507 "it could not be written down" "ask the host: the disk may be full";
-    Blocked "blocked" 422 "this word is not flown here" "write another one";
-    EntriesMany "entries-many" 429 "you have sent as many as can wait" "wait until one is flown";
+    EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
     QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
     Paused "paused" 503 "nothing is taken at the moment" "try again later";
     NotHere "not-here" 403 "this is for the machine of the host only" "ask the host";
@@ -77,7 +77,7 @@ keys! {
 }
 
 /// What can be refused with a key.
-pub(super) type Told<T> = Result<T, Key>;
+pub(crate) type KeyResult<T> = Result<T, Key>;
 
 /// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
 const STOPS: &str = "stop-acceleration stop-altitude-hold stop-battery stop-camera stop-corridor \
@@ -100,20 +100,20 @@ fn listed(keys: &str, key: &str) -> String {
     known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
-impl Said {
+impl Message {
     /// A refusal in words of its own.
-    pub(super) fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
+    pub(crate) fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
 
     /// A request that no page of this program sends.
-    pub(super) fn of_old_page(found: &str) -> Self {
+    pub(crate) fn of_old_page(found: &str) -> Self {
         let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
         Self { text, ..Key::PageOld.into() }
     }
 
     /// A flight that is not safe.
-    pub(super) fn of_stops(stops: &Value) -> Self {
+    pub(crate) fn of_stops(stops: &Value) -> Self {
         let key = Key::NotSafe;
         let texts = stops.as_array().into_iter().flatten().filter_map(|stop| stop["text"].as_str());
         let texts: Vec<&str> = texts.collect();
@@ -122,7 +122,7 @@ impl Said {
     }
 
     /// An error of a stage, which followed a picture or something else.
-    pub(super) fn of_error(error: &Error, is_picture: bool) -> Self {
+    pub(crate) fn of_error(error: &Error, is_picture: bool) -> Self {
         let key = key_of(error, is_picture);
         let values = match error {
             Error::Letter { position, letter, .. } => {
@@ -134,7 +134,7 @@ impl Said {
     }
 
     /// A problem of the picture.
-    pub(super) fn of_problem(problem: &Problem) -> Self {
+    pub(crate) fn of_problem(problem: &Problem) -> Self {
         let (key, values) = match problem {
             Problem::ShutterCloses { at_s, early_s } => {
                 ("shutter-closes", json!({ "at_s": at_s, "early_s": early_s }))
@@ -155,12 +155,12 @@ impl Said {
             Problem::Outside { what, .. } => ("outside", json!({ "what": what })),
             Problem::NoPicture(_) => ("no-picture", json!({})),
         };
-        let text = without_paths(&problem.sentence(mentioned));
+        let text = without_paths(&problem.sentence(Change::to_string));
         Self { key: key.into(), values, text, hint: String::new() }
     }
 
     /// What stops a flight; `None` of what does not.
-    pub(super) fn of_stop(checked: &Checked) -> Option<Self> {
+    pub(crate) fn of_stop(checked: &Checked) -> Option<Self> {
         let row = &checked.row;
         let values = json!({
             "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
@@ -168,30 +168,24 @@ impl Said {
         });
         let key = listed(STOPS, &format!("stop-{}", row.check.replace(' ', "-").to_lowercase()));
         let text = format!("{}: {}", row.check, checked.found());
-        let said = Self { key, values, text, hint: row.change(mentioned) };
-        (row.severity == Severity::Stop).then_some(said)
+        let message = Self { key, values, text, hint: row.change(Change::to_string) };
+        (row.severity == Severity::Stop).then_some(message)
     }
 
     /// A change that helps.
-    pub(super) fn of_remedy(remedy: &Remedy) -> Option<Self> {
-        let first = remedy.changes.first()?;
+    pub(crate) fn of_changes(changes: &[Change]) -> Option<Self> {
+        let first = changes.first()?;
         let key = listed(ADVICE, &format!("set-{}", first.key));
-        let values = json!({ "value": first.value });
-        Some(Self { key, values, text: typed(&remedy.changes), hint: String::new() })
+        let text = changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ");
+        Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
     }
 
-    pub(super) fn with_values(self, values: Value) -> Self {
+    pub(crate) fn with_values(self, values: Value) -> Self {
         Self { values, ..self }
     }
 
-    /// The refusal of a request.
-    pub(super) fn answer(&self) -> Answer {
-        let status = Key::ALL.iter().find(|key| key.name() == self.key).map_or(422, |k| k.status());
-        Answer::json(&self.json()).with_status(status)
-    }
-
-    /// What is answered to a wish.
-    pub(super) fn json(&self) -> Value {
+    /// What is answered where something was refused.
+    pub(crate) fn json(&self) -> Value {
         json!({ "error": self })
     }
 }
@@ -199,22 +193,30 @@ impl Said {
 /// What became of a job.
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Made {
-    Done(Value),
-    Failed(Said),
+pub(crate) enum JobResult {
+    /// An object, as text: it is passed on as it is.
+    Done(Box<RawValue>),
+    Failed(Message),
     Stopped,
 }
 
-impl From<Key> for Said {
+impl From<Key> for Message {
     fn from(key: Key) -> Self {
         let [text, hint] = key.sentences();
         Self::new(key, json!({}), text.into(), hint)
     }
 }
 
-impl From<Key> for Answer {
+impl From<Message> for Reply {
+    fn from(message: Message) -> Self {
+        let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());
+        http::with_status(http::json(&message.json()), status.unwrap_or(422))
+    }
+}
+
+impl From<Key> for Reply {
     fn from(key: Key) -> Self {
-        Said::from(key).answer()
+        Message::from(key).into()
     }
 }
 
@@ -266,7 +268,7 @@ fn without_paths(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::preflight::Row;
+    use noctograph_studio::preflight::Row;
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {
@@ -278,14 +280,14 @@ mod tests {
     #[test]
     fn the_page_has_a_key_for_every_check_that_can_stop() {
         let never_stop = ["lamps"];
-        let page = include_str!("../../../docs/reference/json.md");
+        let page = include_str!("../../docs/reference/json.md");
         let rows = page.lines().skip_while(|line| *line != "| check | value | limit |").skip(2);
         let cells = rows.map_while(|line| line.strip_prefix("| ")?.split(" |").next());
         let checks: Vec<&str> = cells.flat_map(|cell| cell.split(", ")).collect();
         assert!(checks.len() > 25, "{checks:?}");
         for check in checks.into_iter().filter(|check| !never_stop.contains(check)) {
             let row = Row { check, severity: Severity::Stop, ..Row::default() };
-            let key = Said::of_stop(&Checked { drone: None, row }).unwrap().key;
+            let key = Message::of_stop(&Checked { drone: None, row }).unwrap().key;
             assert_ne!(key, "stop-other", "{check} is not in STOPS");
         }
     }
@@ -307,7 +309,8 @@ mod tests {
             Problem::Outside { what: "word", sides: String::new() },
             Problem::NoPicture(String::new()),
         ];
-        let obstacles: Vec<String> = problems.iter().map(|it| Said::of_problem(it).key).collect();
+        let obstacles: Vec<String> =
+            problems.iter().map(|it| Message::of_problem(it).key).collect();
         let reasons = "misread no-light not-in-photo other-length out-of-range too-small unsure";
         let reasons: Vec<_> = reasons.split(' ').collect();
         let keys = json!({
@@ -316,14 +319,13 @@ mod tests {
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
         // What tests/exhibit.py compares with the tables of words.
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/src/cli/serve/page/keys.json");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/keys.json");
         if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();
         }
         let known: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
         assert_eq!(known, keys, "NOCTOGRAPH_BLESS=1 writes {file} anew");
-        let tables =
-            super::super::page::FILES.iter().filter(|(name, _)| name.starts_with("words/"));
+        let tables = crate::page::FILES.iter().filter(|(name, _)| name.starts_with("words/"));
         let tables: Vec<_> = tables.collect();
         assert!(tables.len() >= 4, "languages");
         for (name, text) in tables {

@@ -19,7 +19,7 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
 }
 
 /// A code as a picture (SVG), dark on white.
-pub(super) fn svg(text: &str) -> String {
+pub(crate) fn svg(text: &str) -> String {
     let rows = modules(text);
     let mut path = String::new();
     for (y, row) in rows.iter().enumerate() {
@@ -36,7 +36,7 @@ pub(super) fn svg(text: &str) -> String {
 }
 
 /// A code for a terminal, two rows in a line: white is printed, so that it is right on black.
-pub(super) fn printed(text: &str) -> String {
+pub fn printed(text: &str) -> String {
     let mut lines = String::new();
     for rows in modules(text).chunks(2) {
         let below = |x: usize| rows.get(1).is_some_and(|row| row[x]);

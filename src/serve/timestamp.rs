@@ -4,12 +4,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 const DAY_S: u64 = 86_400;
 
-/// So many days ago: `2026-11-26T19:05:12Z`. Times in this form are in order as texts.
-pub(super) fn days_ago(days: f64) -> String {
-    let now_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some days")]
-    let ago_s = (days * DAY_S as f64) as u64;
-    rfc3339(now_s.saturating_sub(ago_s))
+/// The present: `2026-11-26T19:05:12Z`.
+pub(crate) fn now() -> String {
+    rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
 }
 
 fn rfc3339(since_1970_s: u64) -> String {
@@ -50,7 +47,5 @@ mod tests {
             assert_eq!(rfc3339(days * DAY_S), wanted);
         }
         assert_eq!(rfc3339(DAY_S - 1), "1970-01-01T23:59:59Z");
-        assert!(days_ago(1.0) < days_ago(0.5) && days_ago(0.5) < days_ago(0.0));
-        assert_eq!(days_ago(36_500.0), rfc3339(0), "no time before 1970");
     }
 }

@@ -3,12 +3,14 @@
 //! Times are in hundredths of a second of the flight, places in ten-thousandths of the photo's
 //! width and height, y down: whole numbers, of which a word has some kilobytes.
 
-use super::{Value, json};
-use crate::camera::Camera;
-use crate::light::{Lamp, LightSample};
-use crate::shoot::{Shot, writing};
 use nalgebra::Vector3;
+use serde_json::{Value, json};
+
+use noctograph_core::camera::Camera;
 use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::strokes::Glyph;
+use noctograph_picture::light::{Lamp, LightSample};
+use noctograph_studio::shoot::{Shot, writing};
 
 /// Time between two points of a stroke.
 const STEP_S: f64 = 0.08;
@@ -24,7 +26,7 @@ struct Stroke<'a> {
     rgb: [f64; 3],
 }
 
-pub(super) fn replay(shot: &Shot) -> Value {
+pub(crate) fn replay(shot: &Shot) -> Value {
     let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();
     for stroke in lamps.iter().flat_map(|lamp| strokes_of(lamp)) {
@@ -40,9 +42,9 @@ pub(super) fn replay(shot: &Shot) -> Value {
     }
     strokes.sort_by(|a, b| span_s(a)[0].total_cmp(&span_s(b)[0]));
     let open = [shot.camera.shutter_open_s, shot.camera.shutter_close_s];
-    let told: Vec<Value> = strokes.iter().filter_map(|it| told(it, shot, open)).collect();
+    let strokes: Vec<Value> = strokes.iter().filter_map(|it| stroke_json(it, shot, open)).collect();
     let end_s = shot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
-    json!({ "seconds": end_s, "strokes": told })
+    json!({ "seconds": end_s, "strokes": strokes })
 }
 
 /// The stretches of a lamp's path where it is lit.
@@ -68,8 +70,8 @@ fn span_s(stroke: &Stroke<'_>) -> [f64; 2] {
 }
 
 /// A stroke as it is sent; `None` outside of the picture, and while the shutter is closed.
-fn told(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) -> Option<Value> {
-    let mut at = Vec::new();
+fn stroke_json(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) -> Option<Value> {
+    let mut places = Vec::new();
     let mut next_s = f64::NEG_INFINITY;
     let [_, end_s] = span_s(stroke);
     let is_seen = |sample: &&&LightSample| (open_s..=close_s).contains(&sample.time_s);
@@ -80,7 +82,7 @@ fn told(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) -> Option
         next_s = sample.time_s + STEP_S;
         let [x, y] = image(&shot.camera, sample.position_m)?;
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
-        at.extend([(100.0 * sample.time_s).round() as i64, x, y]);
+        places.extend([(100.0 * sample.time_s).round() as i64, x, y]);
     }
     let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
@@ -90,7 +92,7 @@ fn told(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) -> Option
     let letter = shot.flights.get(flight).and_then(|flight| letter_at(flight, middle.time_s));
     let is_word = shot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_some());
     let letter = letter.filter(|_| is_word);
-    (!at.is_empty()).then(|| json!({ "rgb": rgb, "letter": letter, "at": at }))
+    (!places.is_empty()).then(|| json!({ "rgb": rgb, "letter": letter, "at": places }))
 }
 
 fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
@@ -107,11 +109,11 @@ fn image(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
 }
 
 /// The letters' boxes in the photo: left, top, right, bottom; none of a drawing.
-pub(super) fn boxes(shot: &Shot) -> Value {
+pub(crate) fn boxes(shot: &Shot) -> Value {
     let Some(strokes) = shot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return json!([]);
     };
-    let of = |glyph: &crate::strokes::Glyph| {
+    let corners = |glyph: &Glyph| {
         let cell = &glyph.cell;
         let [right_m, top_m] = [cell.left_m + cell.width_m, cell.baseline_m + cell.cap_height_m];
         let corner = |x_m: f64, z_m: f64| image(&shot.camera, Vector3::new(x_m, 0.0, z_m));
@@ -119,5 +121,5 @@ pub(super) fn boxes(shot: &Shot) -> Value {
         let [right, bottom] = corner(right_m, cell.baseline_m)?;
         Some([left, top, right, bottom])
     };
-    json!(strokes.glyphs.iter().map(of).collect::<Vec<_>>())
+    json!(strokes.glyphs.iter().map(corners).collect::<Vec<_>>())
 }
