@@ -40,7 +40,8 @@
 //! | `locate` | ranges → positions of two drones | `core`, `flying` |
 //! | `export` | Plan → files for drones and other programs | `core`, `flying` |
 //! | `studio` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`], [`study`], [`report`] | `core`, `export`, `flying`, `letters`, `logs`, `picture`, `score` |
-//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score`, `studio` |
+//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `picture`, `studio` |
+//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score`, `serve`, `studio` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
 //! Rules beside these dependencies:

@@ -41,10 +41,7 @@ pub(super) struct PreviewArgs {
     movie: Option<PathBuf>,
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
-    pub(super) report: bool,
-    /// The order that the report shows; `None`: as it was typed.
-    #[arg(skip)]
-    pub(super) command: Option<String>,
+    report: bool,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -78,11 +75,7 @@ impl PreviewArgs {
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     args.movie.as_deref().map_or(Ok(()), movie::check)?;
-    previewed(args, args.shoot()?)
-}
-
-/// Previews what is ready to fly.
-pub(super) fn previewed(args: &PreviewArgs, mut shoot: Shoot) -> Result<Report> {
+    let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
         shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
@@ -170,7 +163,7 @@ pub(super) fn previewed(args: &PreviewArgs, mut shoot: Shoot) -> Result<Report> 
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: mentioned,
-            command: &args.command.clone().unwrap_or_else(typed_command),
+            command: &typed_command(),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();

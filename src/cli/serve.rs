@@ -1,22 +1,20 @@
 //! `noctograph serve`: a page on which a word becomes a photo while one types or draws it.
 
 use std::ffi::OsString;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Parser;
 use noctograph_serve::{
-    Addresses, Download, Prepared, Program, ServerConfig, bring_files, printed_code, work,
+    Addresses, PreparedScene, Program, ServerConfig, bring_files, printed_code, work,
 };
 
-use super::preview::{self, PreviewArgs};
+use super::preview::PreviewArgs;
 use super::{
-    Args, CommandLine, Error, Output, Report, Result, Verb, export, line, message, print, refused,
-    shell_word, typefaces, warn,
+    Args, CommandLine, Error, Report, Result, Verb, export, line, message, print, refused,
+    typefaces, warn,
 };
-use crate::plan::Plan;
-use crate::report::plan_view;
 use crate::scene::Change;
 use crate::shoot::Shoot;
 use crate::study::remedies;
@@ -49,9 +47,6 @@ pub(super) struct ServeArgs {
     /// Open the page in the browser
     #[arg(long)]
     open: bool,
-    /// Serve the page's files from a folder, for work on them
-    #[arg(long, value_name = "DIR", hide = true)]
-    page_from: Option<PathBuf>,
     /// Make what a server asks for, on standard input
     #[arg(long, hide = true)]
     worker: bool,
@@ -62,7 +57,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
         worker,
         prepare,
         advice,
-        download,
+        script,
         typeface: typefaces::with,
         warn: |text| warn([text]),
     };
@@ -89,7 +84,6 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         network: args.network,
         open_wall: args.open_wall,
         brand: args.brand.clone(),
-        page_from: args.page_from.clone(),
     };
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses))
 }
@@ -130,47 +124,21 @@ fn preview_args(arguments: &[OsString]) -> Result<PreviewArgs> {
     }
 }
 
-fn prepare(arguments: &[OsString]) -> Result<Prepared> {
+fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     let args = preview_args(arguments)?;
-    Ok(Prepared { scene: args.ready(bring_files)?.scene, profile: args.profile() })
+    Ok(PreparedScene { scene: args.ready(bring_files)?.scene, profile: args.profile() })
 }
 
 fn advice(shoot: &Shoot) -> Result<Vec<(Vec<Change>, f64)>> {
     Ok(remedies(shoot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
 }
 
-/// Writes a download into a folder; returns why the flight is not safe if it is not.
-fn download(file: Download, arguments: &[OsString], folder: &Path) -> Result<Option<String>> {
+/// Writes the scripts of a flight into a folder, or returns why it is not safe.
+fn script(arguments: &[OsString], folder: &Path) -> Result<Option<String>> {
     let out = [OsString::from("-o"), folder.into()];
-    let arguments = [arguments, &out[..]].concat();
-    match file {
-        Download::Plan => {
-            let shoot = Shoot::named(preview_args(&arguments)?.ready(bring_files)?)?;
-            let plans: Vec<Plan> = shoot.plans.into_iter().map(|planned| planned.plan).collect();
-            let strokes = shoot.strokes.filter(|strokes| strokes.font.is_none());
-            let numbers = strokes.map_or_else(Vec::new, |strokes| strokes.numbers);
-            let word = if numbers.is_empty() { &*shoot.scene.word } else { "drawing" };
-            let svg = plan_view(&plans, word, &numbers);
-            let path = folder.join("plan.svg");
-            Output::create(&path)?.keep(|out| out.write_all(svg.as_bytes()))?;
-        }
-        Download::Report => {
-            let mut args = preview_args(&[&arguments[..], &["--backend=cpu".into()]].concat())?;
-            let shown = arguments[..arguments.len() - 2].iter();
-            let shown = shown.map(|word| " ".to_owned() + &shell_word(word.as_ref()));
-            args.report = true;
-            args.command = Some("noctograph preview".to_owned() + &shown.collect::<String>());
-            let shoot = Shoot::named(args.ready(bring_files)?)?;
-            preview::previewed(&args, shoot)?;
-        }
-        Download::Script => {
-            let Verb::Export(args) = parsed(&["export", "--to", "cflib"], &arguments)? else {
-                unreachable!("the verb is export");
-            };
-            return Ok(export::run(&args)?.json["stops"].as_str().map(str::to_owned));
-        }
-    }
-    Ok(None)
+    let verb = parsed(&["export", "--to", "cflib"], &[arguments, &out].concat())?;
+    let Verb::Export(args) = verb else { unreachable!("the verb is export") };
+    Ok(export::run(&args)?.json["stops"].as_str().map(str::to_owned))
 }
 
 /// Prints the addresses, and opens the page if asked to.

@@ -6,42 +6,29 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::address::secret;
-use super::gallery::{self, Gallery, Order, regular};
+use super::gallery::{self, Entry, Gallery, Order, State, regular};
 use super::messages::{Key, KeyResult};
 use super::photo_cache::CachedPhoto;
 use super::request::Subject;
-use super::timestamp::now;
 use noctograph_core::error::Result;
-use noctograph_export::stem;
 
 /// Most entries that wait: all, and those of an address.
 const MOST: usize = 1000;
 const MOST_OF_ADDRESS: usize = 500;
 /// Entries that an address may send at once, and the time after which it may send one more.
-const BURST: f64 = 10.0;
-const REFILL_S: f64 = 2.0;
+const BURST: f64 = 6.0;
+const REFILL_S: f64 = 5.0;
 /// Photos that the wall shows.
 const SHOWN: usize = 24;
 /// Longest wait for news.
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two flights, s: batteries, and the way back.
 const BETWEEN_S: f64 = 60.0;
-
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum State {
-    Waiting,
-    Approved,
-    Flying,
-    Flown,
-    Rejected,
-}
 
 /// What the operator does with an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
@@ -57,31 +44,6 @@ pub(crate) enum Act {
     /// Takes it down from the wall.
     Hide,
     Show,
-}
-
-/// An entry as its file has it.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Entry {
-    /// Secret name of its own page.
-    id: String,
-    /// Name on the wall, which leads to nothing else.
-    key: String,
-    pub(crate) number: u32,
-    /// The word; `None` for a drawing.
-    title: Option<String>,
-    /// When it was sent (RFC 3339).
-    made: String,
-    state: State,
-    #[serde(default)]
-    hidden: bool,
-    visitor: String,
-    /// The large photo that it was made of.
-    photo: String,
-    language: String,
-    /// `flight_s`, read, legible, reason, letters, stops, obstacles.
-    #[serde(rename = "found")]
-    figures: Value,
 }
 
 #[derive(Debug)]
@@ -387,45 +349,6 @@ impl Stored {
     }
 }
 
-impl Entry {
-    fn new(photo: &CachedPhoto, language: &str, number: u32) -> Result<Self> {
-        let figures = photo.figures();
-        let kept = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
-        Ok(Self {
-            id: secret()?,
-            key: secret()?,
-            number,
-            title: photo.subject.title().map(str::to_owned),
-            made: now(),
-            state: State::Waiting,
-            hidden: false,
-            visitor: photo.visitor.clone(),
-            photo: photo.id.clone(),
-            language: language.to_owned(),
-            figures: kept.into_iter().map(|name| (name, figures[name].clone())).collect(),
-        })
-    }
-
-    fn for_operator(&self) -> Value {
-        let mut json = json!({
-            "id": self.id, "number": self.number, "title": self.title, "made": self.made,
-            "state": self.state, "hidden": self.hidden,
-            // Enough to tell visitors apart.
-            "visitor": self.visitor.get(..4),
-        });
-        let own = json.as_object_mut().expect("it is an object");
-        for (name, value) in self.figures.as_object().into_iter().flatten() {
-            own.entry(name).or_insert_with(|| value.clone());
-        }
-        json
-    }
-
-    /// The name of its folder: `0012-NOOR`.
-    pub(crate) fn folder_name(&self) -> String {
-        format!("{:04}-{}", self.number, stem(self.title.as_deref().unwrap_or_default()))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -438,11 +361,11 @@ mod tests {
             let now = begun + Duration::from_secs_f64(after_s);
             (0..n).filter(|_| senders.admit(address, now)).count()
         };
-        assert_eq!(admitted(here, 0.0, 99), 10);
+        assert_eq!(admitted(here, 0.0, 99), 6);
         assert_eq!(admitted(there, 0.0, 3), 3, "others are not held up");
-        assert_eq!([admitted(here, 1.9, 9), admitted(here, 2.0, 9)], [0, 1]);
-        assert_eq!(admitted(here, 12.0, 9), 5);
-        assert_eq!(admitted(here, 1e4, 99), 10);
+        assert_eq!([admitted(here, 4.9, 9), admitted(here, 5.0, 9)], [0, 1]);
+        assert_eq!(admitted(here, 20.0, 9), 3);
+        assert_eq!(admitted(here, 1e4, 99), 6);
         assert_eq!(senders.0.len(), 1, "who has sent nothing of late is forgotten");
     }
 }

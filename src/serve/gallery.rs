@@ -11,13 +11,16 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use super::entries::Entry;
+use super::address::secret;
 use super::photo_cache::CachedPhoto;
 use super::render::{JPEG, PNG, REPLAY, SCENE};
 use super::request::Subject;
+use super::timestamp::now;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output, entries_in, folder_in};
+use noctograph_export::stem;
 
 const ENTRY: &str = "entry.json";
 const SUBJECT: &str = "wish.json";
@@ -29,6 +32,41 @@ const KEPT: [&str; 4] = [PNG, JPEG, REPLAY, SCENE];
 
 /// Greatest number of an entry: a folder above it was put there by hand.
 const MAX_NUMBER: u32 = 999_999_999;
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum State {
+    Waiting,
+    Approved,
+    Flying,
+    Flown,
+    Rejected,
+}
+
+/// An entry as its file has it.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Entry {
+    /// Secret name of its own page.
+    pub(crate) id: String,
+    /// Name on the wall, which leads to nothing else.
+    pub(crate) key: String,
+    pub(crate) number: u32,
+    /// The word; `None` for a drawing.
+    pub(crate) title: Option<String>,
+    /// When it was sent (RFC 3339).
+    pub(crate) made: String,
+    pub(crate) state: State,
+    #[serde(default)]
+    pub(crate) hidden: bool,
+    pub(crate) visitor: String,
+    /// The large photo that it was made of.
+    pub(crate) photo: String,
+    pub(crate) language: String,
+    /// `flight_s`, read, legible, reason, letters, stops, obstacles.
+    #[serde(rename = "found")]
+    pub(crate) figures: Value,
+}
 
 /// Order of flight and whether entries are taken, as the file has it.
 #[derive(Debug, Default, Deserialize, Serialize)]
@@ -106,6 +144,45 @@ impl Gallery {
             }
             return Ok(folder);
         }
+    }
+}
+
+impl Entry {
+    pub(crate) fn new(photo: &CachedPhoto, language: &str, number: u32) -> Result<Self> {
+        let figures = photo.figures();
+        let kept = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
+        Ok(Self {
+            id: secret()?,
+            key: secret()?,
+            number,
+            title: photo.subject.title().map(str::to_owned),
+            made: now(),
+            state: State::Waiting,
+            hidden: false,
+            visitor: photo.visitor.clone(),
+            photo: photo.id.clone(),
+            language: language.to_owned(),
+            figures: kept.into_iter().map(|name| (name, figures[name].clone())).collect(),
+        })
+    }
+
+    pub(crate) fn for_operator(&self) -> Value {
+        let mut json = json!({
+            "id": self.id, "number": self.number, "title": self.title, "made": self.made,
+            "state": self.state, "hidden": self.hidden,
+            // Enough to tell visitors apart.
+            "visitor": self.visitor.get(..4),
+        });
+        let own = json.as_object_mut().expect("it is an object");
+        for (name, value) in self.figures.as_object().into_iter().flatten() {
+            own.entry(name).or_insert_with(|| value.clone());
+        }
+        json
+    }
+
+    /// The name of its folder: `0012-NOOR`.
+    fn folder_name(&self) -> String {
+        format!("{:04}-{}", self.number, stem(self.title.as_deref().unwrap_or_default()))
     }
 }
 

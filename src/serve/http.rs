@@ -1,16 +1,15 @@
 //! Connections and answers, on hyper: a connection is a task, has one request, and ends with it.
 //!
-//! A silent client is closed by a timeout, and one that reads slowly by the size of its answer.
-//! Where all places are taken, the oldest connection of the address that has most gives way, unless
-//! its request is being worked on: a stranger who opens many connections locks nobody out.
+//! A silent client is closed by a timeout, and one that reads slowly costs a task. Where all places
+//! are taken, the oldest connection of the address that has most gives way, unless its request is
+//! being worked on: a stranger who opens many connections locks nobody out.
 
 use std::convert::Infallible;
 use std::fs::File;
-use std::future::poll_fn;
 use std::io::Read;
 use std::net::IpAddr;
 use std::path::Path;
-use std::pin::{Pin, pin};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
@@ -23,12 +22,9 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde_json::Value;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::oneshot;
+use tokio::net::TcpListener;
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
-
-use super::routes::Server;
 
 /// Most connections at a time: forty browsers with six each.
 const MAX_CONNECTIONS: usize = 256;
@@ -37,13 +33,11 @@ const MAX_HEAD: usize = 16 << 10;
 const MAX_FIELDS: usize = 64;
 /// Longest body: a drawing.
 pub(crate) const MAX_BODY: usize = 256 << 10;
-/// Time within which the head and the body of a request must be here, each, and least time for an
-/// answer to be taken.
+/// Time within which the head and the body of a request must be here, each.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// Least rate at which an answer must be taken: a photo of 2.5 MB within 30 s.
-const LEAST_BYTES_S: u64 = 100_000;
-/// What is read, and how long in all, of a body that was refused: a connection that is closed on
-/// unread bytes may lose its answer.
+/// Longest time of a connection: what an evening's scripts take, or the slowest reader.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
+/// What is read, and how long in all, of a body that was refused.
 const MAX_REFUSED_BODY: usize = 1 << 20;
 const REFUSED_TIMEOUT: Duration = Duration::from_millis(500);
 /// What is read of a file at a time.
@@ -67,8 +61,15 @@ struct Connection {
     task: AbortHandle,
 }
 
-/// Accepts connections for ever.
-pub(crate) async fn accept(listener: TcpListener, server: Arc<Server>) -> Infallible {
+/// A request with its sender, and whether it is being worked on.
+pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
+
+/// Accepts connections for ever, and has their requests answered.
+pub(crate) async fn accept<F, R>(listener: TcpListener, answer: F) -> Infallible
+where
+    F: Fn(Arrival) -> R + Clone + Send + 'static,
+    R: Future<Output = Reply> + Send + 'static,
+{
     let mut connections: Vec<Connection> = Vec::new();
     loop {
         let Ok((stream, address)) = listener.accept().await else {
@@ -82,8 +83,22 @@ pub(crate) async fn accept(listener: TcpListener, server: Arc<Server>) -> Infall
             connections.remove(index).task.abort();
         }
         let (peer, is_working) = (address.ip(), Arc::new(AtomicBool::new(false)));
-        let serving = serve(stream, peer, server.clone(), is_working.clone());
-        let task = tokio::spawn(serving).abort_handle();
+        let (answer, working) = (answer.clone(), is_working.clone());
+        let service = service_fn(move |request| {
+            let reply = answer((peer, request, working.clone()));
+            async { Ok::<_, Infallible>(reply.await) }
+        });
+        // Without it the end of an answer waits for a sign that its beginning has arrived.
+        let _ = stream.set_nodelay(true);
+        let connection = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(REQUEST_TIMEOUT)
+            .max_buf_size(MAX_HEAD)
+            .max_headers(MAX_FIELDS)
+            .keep_alive(false)
+            .title_case_headers(true)
+            .serve_connection(TokioIo::new(stream), service);
+        let task = tokio::spawn(timeout(CONNECTION_TIMEOUT, connection)).abort_handle();
         connections.push(Connection { peer, is_working, task });
     }
 }
@@ -96,65 +111,20 @@ fn gives_way(connections: &[Connection]) -> Option<usize> {
     idle.rev().max_by_key(|(_, it)| n_of(it.peer)).map(|(index, _)| index)
 }
 
-/// Answers the request of a connection.
-async fn serve(stream: TcpStream, peer: IpAddr, server: Arc<Server>, is_working: Arc<AtomicBool>) {
-    // Without it the end of an answer waits for the client's acknowledgement of its beginning.
-    let _ = stream.set_nodelay(true);
-    let (answered, answer) = oneshot::channel();
-    let answered = std::sync::Mutex::new(Some(answered));
-    let service = service_fn(|request: hyper::Request<Incoming>| {
-        let (server, is_working, answered) = (server.clone(), &is_working, &answered);
-        async move {
-            let reply = respond(&server, peer, request, is_working).await;
-            let length = reply.body().size_hint().exact().unwrap_or_default();
-            let time = REQUEST_TIMEOUT + Duration::from_secs(length / LEAST_BYTES_S);
-            let answered = answered.lock().ok().and_then(|mut answered| answered.take());
-            let _ = answered.map(|answered| answered.send(time));
-            Ok::<_, Infallible>(reply)
-        }
-    });
-    let connection = http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(REQUEST_TIMEOUT)
-        .max_buf_size(MAX_HEAD)
-        .max_headers(MAX_FIELDS)
-        .keep_alive(false)
-        .title_case_headers(true)
-        .serve_connection(TokioIo::new(stream), service);
-    let (mut connection, mut late) = (
-        pin!(connection),
-        pin!(async {
-            match answer.await {
-                Ok(time) => sleep(time).await,
-                Err(_) => std::future::pending().await,
-            }
-        }),
-    );
-    poll_fn(|context| match connection.as_mut().poll(context) {
-        Poll::Ready(_) => Poll::Ready(()),
-        Poll::Pending => late.as_mut().poll(context),
-    })
-    .await;
+/// Reads a body that is at most [`MAX_BODY`] long.
+pub(crate) async fn read(body: Incoming) -> HttpResult<Bytes> {
+    let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
+    let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
+    Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
 }
 
-async fn respond(
-    server: &Arc<Server>,
-    peer: IpAddr,
-    request: hyper::Request<Incoming>,
-    is_working: &AtomicBool,
-) -> Reply {
-    let (head, body) = request.into_parts();
-    let reply = match server.access.admit(&head, peer) {
-        Ok(mut admitted) => match read(body, &mut admitted.body).await {
-            Ok(()) => server.answer(admitted, is_working).await,
-            Err(error) => Reply::from(error),
-        },
-        Err(error) => {
-            let refused = Limited::new(body, MAX_REFUSED_BODY).collect();
-            let _ = timeout(REFUSED_TIMEOUT, refused).await;
-            Reply::from(error)
-        }
-    };
+/// Reads a body that was refused: a connection that is closed on unread bytes may lose its answer.
+pub(crate) async fn skip(body: Incoming) {
+    let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
+}
+
+/// Adds the fields that every answer has.
+pub(crate) fn finished(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
         _ => reply,
@@ -162,15 +132,6 @@ async fn respond(
     let reply = with_field(reply, "X-Content-Type-Options", "nosniff");
     let reply = with_field(reply, "Cross-Origin-Resource-Policy", "same-origin");
     with_field(reply, "Referrer-Policy", "no-referrer")
-}
-
-/// Reads the body of a request that has one.
-async fn read(body: Incoming, into: &mut Option<Bytes>) -> HttpResult<()> {
-    let Some(into) = into else { return Ok(()) };
-    let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
-    let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
-    *into = read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes();
-    Ok(())
 }
 
 /// What is sent: bytes, or a file, so that what a slow reader takes does not wait in memory.

@@ -1,10 +1,10 @@
 //! Serve: a page on which a word becomes a photo while one types or draws it, and from which it is
 //! sent to be flown.
 //!
-//! A connection comes in by [`http`], and its request is admitted by [`access`]; [`routes`] answer
-//! it, and those of the [`operator`]. A photo is a [`request`], waits in a [`queue`], and is made by
-//! a [`worker`], which [`render`]s it; large photos are kept in a [`photo_cache`] for a while, and
-//! in [`entries`] of a [`gallery`] for good. The page itself is the folder `page`.
+//! A connection comes in by `http`, and its request is admitted by `access`; `routes` answer it,
+//! and those of the `operator`. A photo is a `request`, waits in a `queue`, and is made by a
+//! `worker`, which `render`s it; large photos are kept in a `photo_cache` for a while, and in
+//! `entries` of a `gallery` for good. The page itself is the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -14,8 +14,6 @@ use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-
-use serde::{Deserialize, Serialize};
 
 use access::Access;
 use address::{Address, own_ip};
@@ -56,20 +54,9 @@ pub use worker::work;
 /// Most threads for what waits for the disk.
 const DISK_THREADS: usize = 8;
 
-/// A file that is made when it is asked for.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
-pub enum Download {
-    /// `plan.svg`: the drawing of the plans.
-    Plan,
-    /// `report.html`: one page with everything.
-    Report,
-    /// The scripts that fly it, with what they need.
-    Script,
-}
-
 /// A scene that is ready to be planned, and what its flight is checked against.
 #[derive(Clone, Debug)]
-pub struct Prepared {
+pub struct PreparedScene {
     /// The scene, with its word or drawing.
     pub scene: Scene,
     /// Limits of the flight.
@@ -82,11 +69,11 @@ pub struct Program {
     /// Starts the program as a worker, in which [`work`] runs.
     pub worker: fn() -> std::io::Result<Command>,
     /// The scene of some arguments, with its files brought by [`bring_files`].
-    pub prepare: fn(&[OsString]) -> Result<Prepared>,
+    pub prepare: fn(&[OsString]) -> Result<PreparedScene>,
     /// Changes that help where a word does not read, and how much its probability grows by each.
     pub advice: fn(&Shoot) -> Result<Vec<(Vec<Change>, f64)>>,
-    /// Writes a file, or several, into a folder; returns why the flight is not safe if it is not.
-    pub download: fn(Download, &[OsString], &Path) -> Result<Option<String>>,
+    /// Writes the scripts that fly it into a folder, or returns why the flight is not safe.
+    pub script: fn(&[OsString], &Path) -> Result<Option<String>>,
     /// File of a typeface of this machine that has all of some letters.
     pub typeface: fn(&[char]) -> Option<PathBuf>,
     /// Prints a warning for the host.
@@ -95,7 +82,6 @@ pub struct Program {
 
 /// How the page is served.
 #[derive(Clone, Debug)]
-#[expect(clippy::struct_excessive_bools, reason = "switches of the host")]
 pub struct ServerConfig {
     /// The scene that the controls begin with.
     pub scene: Scene,
@@ -111,8 +97,6 @@ pub struct ServerConfig {
     pub open_wall: bool,
     /// Folder of the host's words and logo.
     pub brand: Option<PathBuf>,
-    /// Folder of the page's files in place of the program's own.
-    pub page_from: Option<PathBuf>,
 }
 
 /// Addresses of the pages on this machine, and of those that its network sees.
@@ -166,7 +150,6 @@ pub fn serve(
         access: Access { address, network: config.network },
         brand,
         scene: config.scene,
-        page_from: config.page_from,
         ip: outside.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
         boot: address::secret()?,
         live,
@@ -190,7 +173,8 @@ fn run(listener: TcpListener, server: Server) -> Result<()> {
     runtime.block_on(async {
         listener.set_nonblocking(true).map_err(no_thread)?;
         let listener = tokio::net::TcpListener::from_std(listener).map_err(no_thread)?;
-        match http::accept(listener, Arc::new(server)).await {}
+        let server = Arc::new(server);
+        match http::accept(listener, move |arrival| server.clone().answer(arrival)).await {}
     })
 }
 

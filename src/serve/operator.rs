@@ -3,13 +3,13 @@
 use serde_json::{Value, json};
 
 use super::access::Request;
+use super::address;
 use super::http::{self, Reply};
 use super::messages::{Key, KeyResult, Message};
 use super::queue::Outcome;
 use super::render::{JPEG, PNG, REPLAY};
 use super::request::Task;
 use super::routes::{NamedFiles, Posted, Server, archive, files_of, sent};
-use super::{Download, address};
 use noctograph_export::stem;
 
 impl Server {
@@ -73,7 +73,7 @@ impl Server {
             let outcome = match subject {
                 None => Outcome::Failed(Key::Broken.into()),
                 Some(subject) => {
-                    let task = Task::Download(Download::Script, subject);
+                    let task = Task::Script(subject);
                     self.operator.ask(&export, task).ok_or(Key::Busy)?.outcome().await
                 }
             };

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use super::messages::{JobResult, Message};
 use super::replay::{boxes, replay};
 use super::request::{Subject, Task};
-use super::{Download, Prepared, Program};
+use super::{PreparedScene, Program};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Output;
 use noctograph_core::geometry::{bounds, simplify};
@@ -63,7 +63,7 @@ type Made = std::result::Result<Value, Message>;
 /// A subject that can be planned.
 struct Drawn {
     arguments: Vec<OsString>,
-    prepared: Prepared,
+    prepared: PreparedScene,
     strokes: Strokes,
 }
 
@@ -78,7 +78,7 @@ impl Renderer {
         let made = match task {
             Task::Live(subject) => self.live(subject, n_waiting, stop)?,
             Task::Large(subject, advice) => self.large(subject, *advice, stop)?,
-            Task::Download(file, subject) => self.download(*file, subject)?,
+            Task::Script(subject) => self.script(subject)?,
         };
         Ok(match made {
             Ok(value) => JobResult::Done(to_raw_value(&value).expect("it is plain data")),
@@ -86,11 +86,11 @@ impl Renderer {
         })
     }
 
-    /// A word of which the scene's font lacks a letter is written in a typeface of this machine
-    /// that has all of them.
-    fn draw(&mut self, subject: &Subject, pixels: f64) -> Result<Drawn> {
+    /// The strokes of a subject, whose photo has about as many pixels. A word of which the scene's
+    /// font lacks a letter is written in a typeface of this machine that has all of them.
+    fn draw(&mut self, subject: &Subject, pixels: Option<f64>) -> Result<Drawn> {
         let mut arguments = subject.arguments()?;
-        arguments.push(subject.size(pixels).into());
+        arguments.extend(pixels.map(|pixels| subject.size(pixels).into()));
         let mut prepared = (self.program.prepare)(&arguments)?;
         let strokes = match (prepared.scene.strokes(), subject.title()) {
             (Err(lacks @ Error::Letter { .. }), Some(word)) => {
@@ -121,7 +121,7 @@ impl Renderer {
             1..CROWD => SHARED,
             _ => CROWDED,
         };
-        let Drawn { prepared, strokes, .. } = self.draw(subject, pixels)?;
+        let Drawn { prepared, strokes, .. } = self.draw(subject, Some(pixels))?;
         let source = source(&strokes);
         let shoot = match Shoot::of_strokes(prepared.scene, strokes) {
             Ok(shoot) => shoot,
@@ -147,7 +147,7 @@ impl Renderer {
 
     /// The large photo, with what stops its flight and, where it does not read, what helps.
     fn large(&mut self, subject: &Subject, advice: bool, stop: &Stop) -> Result<Made> {
-        let Drawn { prepared, strokes, .. } = self.draw(subject, LARGE)?;
+        let Drawn { prepared, strokes, .. } = self.draw(subject, Some(LARGE))?;
         let shoot = Shoot::of_strokes(prepared.scene, strokes)?;
         let shot = taken(&shoot, Judging::Scored, Some(Format::Png), stop)?;
         let findings = inspect(&shoot, &shot.flights, &prepared.profile)?;
@@ -173,9 +173,9 @@ impl Renderer {
         Ok(Ok(json))
     }
 
-    fn download(&mut self, file: Download, subject: &Subject) -> Result<Made> {
-        let Drawn { arguments, .. } = self.draw(subject, LARGE)?;
-        let Some(stops) = (self.program.download)(file, &arguments, OUT.as_ref())? else {
+    fn script(&mut self, subject: &Subject) -> Result<Made> {
+        let Drawn { arguments, .. } = self.draw(subject, None)?;
+        let Some(stops) = (self.program.script)(&arguments, OUT.as_ref())? else {
             return Ok(Ok(Value::Null));
         };
         let stop = json!({ "key": "stop-export", "values": {}, "text": stops, "hint": "" });

@@ -13,7 +13,6 @@ use image::{ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::Download;
 use super::messages::{Key, Message};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Output;
@@ -50,7 +49,7 @@ const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 struct Posted {
     visitor: String,
     number: Option<u64>,
-    #[serde(default = "yes")]
+    #[serde(default)]
     advice: bool,
     #[serde(default)]
     word: String,
@@ -59,10 +58,6 @@ struct Posted {
     #[serde(default)]
     settings: BTreeMap<String, String>,
     aspect: Option<f64>,
-}
-
-fn yes() -> bool {
-    true
 }
 
 /// A photo that a visitor asks for.
@@ -97,14 +92,14 @@ pub(crate) enum Task {
     Live(Subject),
     /// The large photo, with advice or without.
     Large(Subject, bool),
-    /// A file that is made when it is asked for.
-    Download(Download, Subject),
+    /// The scripts that fly it, with what they need.
+    Script(Subject),
 }
 
 impl Task {
     pub(crate) fn subject(&self) -> &Subject {
         match self {
-            Self::Live(subject) | Self::Large(subject, _) | Self::Download(_, subject) => subject,
+            Self::Live(subject) | Self::Large(subject, _) | Self::Script(subject) => subject,
         }
     }
 }
@@ -174,7 +169,7 @@ impl PhotoRequest {
         if let Some(key) = lacks(KEYS) {
             return refused(format!("the setting {key}"));
         }
-        if is_kiosk && (room.is_some() || lacks(KIOSK_KEYS).is_some()) {
+        if is_kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
             return Err(Key::NotHere.into());
         }
         if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
@@ -189,7 +184,7 @@ impl PhotoRequest {
             return refused(format!("the proportions {aspect}"));
         }
         let subject = Subject { word, drawing, room, settings, aspect };
-        Ok(Self { visitor, number, advice: advice && !is_kiosk, subject })
+        Ok(Self { visitor, number, advice, subject })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::de::DeserializeOwned;
@@ -11,14 +11,14 @@ use serde_json::{Map, Value, json};
 use super::access::{Access, Base, Request};
 use super::brand::Brand;
 use super::entries::Entries;
-use super::http::{self, MAX_BODY, Reply, with_field, with_status};
+use super::http::{self, Arrival, MAX_BODY, Reply, with_field, with_status};
 use super::messages::{Key, KeyResult, Message};
 use super::page::FILES;
 use super::photo_cache::{CachedPhoto, PhotoCache};
 use super::queue::{Outcome, Queue, RequestNumbers};
-use super::render::{JPEG, OUT, PNG, REPLAY};
+use super::render::{JPEG, OUT, PNG, REPLAY, SCENE};
 use super::request::{MAX_WORD, PhotoRequest, Task, is_name};
-use super::{Download, address, qr};
+use super::{address, qr};
 use noctograph_core::files::{Limit, files_in};
 use noctograph_export::zip::zip;
 use noctograph_picture::light::{LightOptions, color_led_wrgb, ring_rgb};
@@ -27,7 +27,7 @@ use noctograph_studio::scene::Scene;
 /// Files of an archive: their names and bytes.
 pub(crate) type NamedFiles = Vec<(String, Vec<u8>)>;
 
-/// A file of a script, or of the page while one works on it.
+/// A file of a script.
 const FILE: Limit = Limit { bytes: 64 << 20, what: "a file of an entry", hint: "remove it" };
 
 /// What answers the requests.
@@ -37,8 +37,6 @@ pub(crate) struct Server {
     pub(crate) brand: Brand,
     /// Values that the controls begin with.
     pub(crate) scene: Scene,
-    /// Folder of the page's files in place of the program's own.
-    pub(crate) page_from: Option<PathBuf>,
     /// This machine, as visitors see it.
     pub(crate) ip: IpAddr,
     /// Name of this run of the program.
@@ -58,16 +56,31 @@ pub(crate) struct Server {
 
 impl Server {
     /// Answers a request; a connection whose request is being worked on gives way to no other.
-    pub(crate) async fn answer(
-        self: &Arc<Self>,
-        request: Request,
-        is_working: &AtomicBool,
-    ) -> Reply {
-        let is_news = request.route == "news";
-        is_working.store(request.base == Base::Operator || !is_news, Ordering::Relaxed);
-        let reply = self.route(request).await.unwrap_or_else(Reply::from);
-        is_working.store(false, Ordering::Relaxed);
-        reply
+    pub(crate) async fn answer(self: Arc<Self>, (peer, request, working): Arrival) -> Reply {
+        let (head, body) = request.into_parts();
+        let reply = match self.access.admit(&head, peer) {
+            Ok(mut request) => {
+                let read = match &request.body {
+                    Some(_) => http::read(body).await.map(Some),
+                    None => Ok(None),
+                };
+                let waits = request.route == "news" && request.base != Base::Operator;
+                working.store(!waits, Ordering::Relaxed);
+                match read {
+                    Ok(body) => {
+                        request.body = body;
+                        self.route(request).await.unwrap_or_else(Reply::from)
+                    }
+                    Err(error) => error.into(),
+                }
+            }
+            Err(error) => {
+                http::skip(body).await;
+                error.into()
+            }
+        };
+        working.store(false, Ordering::Relaxed);
+        http::finished(reply)
     }
 
     async fn route(self: &Arc<Self>, request: Request) -> KeyResult<Reply> {
@@ -134,17 +147,9 @@ impl Server {
             Base::Entry(_) => "entry.html",
         };
         let name = if request.route.is_empty() { first } else { &request.route };
-        let reply = match &self.page_from {
-            Some(folder) if !name.contains("..") => {
-                let text = FILE.read_text(&folder.join(name)).map_err(|_cause| Key::Closed)?;
-                http::whole(kind_of(name), text)
-            }
-            _ => {
-                let (_, text) =
-                    FILES.iter().find(|(known, _)| *known == name).ok_or(Key::Closed)?;
-                http::marked(kind_of(name), text, &self.mark, request.known_mark.as_deref())
-            }
-        };
+        let (_, text) = FILES.iter().find(|(known, _)| *known == name).ok_or(Key::Closed)?;
+        let known = request.known_mark.as_deref();
+        let reply = http::marked(kind_of(name), text, &self.mark, known);
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
@@ -255,33 +260,23 @@ impl Server {
         name: &str,
         request: &Request,
     ) -> KeyResult<Reply> {
-        let (file, kind) = match name {
+        match name {
             JPEG => return sent(Some(photo.file(name))),
             _ if request.base == Base::Kiosk => return Err(Key::NotHere),
             PNG => return sent(Some(photo.file(name))),
-            "plan.svg" => (Download::Plan, SVG),
-            "report.html" => (Download::Report, "text/html; charset=utf-8"),
-            "flight.zip" if request.is_home() => (Download::Script, ZIP),
-            "flight.zip" => return Err(Key::NotHere),
+            SCENE | "flight.zip" if !request.is_home() => return Err(Key::NotHere),
+            SCENE => return sent(Some(photo.file(name))),
+            "flight.zip" => {}
             _ => return Err(Key::Closed),
-        };
-        if file == Download::Script {
-            let stops = photo.figures()["stops"].take();
-            if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
-                return Ok(Message::of_stops(&stops).into());
-            }
         }
-        // A place of its own: a download ends no photo, and another download of it does.
-        let task = Task::Download(file, photo.subject.clone());
-        let mut ticket = self.large.ask(&format!("{}/{name}", photo.id), task).ok_or(Key::Busy)?;
-        match ticket.outcome().await {
-            Outcome::Made(_, folder) if file == Download::Script => {
-                Ok(archive(&files_of(folder.path())?))
-            }
-            Outcome::Made(_, folder) => {
-                let reply = http::file(kind, &folder.path().join(OUT).join(name));
-                Ok(drawing(reply.map_err(|_cause| Key::Broken)?))
-            }
+        let stops = photo.figures()["stops"].take();
+        if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
+            return Ok(Message::of_stops(&stops).into());
+        }
+        // A place of its own: a script ends no photo, and another script of the photo does.
+        let task = Task::Script(photo.subject.clone());
+        match self.large.ask(&photo.id, task).ok_or(Key::Busy)?.outcome().await {
+            Outcome::Made(_, folder) => Ok(archive(&files_of(folder.path())?)),
             Outcome::Failed(message) => Ok(message.into()),
             Outcome::Stopped => Err(Key::Busy),
         }
@@ -335,21 +330,20 @@ impl Posted {
 }
 
 const SVG: &str = "image/svg+xml";
-const ZIP: &str = "application/zip";
 
 /// The page asks nobody else for anything, and runs no script but its files.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' \
                       data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
-/// A drawing or a report that is opened by itself runs no script and asks for nothing.
+/// A drawing that is opened by itself runs no script and asks for nothing.
 fn drawing(reply: Reply) -> Reply {
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox";
     with_field(reply, "Content-Security-Policy", policy)
 }
 
 pub(crate) fn archive(files: &NamedFiles) -> Reply {
-    http::whole(ZIP, zip(files))
+    http::whole("application/zip", zip(files))
 }
 
 fn kind_of(name: &str) -> &'static str {
@@ -358,7 +352,6 @@ fn kind_of(name: &str) -> &'static str {
         "css" => "text/css; charset=utf-8",
         "js" => "text/javascript; charset=utf-8",
         "json" => "application/json",
-        "svg" => SVG,
         "png" => "image/png",
         "jpg" => "image/jpeg",
         _ => "text/plain; charset=utf-8",

@@ -36,27 +36,17 @@ const LARGE_TIMEOUT: Duration = Duration::from_secs(60);
 /// Longest line of a worker: a photo of 2.5 megapixels in base64.
 const MAX_LINE: u64 = 32 << 20;
 
-/// A line to a worker.
+/// A line to a worker, which has one job at a time and answers it with a line.
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Order {
     Make {
-        number: u64,
         task: Task,
         folder: PathBuf,
         /// How many wait behind it.
         n_waiting: usize,
     },
-    Stop {
-        number: u64,
-    },
-}
-
-/// A line of a worker.
-#[derive(Debug, Deserialize, Serialize)]
-struct Answer {
-    number: u64,
-    result: JobResult,
+    Stop,
 }
 
 /// A worker's place at a queue, whose process is started with its first job.
@@ -67,14 +57,13 @@ pub(crate) struct WorkerSlot {
     /// Where folders for jobs are made.
     scratch: PathBuf,
     worker: Option<Worker>,
-    n_jobs: u64,
 }
 
 impl WorkerSlot {
     /// Starts a thread that does the jobs of a queue, one after another, for ever.
     pub(crate) fn start(queue: &Arc<Queue>, program: Program, scratch: &Path) -> Result<()> {
         let (queue, scratch) = (queue.clone(), scratch.to_owned());
-        let mut slot = Self { queue, program, scratch, worker: None, n_jobs: 0 };
+        let mut slot = Self { queue, program, scratch, worker: None };
         let work = move || loop {
             let (job, n_waiting) = slot.queue.next();
             let outcome = slot.make(&job, n_waiting);
@@ -91,12 +80,10 @@ impl WorkerSlot {
             self.worker = Worker::start(self.program).ok();
         }
         let Some(worker) = &mut self.worker else { return Outcome::Failed(Key::Busy.into()) };
-        self.n_jobs += 1;
-        let result =
-            worker.make(self.n_jobs, job, folder.path(), n_waiting).unwrap_or_else(|end| {
-                self.worker = None;
-                end
-            });
+        let result = worker.make(job, folder.path(), n_waiting).unwrap_or_else(|end| {
+            self.worker = None;
+            end
+        });
         match result {
             JobResult::Done(value) => Outcome::Made(value, Arc::new(folder)),
             JobResult::Failed(message) => Outcome::Failed(message),
@@ -110,7 +97,7 @@ impl WorkerSlot {
 struct Worker {
     child: Child,
     orders: ChildStdin,
-    answers: Receiver<Answer>,
+    answers: Receiver<JobResult>,
 }
 
 impl Worker {
@@ -139,26 +126,25 @@ impl Worker {
     /// Makes something; `Err` is what is answered where the worker has to be ended.
     fn make(
         &mut self,
-        number: u64,
         job: &Job,
         folder: &Path,
         n_waiting: usize,
     ) -> std::result::Result<JobResult, JobResult> {
         let (task, folder) = (job.task.clone(), folder.into());
         let timeout = if matches!(task, Task::Live(_)) { LIVE_TIMEOUT } else { LARGE_TIMEOUT };
-        self.order(&Order::Make { number, task, folder, n_waiting })?;
+        self.order(&Order::Make { task, folder, n_waiting })?;
         let begun = Instant::now();
         let mut stopped: Option<Instant> = None;
         loop {
             match self.answers.recv_timeout(POLL) {
-                Ok(answer) if answer.number == number => return Ok(answer.result),
+                Ok(result) => return Ok(result),
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(JobResult::Failed(Key::TooLarge.into()));
                 }
-                Ok(_) | Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Timeout) => {}
             }
             if job.stop.check().is_err() && stopped.is_none() {
-                self.order(&Order::Stop { number })?;
+                self.order(&Order::Stop)?;
                 stopped = Some(Instant::now());
             }
             if stopped.is_some_and(|stopped| stopped.elapsed() > STOP_TIMEOUT) {
@@ -192,7 +178,7 @@ impl Drop for Worker {
 /// [`Error::Infeasible`] without a thread.
 pub fn work(program: Program) -> Result<()> {
     limit_memory();
-    let running = Arc::new(Mutex::new((0, Stop::default())));
+    let running = Arc::new(Mutex::new(Stop::default()));
     let (orders, jobs) = channel();
     let newest = running.clone();
     let listening = std::thread::Builder::new().spawn(move || {
@@ -200,11 +186,10 @@ pub fn work(program: Program) -> Result<()> {
         for order in lines.map_while(|line| serde_json::from_str(&line).ok()) {
             let mut running = newest.lock().unwrap_or_else(PoisonError::into_inner);
             match order {
-                Order::Stop { number } if number == running.0 => running.1.now(),
-                Order::Stop { .. } => {}
-                Order::Make { number, task, folder, n_waiting } => {
-                    *running = (number, Stop::default());
-                    let _ = orders.send((number, task, folder, n_waiting, running.1.clone()));
+                Order::Stop => running.now(),
+                Order::Make { task, folder, n_waiting } => {
+                    *running = Stop::default();
+                    let _ = orders.send((task, folder, n_waiting, running.clone()));
                 }
             }
         }
@@ -214,7 +199,7 @@ pub fn work(program: Program) -> Result<()> {
     listening.map_err(no_thread)?;
     let mut renderer = Renderer::new(program);
     let mut is_patient = false;
-    for (number, task, folder, n_waiting, stop) in jobs {
+    for (task, folder, n_waiting, stop) in jobs {
         if !is_patient && !matches!(task, Task::Live(_)) {
             is_patient = true;
             let_others_go_first();
@@ -234,7 +219,7 @@ pub fn work(program: Program) -> Result<()> {
         };
         // Its folder can be removed.
         let _ = folder.parent().map(std::env::set_current_dir);
-        let line = serde_json::to_string(&Answer { number, result }).expect("it is plain data");
+        let line = serde_json::to_string(&result).expect("it is plain data");
         let mut out = std::io::stdout().lock();
         if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
             break;

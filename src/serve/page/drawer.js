@@ -99,8 +99,7 @@ const OWN = [
 ];
 const FILES = [
   ["photo.png", "file-photo"],
-  ["plan.svg", "file-plan"],
-  ["report.html", "file-report"],
+  ["scene.toml", "file-scene"],
   ["flight.zip", "file-script"],
 ];
 

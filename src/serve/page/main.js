@@ -7,7 +7,7 @@ import { replay } from "./replay.js";
 import { putBrand } from "./brand.js";
 import { emptySketch, seen, shape } from "./sketch.js";
 import * as stage from "./stage.js";
-import { change, state, watch } from "./state.js";
+import { change, forget, state, watch } from "./state.js";
 import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
 import { about, FILL, isDrawing, isEmpty, learn, title, wish } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, t } from "./words.js";
@@ -266,8 +266,8 @@ async function insist(work) {
     try {
       return await work();
     } catch (error) {
-      if (error instanceof Refused && !(error.status === 503 && error.said.key === "busy"))
-        throw error;
+      const waits = error instanceof Refused && ["busy", "entries-many"].includes(error.said.key);
+      if (error instanceof Refused && !waits) throw error;
       await sleep(Math.min(5000, 500 * 2 ** tries));
     }
   }
@@ -311,6 +311,7 @@ async function send() {
 /** Another one: the same visitor at an own device, another one at the kiosk. */
 function another() {
   history.replaceState(null, "", ".");
+  if (about.kiosk) return forget(state.language);
   change({
     mode: "word",
     word: "",

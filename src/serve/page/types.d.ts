@@ -89,12 +89,11 @@ interface About {
   wall: "approved" | "open";
   paused: boolean;
   boot: string;
-  limits: { letters: number; entries: number; body_bytes: number };
+  limits: { letters: number; body_bytes: number };
   brand: {
     title: string | null;
     sentence?: Record<string, string>;
     consent?: Record<string, string>;
-    accent: string | null;
     logo: boolean;
   };
   /** The scene of the page, at home alone. */
