@@ -544,14 +544,14 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
         ready(page)
         page.mouse.click(300, 300)
         visitors = set()
-        for n in range(9):
-            write(page, "AEIOUNLTX"[n])
+        for word in ["ANNA", "OTTO", "NOOR", "LEA", "ZOE", "EVA", "MIA", "LEO"]:
+            write(page, word)
             visitors.add(kept(page)["visitor"])
             page.click("#send")
             page.wait_for_selector("#sent h2", timeout=60_000)
             page.get_by_text("Write another").click()
             assert page.input_value("#word") == ""
-        assert len(visitors) == 9, visitors
+        assert len(visitors) == 8, visitors
         assert not [line for line in trouble if not line.startswith("429")], trouble
         phones = json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())["visitors"]
         phone, trouble = opened(hall.browser, phones, viewport=PHONE)

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use clap::Parser;
 use noctograph_serve::{
-    Addresses, PreparedScene, Program, ServerConfig, bring_files, printed_code, work,
+    Addresses, Advice, PreparedScene, Program, ServerConfig, bring_files, printed_code, work,
 };
 
 use super::preview::PreviewArgs;
@@ -15,7 +15,6 @@ use super::{
     Args, CommandLine, Error, Report, Result, Verb, export, line, message, print, refused,
     typefaces, warn,
 };
-use crate::scene::Change;
 use crate::shoot::Shoot;
 use crate::study::remedies;
 
@@ -129,7 +128,7 @@ fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     Ok(PreparedScene { scene: args.ready(bring_files)?.scene, profile: args.profile() })
 }
 
-fn advice(shoot: &Shoot) -> Result<Vec<(Vec<Change>, f64)>> {
+fn advice(shoot: &Shoot) -> Result<Vec<Advice>> {
     Ok(remedies(shoot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
 }
 

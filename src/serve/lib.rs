@@ -63,6 +63,9 @@ pub struct PreparedScene {
     pub profile: Profile,
 }
 
+/// Changes of a scene, and how much the probability that its word is read grows by them.
+pub type Advice = (Vec<Change>, f64);
+
 /// What the server needs of the program around it. Arguments are those of `preview`.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
@@ -70,8 +73,8 @@ pub struct Program {
     pub worker: fn() -> std::io::Result<Command>,
     /// The scene of some arguments, with its files brought by [`bring_files`].
     pub prepare: fn(&[OsString]) -> Result<PreparedScene>,
-    /// Changes that help where a word does not read, and how much its probability grows by each.
-    pub advice: fn(&Shoot) -> Result<Vec<(Vec<Change>, f64)>>,
+    /// Changes that help where a word does not read.
+    pub advice: fn(&Shoot) -> Result<Vec<Advice>>,
     /// Writes the scripts that fly it into a folder, or returns why the flight is not safe.
     pub script: fn(&[OsString], &Path) -> Result<Option<String>>,
     /// File of a typeface of this machine that has all of some letters.

@@ -109,14 +109,14 @@ impl Server {
             (Base::Operator, None, ["entries", id, "flight.zip"]) => self.script(id).await,
             _ => {
                 let (server, request) = (self.clone(), request.clone());
-                let answer = move || server.from_disk(&request);
+                let answer = move || server.with_disk(&request);
                 tokio::task::spawn_blocking(answer).await.unwrap_or(Err(Key::Broken))
             }
         }
     }
 
     /// Answers what may wait for the disk.
-    fn from_disk(&self, request: &Request) -> KeyResult<Reply> {
+    fn with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
             (Base::Visitors | Base::Kiosk, Some(body)) => self.post(&parts, body, request),
