@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use clap::Parser;
 use noctograph_serve::{
-    Addresses, Advice, PreparedScene, Program, ServerConfig, bring_files, printed_code, work,
+    Addresses, PreparedScene, Program, ServerConfig, Suggestion, bring_files, printed_code, work,
 };
 
 use super::preview::PreviewArgs;
@@ -128,7 +128,7 @@ fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     Ok(PreparedScene { scene: args.ready(bring_files)?.scene, profile: args.profile() })
 }
 
-fn advice(shoot: &Shoot) -> Result<Vec<Advice>> {
+fn advice(shoot: &Shoot) -> Result<Vec<Suggestion>> {
     Ok(remedies(shoot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
 }
 

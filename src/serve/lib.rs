@@ -64,7 +64,7 @@ pub struct PreparedScene {
 }
 
 /// Changes of a scene, and how much the probability that its word is read grows by them.
-pub type Advice = (Vec<Change>, f64);
+pub type Suggestion = (Vec<Change>, f64);
 
 /// What the server needs of the program around it. Arguments are those of `preview`.
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +74,7 @@ pub struct Program {
     /// The scene of some arguments, with its files brought by [`bring_files`].
     pub prepare: fn(&[OsString]) -> Result<PreparedScene>,
     /// Changes that help where a word does not read.
-    pub advice: fn(&Shoot) -> Result<Vec<Advice>>,
+    pub advice: fn(&Shoot) -> Result<Vec<Suggestion>>,
     /// Writes the scripts that fly it into a folder, or returns why the flight is not safe.
     pub script: fn(&[OsString], &Path) -> Result<Option<String>>,
     /// File of a typeface of this machine that has all of some letters.
