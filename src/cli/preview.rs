@@ -9,15 +9,15 @@ use super::export::warn_of_trailing;
 use super::spread::SpreadFlags;
 use super::{
     Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
-    findings, json, line, movie, named, show, table, typed_command, warn, watch, wrapped,
+    findings, json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Profile, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
-use crate::scene::{NamedScene, Scene};
+use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
-use crate::study::{Remedy, remedies};
+use crate::studies::{Remedy, remedies};
 use noctograph_core::digest::sha256;
 
 /// The page of `--report`.
@@ -36,9 +36,6 @@ pub(super) struct PreviewArgs {
     /// Fly the trajectory that is exported in this form, decoded as on board
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
-    /// Movie of the exposure as it accumulates, 6 s (animated PNG)
-    #[arg(long, value_name = "FILE")]
-    movie: Option<PathBuf>,
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
     report: bool,
@@ -58,10 +55,7 @@ impl PreviewArgs {
     }
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
-    pub(super) fn ready(
-        &self,
-        change: impl FnOnce(&mut Scene) -> Result<()>,
-    ) -> Result<NamedScene> {
+    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
         self.subject.ready(|scene| {
             self.picture.apply(scene)?;
             change(scene)
@@ -74,7 +68,6 @@ impl PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    args.movie.as_deref().map_or(Ok(()), movie::check)?;
     let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
@@ -170,10 +163,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
         names.push(REPORT.to_owned());
     }
-    let mut files = folder.keep(&names)?;
-    if let Some(path) = &args.movie {
-        files.push(movie::write(&shot, path)?);
-    }
+    let files = folder.keep(&names)?;
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),

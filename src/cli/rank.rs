@@ -7,7 +7,7 @@ use super::studies::{
 };
 use super::{Args, Report, Result, json, line};
 use crate::shoot::Stop;
-use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
+use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \
@@ -20,7 +20,7 @@ use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
-    /// Scenes: files, presets, team, pid, geometric, tuned, or learned folders (./tuned)
+    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned)
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     #[command(flatten)]
@@ -39,7 +39,7 @@ pub(super) struct RankArgs {
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let contenders = args.scenes.iter().map(|named| args.study.scene(named, &conditions));
     let contenders = contenders.collect::<Result<_>>()?;
     let (words, seed) = (args.study.words(50)?, args.study.seed);

@@ -16,7 +16,7 @@ use super::{
     typefaces, warn,
 };
 use crate::shoot::Shoot;
-use crate::study::remedies;
+use crate::studies::remedies;
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
@@ -125,7 +125,7 @@ fn preview_args(arguments: &[OsString]) -> Result<PreviewArgs> {
 
 fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     let args = preview_args(arguments)?;
-    Ok(PreparedScene { scene: args.ready(bring_files)?.scene, profile: args.profile() })
+    Ok(PreparedScene { scene: args.ready(bring_files)?, profile: args.profile() })
 }
 
 fn advice(shoot: &Shoot) -> Result<Vec<Suggestion>> {

@@ -10,7 +10,7 @@ use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;
 use crate::shoot::Stop;
-use crate::study::{
+use crate::studies::{
     Candidate, Knob, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank, tune,
 };
 
@@ -74,7 +74,7 @@ fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let (flights, time) = budget(&args.budget)?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;

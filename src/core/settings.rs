@@ -39,6 +39,9 @@
 //! 0. The settings of other choices are kept all the same, so that a preset's gains survive a
 //! change of the choice.
 //!
+//! A group may end with `fixed { ... }`: constants that no scene sets, and which tests, conditions
+//! and ideal sensors vary.
+//!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
 
@@ -265,6 +268,12 @@ macro_rules! described {
                     $(, for $need:literal $(= $($needed:literal)|+)?)*
                     $(, unless $bar:literal $(= $($barred:literal)|+)?)*;
             )*
+            $(fixed {
+                $(
+                    $(#[doc = $fixed_doc:literal])+
+                    $fixed:ident: $fixed_type:ty = $fixed_default:expr;
+                )*
+            })?
         }
         $($rest:tt)*
     ) => {
@@ -276,11 +285,16 @@ macro_rules! described {
                 $(#[doc = $doc])+
                 pub $key: $type,
             )*
+            $($(
+                $(#[doc = $fixed_doc])+
+                #[serde(skip)]
+                pub $fixed: $fixed_type,
+            )*)?
         }
 
         impl Default for $name {
             fn default() -> Self {
-                Self { $($key: $default,)* }
+                Self { $($key: $default,)* $($($fixed: $fixed_default,)*)? }
             }
         }
 
@@ -511,6 +525,10 @@ mod tests {
             joint: Joint = Joint::Round;
             /// Its tip.
             tip: Tip = Tip::default();
+            fixed {
+                /// Its length.
+                length_m: f64 = 0.14;
+            }
         }
 
         /// Where strokes meet.
@@ -545,7 +563,7 @@ mod tests {
         assert_eq!(toml::from_str::<PenOptions>("").unwrap(), pen);
         let pencil: PenOptions = toml::from_str("tip = { kind = \"pencil\" }").unwrap();
         assert_eq!(pencil.tip, Tip::Pencil);
-        for unknown in ["width_m = 1", "tip = { kind = \"brush\", length_m = 1 }"] {
+        for unknown in ["width_m = 1", "length_m = 1", "tip = { kind = \"brush\", length_m = 1 }"] {
             assert!(toml::from_str::<PenOptions>(unknown).is_err(), "{unknown}");
         }
     }

@@ -9,12 +9,8 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-mod bias;
-mod biases;
-mod clocks;
 mod enlarged;
 mod fit;
-mod mirror;
 mod pairs;
 mod pass;
 mod positions;
@@ -29,10 +25,7 @@ mod track;
 
 use nalgebra::{DVector, Vector3};
 
-pub use bias::{Bias, BiasOf};
-pub use clocks::{log_offset_s, reference_offset_s};
 pub use enlarged::{Enlarged, locate_enlarged};
-pub use mirror::Ambiguity;
 pub use positions::Positions;
 pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
@@ -133,8 +126,8 @@ mod tests {
 
     use super::{Located, RangeSample, Track};
     use noctograph_core::random::split_mix;
-    use noctograph_flying::plan::{EvenStyle, PlanOptions, Style, fleet};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
 
     /// Each drone's own anchor, then the shared one.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [

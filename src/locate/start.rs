@@ -13,7 +13,7 @@ use super::pass::{LATE_S, STATES};
 use super::positions::extent_m;
 use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::estimate::Normal;
+use noctograph_sim::estimate::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;
@@ -96,7 +96,7 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
             (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);
         }
     }
-    let mean = |(link, (sum_m, count))| Observation::new(link, sum_m / count, 1.0);
+    let mean = |(link, (sum_m, count))| Observation { link, distance_m: sum_m / count };
     sums.into_iter().map(mean).collect()
 }
 

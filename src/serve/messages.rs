@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 
 use super::http::{self, Reply};
 use noctograph_core::error::Error;
-use noctograph_studio::preflight::{Checked, Severity};
-use noctograph_studio::scene::Change;
-use noctograph_studio::shoot::Problem;
+use noctograph_pipeline::preflight::{Checked, Severity};
+use noctograph_pipeline::scene::Change;
+use noctograph_pipeline::shoot::Problem;
 
 /// A message.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -58,7 +58,7 @@ keys! {
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
-    PictureNone "picture-none" 422 "no lines are found in the picture" "choose another way to follow it";
+    PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
     FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
     TooSlow "too-slow" 422 "it took too long" "write or draw less";
@@ -268,7 +268,7 @@ fn without_paths(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_studio::preflight::Row;
+    use noctograph_pipeline::preflight::Row;
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {

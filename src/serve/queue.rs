@@ -12,7 +12,7 @@ use tokio::sync::oneshot;
 
 use super::messages::Message;
 use super::request::Task;
-use noctograph_studio::shoot::Stop;
+use noctograph_pipeline::shoot::Stop;
 
 /// Most jobs that wait.
 pub(crate) const MAX_WAITING: usize = 64;

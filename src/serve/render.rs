@@ -18,12 +18,12 @@ use super::{PreparedScene, Program};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Output;
 use noctograph_core::geometry::{bounds, simplify};
-use noctograph_core::strokes::{Picture, Source, SourceStroke, Strokes};
+use noctograph_core::strokes::{Source, SourceStroke, Strokes};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::{Photo, jpeg};
-use noctograph_studio::preflight::inspect;
-use noctograph_studio::scene::Scene;
-use noctograph_studio::shoot::{Format, Judging, Problem, Shoot, Shot, Stop};
+use noctograph_pipeline::preflight::inspect;
+use noctograph_pipeline::scene::Scene;
+use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Stop};
 
 /// Pixels of the photo while one types: alone, where others wait, and where a hall waits, in which
 /// it is not read either; and of the large photo.
@@ -241,11 +241,11 @@ fn describe(shot: &Shot, json: &mut Value) {
 /// A drawing as its file has it, in whole pixels of a picture, or in thousandths of the larger side
 /// of any other; null of a word.
 fn source(strokes: &Strokes) -> Value {
-    let Source { corners_px, strokes: all } = &strokes.source;
+    let Source { corners_px, is_bitmap, strokes: all } = &strokes.source;
     let [left, top, right, bottom] = bounds(all.iter().flat_map(|it| it.points.iter().copied()));
-    let ([x, y], scale) = match strokes.picture {
-        Picture::Auto => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
-        Picture::Drawing | Picture::Photograph => ([0.0; 2], 1.0),
+    let ([x, y], scale) = match is_bitmap {
+        true => ([0.0; 2], 1.0),
+        false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
     };
     let stroke_json = |SourceStroke { points, color }: &SourceStroke| {
         let points: Vec<[f64; 2]> =

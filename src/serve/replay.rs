@@ -10,7 +10,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::strokes::Glyph;
 use noctograph_picture::light::{Lamp, LightSample};
-use noctograph_studio::shoot::{Shot, writing};
+use noctograph_pipeline::shoot::{Shot, writing};
 
 /// Time between two points of a stroke.
 const STEP_S: f64 = 0.08;

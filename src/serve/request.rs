@@ -31,7 +31,7 @@ const MAX_SIDE: u32 = 2000;
 const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
     camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
     controller.kind letters.canvas_m letters.cap_height_m letters.corners_px \
-    letters.font letters.ink letters.pace letters.picture letters.spacing_m \
+    letters.font letters.ink letters.pace letters.spacing_m \
     letters.trace letters.without light.color_led_wrgb light.deck light.led_bitmask \
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
     plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";

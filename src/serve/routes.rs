@@ -22,7 +22,7 @@ use super::{address, qr};
 use noctograph_core::files::{Limit, files_in};
 use noctograph_export::zip::zip;
 use noctograph_picture::light::{LightOptions, color_led_wrgb, ring_rgb};
-use noctograph_studio::scene::Scene;
+use noctograph_pipeline::scene::Scene;
 
 /// Files of an archive: their names and bytes.
 pub(crate) type NamedFiles = Vec<(String, Vec<u8>)>;

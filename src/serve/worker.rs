@@ -21,7 +21,7 @@ use super::render::Renderer;
 use super::request::Task;
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
-use noctograph_studio::shoot::Stop;
+use noctograph_pipeline::shoot::Stop;
 
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
 const MEMORY: u64 = 1 << 30;

@@ -23,9 +23,9 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::Described;
 
+pub use camera_exif::taken_as;
 pub use noctograph_core::photo::Photo;
 
-pub use animation::Animation;
 pub use metadata::Metadata;
 pub use open::{read, read_with_notes};
 pub use options::{Noise, PhotoOptions, SensorNoise};
@@ -38,8 +38,8 @@ use sensor::Sensor;
 use starburst::{Change, starburst};
 use tone::{Levels8, Levels16};
 
-mod animation;
 mod backdrop;
+mod camera_exif;
 pub mod exr;
 pub mod flip;
 mod glare;
@@ -48,7 +48,6 @@ mod noise;
 mod open;
 mod options;
 pub mod png;
-pub mod register;
 mod sensor;
 mod spread;
 mod starburst;

@@ -77,7 +77,7 @@ async function wanted() {
   const mine = begin();
   Object.assign(known, { shot: null, large: null, error: null, refused: null, busy: false });
   const { opened } = state;
-  const of = opened ? JSON.stringify([opened.text, opened.as, opened.corners]) : "";
+  const of = opened ? JSON.stringify([opened.text, opened.corners]) : "";
   if (of !== known.of) Object.assign(known, { of, source: null });
   if (!wishes) return nothing();
   stage.dim(true);
@@ -223,7 +223,6 @@ function putDesk() {
   say(byId("left"), spokenOnPad());
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
-  byId("opened-as").hidden = state.opened?.kind !== "jpg";
   byId("field").hidden = byId("lights").hidden = state.opened !== null;
   byId("choose").hidden = state.opened === null;
   byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
@@ -382,11 +381,6 @@ function types() {
 byId("opened-close").onclick = () => {
   change({ opened: null });
   word.focus();
-};
-const as = /** @type {HTMLSelectElement} */ (byId("opened-as"));
-as.onchange = () => {
-  if (state.opened)
-    change({ opened: { ...state.opened, as: /** @type {Opened["as"]} */ (as.value), out: [] } });
 };
 
 /** What is drawn of a file. @type {typeof import("./picture.js") | null} */

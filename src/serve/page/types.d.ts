@@ -139,7 +139,6 @@ interface Opened {
   name: string;
   kind: "svg" | "json" | "jpg";
   text: string;
-  as: "auto" | "photograph" | "drawing";
   /** Width and height of a picture. */
   size?: [number, number];
   /** Whether it is seen in place of the photograph, to choose what is drawn. */

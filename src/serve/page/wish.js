@@ -68,14 +68,13 @@ function subject() {
 }
 
 /** What is chosen of a file, as the program's settings. @param {Opened} opened */
-function chosen({ as, corners, out = [], of = 0 }) {
+function chosen({ corners, out = [], of = 0 }) {
   const all = Array.from({ length: of }, (_, i) => i + 1);
   const few = 2 * out.length > of ? all.filter((n) => !out.includes(n)) : out;
   const begins = few.filter((n) => !few.includes(n - 1)),
     ends = few.filter((n) => !few.includes(n + 1));
   const list = begins.map((n, i) => (n === ends[i] ? `${n}` : `${n}-${ends[i]}`)).join(",");
   return {
-    ...(as !== "auto" && { "letters.picture": as }),
     ...(corners && { "letters.corners_px": JSON.stringify(corners.flat()) }),
     ...(list && { [few === out ? "letters.without" : "letters.ink"]: list }),
   };

@@ -1,0 +1,445 @@
+//! The scene file as text: the commented file that is printed, unknown keys, and the line
+//! numbers of errors.
+
+use std::collections::BTreeSet;
+
+use toml::de::DeTable;
+use toml::{Table, Value};
+
+use super::{Preset, Scene};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{
+    Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
+};
+
+/// Columns of the printed file.
+const WIDTH: usize = 80;
+/// Advice on a broken scene file.
+pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
+
+/// The whole scene as a commented TOML file.
+pub(super) fn document(scene: &Scene) -> String {
+    let values = Table::try_from(scene).expect("a checked scene is a TOML table");
+    let mut text = "# A noctograph scene: everything that the photo depends on. SI units,\n\
+                    # angles in radians. Keys that are left out keep the value of the preset.\n"
+        .to_owned();
+    group(&mut text, "", Scene::SHAPE.settings(), &values);
+    if scene.light.fixtures.is_none() {
+        text += &lamps_of_deck(scene);
+    }
+    text
+}
+
+/// The settings of a table, its own values before the tables in it.
+fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
+    let is_list =
+        |value: &Value| value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table));
+    let is_table = |setting: &&Setting| {
+        values.get(setting.key).is_some_and(|value| value.is_table() || is_list(value))
+    };
+    for setting in settings.iter().filter(|setting| !is_table(setting)) {
+        comment(text, setting.doc, setting.range);
+        if let Shape::Names(variants) = setting.shape {
+            variants.iter().for_each(|variant| name(text, variant));
+        }
+        match values.get(setting.key) {
+            Some(value) => entry(text, setting.key, value),
+            None => *text += &format!("# {} =\n", setting.key),
+        }
+    }
+    for setting in settings.iter().filter(is_table) {
+        let path = joined(path, setting.key);
+        text.push('\n');
+        comment(text, setting.doc, None);
+        let values = match &values[setting.key] {
+            Value::Table(values) => values,
+            rows => {
+                rows_of(text, &path, rows);
+                continue;
+            }
+        };
+        *text += &format!("[{path}]\n");
+        match setting.shape {
+            Shape::Group(settings) => group(text, &path, settings, values),
+            Shape::Tagged(variants) => {
+                variants.iter().for_each(|variant| name(text, variant));
+                let kind = values.get("kind").and_then(Value::as_str).unwrap_or_default();
+                *text += &format!("kind = \"{kind}\"\n");
+                group(text, &path, of_kind(variants, values), values);
+            }
+            Shape::Plain | Shape::Names(_) => {
+                values.iter().for_each(|(key, value)| entry(text, key, value));
+            }
+        }
+    }
+}
+
+/// The lamps of a scene that lists none, for those who want to change one.
+fn lamps_of_deck(scene: &Scene) -> String {
+    let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
+    let mut text = String::new();
+    rows_of(&mut text, "light.fixtures", &rows);
+    let lines = text.lines().map(|line| format!("# {line}").trim_end().to_owned() + "\n");
+    "\n# The lamps of deck and board, as light.fixtures lists them.\n".to_owned()
+        + &lines.collect::<String>()
+}
+
+/// A list of tables.
+fn rows_of(text: &mut String, path: &str, rows: &Value) {
+    for (index, row) in rows.as_array().into_iter().flatten().enumerate() {
+        let gap = if index > 0 { "\n" } else { "" };
+        *text += &format!("{gap}[[{path}]]\n");
+        row.as_table().into_iter().flatten().for_each(|(key, value)| entry(text, key, value));
+    }
+}
+
+/// One key with its value; a long list takes several lines.
+fn entry(text: &mut String, key: &str, value: &Value) {
+    let line = format!("{key} = {value}\n");
+    match value.as_array() {
+        Some(items) if line.chars().count() > WIDTH + 1 => {
+            *text += &format!("{key} = [\n");
+            if items.iter().all(|item| item.is_float() || item.is_integer()) {
+                let items: Vec<String> = items.iter().map(Value::to_string).collect();
+                wrap(text, "    ", "    ", &(items.join(", ") + ","));
+            } else {
+                items.iter().for_each(|item| *text += &format!("    {item},\n"));
+            }
+            *text += "]\n";
+        }
+        _ => *text += &line,
+    }
+}
+
+/// The first paragraph of a setting's documentation with its range.
+fn comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
+    let mut words = first_paragraph(doc);
+    if let Some([min, max]) = range {
+        words += &format!(" ({min} to {max})");
+    }
+    wrap(text, "# ", "# ", &words);
+}
+
+/// One name of a choice, with its meaning.
+fn name(text: &mut String, variant: &Variant) {
+    let first = format!("#   {}: ", variant.name);
+    wrap(text, &first, "#     ", &first_paragraph(variant.doc));
+}
+
+fn first_paragraph(doc: &[&str]) -> String {
+    let lines = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
+}
+
+/// Words in lines of at most [`WIDTH`] columns.
+fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
+    let mut line = first.to_owned();
+    for word in words.split_whitespace() {
+        let space = if line.ends_with(' ') { "" } else { " " };
+        if line.chars().count() + space.len() + word.chars().count() > WIDTH {
+            *text += line.trim_end();
+            text.push('\n');
+            line = next.to_owned();
+        } else {
+            line += space;
+        }
+        line += word;
+    }
+    *text += line.trim_end();
+    text.push('\n');
+}
+
+/// Reads the text of a scene file as a table whose keys all exist.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
+pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
+    let table: Table = toml.parse().map_err(|error: toml::de::Error| {
+        let line = error.span().map_or(1, |span| line_at(toml, span.start));
+        let found = error.message().replace('\n', "; ");
+        Error::input("", found, "keys and values of a scene", HINT).at(file, line)
+    })?;
+    check_keys(&table).map_err(|error| with_line(error, toml, file))?;
+    Ok(table)
+}
+
+/// Checks that all keys and names of a scene's table exist.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the key as its place.
+pub(super) fn check_keys(table: &Table) -> Result<()> {
+    keys_of_group("", Scene::SHAPE.settings(), table)
+}
+
+fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
+    for (key, value) in table {
+        let place = joined(path, key);
+        let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
+            return Err(unknown_key(&place, key));
+        };
+        match (setting.shape, value) {
+            (Shape::Group(settings), Value::Table(table)) => {
+                keys_of_group(&place, settings, table)?;
+            }
+            (Shape::Names(_), Value::String(name)) => check_name(&place, name, setting.shape)?,
+            (Shape::Tagged(_), Value::String(name)) => check_name(&place, name, setting.shape)?,
+            (Shape::Tagged(variants), Value::Table(table)) => {
+                keys_of_choice(&place, setting.shape, variants, table)?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Checks the keys of a choice: those of its kind, or of any kind where it names none.
+fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -> Result<()> {
+    let kind = table.get("kind").and_then(Value::as_str);
+    if let Some(kind) = kind {
+        check_name(&format!("{path}.kind"), kind, shape)?;
+    }
+    let possible = variants.iter().filter(|variant| kind.is_none_or(|kind| variant.name == kind));
+    let possible: Vec<&Setting> = possible.flat_map(|variant| variant.settings).collect();
+    for (key, _) in table {
+        if key != "kind" && !possible.iter().any(|setting| setting.key == key) {
+            let place = format!("{path}.{key}");
+            let owner = |variant: &&Variant| variant.settings.iter().any(|s| s.key == key);
+            let (Some(owner), Some(kind)) = (variants.iter().find(owner), kind) else {
+                return Err(unknown_key(&place, key));
+            };
+            let hint = format!("leave the key out, or set {path}.kind = \"{}\"", owner.name);
+            return Err(Error::input(place, key, format!("a key of kind {kind}"), hint));
+        }
+    }
+    Ok(())
+}
+
+fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
+    match noctograph_core::settings::names(shape).any(|known| known == name) {
+        true => Ok(()),
+        false => Err(unknown_name(place, name, shape)),
+    }
+}
+
+/// The error for a key that does not exist: where it is now, or which one is like it.
+fn unknown_key(place: &str, key: &str) -> Error {
+    let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
+    // The one key of this name within a table.
+    let only = |table: &str| {
+        let named = |path: &&String| path.rsplit('.').next() == Some(key);
+        let mut same = paths.iter().filter(|path| path.starts_with(table)).filter(named);
+        same.next().filter(|_| same.next().is_none())
+    };
+    let table = place.split_inclusive('.').next().unwrap_or_default();
+    let hint = match (only(table), similar(place, paths.iter().map(String::as_str))) {
+        (Some(path), _) => format!("the key is {path}"),
+        (None, Some(path)) => format!("did you mean {path}?"),
+        (None, None) => only("").map_or(HINT.into(), |path| format!("the key is {path}")),
+    };
+    Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
+}
+
+/// Lays a table of some settings over another, table into table. A choice takes a bare name for its
+/// `kind`, and where the kind changes nothing is left of the settings below; a group that has a
+/// `kind` among other keys keeps these.
+pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
+    for (key, value) in over {
+        let setting = settings.iter().find(|setting| setting.key == key);
+        let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
+        match (shape, base.get_mut(&key), value) {
+            (Shape::Tagged(variants), Some(Value::Table(base)), Value::Table(over)) => {
+                overlay_choice(base, over, variants);
+            }
+            (Shape::Tagged(variants), Some(Value::Table(base)), Value::String(kind)) => {
+                overlay_choice(base, kind_alone(kind), variants);
+            }
+            (Shape::Group(settings), Some(Value::Table(base)), Value::Table(over)) => {
+                overlay(base, over, settings);
+            }
+            (Shape::Group(settings), Some(Value::Table(base)), Value::String(kind))
+                if base.contains_key("kind") =>
+            {
+                overlay(base, kind_alone(kind), settings);
+            }
+            (_, _, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+fn kind_alone(kind: String) -> Table {
+    [("kind".to_owned(), Value::String(kind))].into_iter().collect()
+}
+
+fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
+    match over.get("kind") {
+        Some(kind) if Some(kind) != base.get("kind") => *base = over,
+        _ => {
+            let settings = of_kind(variants, base);
+            overlay(base, over, settings);
+        }
+    }
+}
+
+/// A table of one setting: a dotted key and its value as TOML, or as bare text.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a key that does not exist.
+pub(super) fn single(key: &str, value: &str) -> Result<Table> {
+    let parsed = format!("value = {value}").parse::<Table>().ok();
+    let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
+    let mut value = match parsed {
+        Some(value) if value.is_str() || !is_text(key) => value,
+        _ => Value::String(value.to_owned()),
+    };
+    for part in key.rsplit('.') {
+        value = Value::Table([(part.to_owned(), value)].into_iter().collect());
+    }
+    let Value::Table(table) = value else { unreachable!("a key has at least one part") };
+    check_keys(&table)?;
+    Ok(table)
+}
+
+/// Keys whose values differ from the preset's, with both values; `-` where there is none.
+pub(super) fn changes(scene: &Scene) -> Vec<[String; 3]> {
+    let table = |scene: &Scene| Table::try_from(scene).expect("a checked scene is a TOML table");
+    let mut changes = Vec::new();
+    compare(&mut changes, "", &table(scene), &table(scene.preset.scene()));
+    changes
+}
+
+fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, preset: &Table) {
+    let keys: BTreeSet<&String> = values.keys().chain(preset.keys()).collect();
+    for key in keys {
+        let (value, was) = (values.get(key), preset.get(key));
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        match (value, was) {
+            (Some(Value::Table(value)), Some(Value::Table(was))) => {
+                compare(changes, &path, value, was);
+            }
+            _ if value == was => {}
+            _ => {
+                let shown = |value: Option<&Value>| value.map_or("-".into(), Value::to_string);
+                changes.push([path, shown(value), shown(was)]);
+            }
+        }
+    }
+}
+
+/// Whether the default of a key is text.
+fn is_text(key: &str) -> bool {
+    let defaults = Table::try_from(Scene::preset(Preset::default())).expect("a scene is a table");
+    let mut parts = key.split('.');
+    let first = parts.next().and_then(|part| defaults.get(part));
+    parts.fold(first, |value, part| value?.get(part)).is_some_and(Value::is_str)
+}
+
+/// Puts file and line before an error's place, where the place begins with a key of the file.
+pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
+    let line = match &error {
+        Error::Input { place, .. } => line_of(toml, &place.key),
+        _ => None,
+    };
+    error.at(file, line)
+}
+
+/// The line of the key that a place begins with, such as `camera.iso`; that of its table where the
+/// key is not in the file.
+fn line_of(toml: &str, place: &str) -> Option<u64> {
+    let parsed = DeTable::parse(toml).ok()?;
+    let mut table = parsed.get_ref();
+    let mut line = None;
+    for word in place.split([' ', '.', '[']) {
+        let Some((key, value)) = table.get_key_value(word) else { break };
+        line = Some(line_at(toml, key.span().start));
+        match value.get_ref().as_table() {
+            Some(inner) => table = inner,
+            None => break,
+        }
+    }
+    line
+}
+
+fn line_at(text: &str, byte: usize) -> u64 {
+    1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
+}
+
+/// The error for a value of the wrong type.
+pub(super) fn type_error(error: &toml::de::Error) -> Error {
+    let text = error.to_string();
+    let place = text.rsplit_once("in `").and_then(|(_, rest)| rest.split('`').next());
+    let found = error.message().replace('\n', "; ");
+    let mismatch =
+        found.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+    match mismatch {
+        Some((value, expected)) => {
+            Error::input(place.unwrap_or("scene"), in_words(value), in_words(expected), HINT)
+        }
+        None => Error::input(place.unwrap_or("scene"), found, "a value of the key's type", HINT),
+    }
+}
+
+/// What the TOML reader calls a type, or a value of one, as who writes a scene knows it.
+fn in_words(text: &str) -> String {
+    const WORDS: [(&str, &str); 12] = [
+        ("f64", "a number"),
+        ("u8", "a whole number"),
+        ("u32", "a whole number"),
+        ("u64", "a whole number"),
+        ("usize", "a whole number"),
+        ("floating point ", "the number "),
+        ("integer ", "the number "),
+        ("a boolean", "true or false"),
+        ("string ", "the text "),
+        ("a sequence", "a list"),
+        ("sequence", "a list"),
+        ("map", "a table"),
+    ];
+    let known = WORDS.iter().find(|(theirs, _)| text.starts_with(theirs));
+    known.map_or(text.to_owned(), |(theirs, ours)| text.replacen(theirs, ours, 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(toml: &str) -> (String, String) {
+        let error = Scene::parse(toml, "my.toml").unwrap_err();
+        (error.to_string(), error.hint().to_owned())
+    }
+
+    #[test]
+    fn a_wrong_key_or_name_is_answered_with_the_right_one() {
+        let hint = |toml| refused(toml).1;
+        assert_eq!(hint("[plan]\nstroke_sped_m_s = 1.0"), "did you mean plan.stroke_speed_m_s?");
+        assert_eq!(hint("[plan]\njerk_m_s3 = 20.0"), "the key is plan.style.jerk_m_s3");
+        assert_eq!(hint("[observer]\nq = [1.0, 1.0, 1.0]"), "the key is observer.luenberger.q");
+        assert_eq!(hint("[air]\ngust_time_s = 1.0"), "did you mean air.gusts.time_s?");
+        assert_eq!(hint("[sensors]\nstations = []"), "the key is sensors.lighthouse.stations");
+        assert_eq!(hint("[plan]\nstyle = \"evn\""), "did you mean even?");
+        assert!(!hint("[sensors]\nnoise_m = 0.1").starts_with("the key is"), "several have it");
+        assert_eq!(hint("preset = \"cf-21\""), "did you mean cf21?");
+        let other = "[plan.style]\nkind = \"team\"\njerk_m_s3 = 20.0";
+        assert!(hint(other).contains("plan.style.kind = \"even\""), "{}", hint(other));
+        let (error, _) = refused("[plan]\nstroke_speed_m_s = \"fast\"");
+        let wanted = "plan.stroke_speed_m_s: found the text \"fast\", wanted a number";
+        assert_eq!(error, format!("my.toml:2: {wanted}"));
+        let (error, _) = refused("plan.lights = 3");
+        assert!(error.ends_with("found the number `3`, wanted a list"), "{error}");
+    }
+
+    #[test]
+    fn printed_lines_are_at_most_eighty_columns_of_comment() {
+        let text = document(&Scene::preset(Preset::default()));
+        let comments = text.lines().filter(|line| line.starts_with('#'));
+        for line in comments {
+            assert!(line.chars().count() <= WIDTH, "{line}");
+        }
+        assert!(text.contains("# Speed along every leg; in style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
+        assert!(text.contains("\n[plan.style]\n#   team: "), "{text}");
+    }
+}

@@ -1,0 +1,41 @@
+//! Lamp: delays between a light command and the light.
+
+/// Delays from a light command to the light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LampTiming {
+    /// From sending to arrival, on average.
+    pub delay_s: f64,
+    /// Period of the timer that a change waits for; 0: none.
+    pub tick_s: f64,
+}
+
+impl LampTiming {
+    /// The tick nearest to a time, from the last one on at which something changed: its time and
+    /// number.
+    pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
+        if self.tick_s == 0.0 {
+            return (time_s.max(self.delay_s), time_s);
+        }
+        // A command cannot be sent before the flight.
+        let first = (self.delay_s / self.tick_s + 0.5).ceil();
+        let nearest = (time_s / self.tick_s).round();
+        let tick = nearest.max(first).max(last_tick);
+        (tick * self.tick_s, tick)
+    }
+
+    /// When to send a command whose light changes at a tick: it arrives half a tick before.
+    pub(super) fn sent_s(&self, light_s: f64) -> f64 {
+        (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
+    }
+
+    /// When a command that is sent at a time begins to show.
+    pub(super) fn light_s(&self, sent_s: f64) -> f64 {
+        let arrives_s = sent_s + self.delay_s;
+        if self.tick_s == 0.0 {
+            return arrives_s;
+        }
+        // The slack covers the time grid of setpoints.
+        let tick = ((arrives_s - 1e-5) / self.tick_s).ceil();
+        tick * self.tick_s
+    }
+}

@@ -1,0 +1,252 @@
+//! Lighthouse as raw sweeps: planes of light that pass over the deck, one after the other.
+//!
+//! A second-generation rotor turns freely at the rate of its channel and passes both planes a third
+//! of a turn apart; first-generation stations take turns within a cycle of 120 Hz. A sweep falls on
+//! the tick that follows it, and all four sensors of the deck are read together: the firmware
+//! throws away a sweep that one of them missed (`pulse_processor_v2.c`).
+//!
+//! Not modeled: the drone's motion within a tick, walls.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::room::Room;
+use super::station::StationPose;
+use super::streams::Streams;
+use super::{Generation, LighthouseOptions, Station};
+use noctograph_core::geometry::Attitude;
+use noctograph_core::random::{Field, Noise, Normals};
+
+/// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
+/// firmware, `lighthouse_position_est.c`.
+pub(crate) const DECK_SENSORS_M: [[f64; 3]; 4] =
+    [[-0.015, 0.0075, 0.0], [-0.015, -0.0075, 0.0], [0.015, 0.0075, 0.0], [0.015, -0.0075, 0.0]];
+
+/// Cycles of a 48 MHz clock in a turn of a second-generation rotor, by channel
+/// (`pulse_processor_v2.c`): 50.05 to 54.1 turns a second.
+const V2_PERIODS: [u32; 16] = [
+    959_000, 957_000, 953_000, 949_000, 947_000, 943_000, 941_000, 939_000, 937_000, 929_000,
+    919_000, 911_000, 907_000, 901_000, 893_000, 887_000,
+];
+/// Sweeps per second of all first-generation stations together.
+const V1_SWEEPS_HZ: f64 = 120.0;
+
+/// The room's distortion is looked up anew after this time: at 0.5 m/s it has changed by a tenth of
+/// a millimeter.
+const BEND_S: f64 = 0.02;
+/// A station that was not seen for so long is hidden: chance alone loses no five turns in a row.
+const BLIND_S: f64 = 0.1;
+/// Change of direction over which the error of a station's calibration changes.
+const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
+
+/// One plane of light that passed over the deck.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sweep {
+    /// Index of the station in the list of stations.
+    pub station: usize,
+    /// 0 or 1.
+    pub plane: usize,
+    /// Angle at which it met each sensor of [`DECK_SENSORS_M`].
+    pub angles_rad: [f64; 4],
+}
+
+/// All stations at their true places.
+#[derive(Debug)]
+pub(super) struct Lighthouse {
+    rotors: Vec<Rotor>,
+    /// From the room into the stations' frame, and the scale of that frame.
+    turn: Matrix3<f64>,
+    scale: f64,
+    /// Where all stations alike take the drone to be, from where it is: they were placed together,
+    /// so that their beams cross, in a room that their solution bends.
+    bend: Field<3>,
+    bend_m: Vector3<f64>,
+    /// When that was looked up.
+    bent_s: f64,
+    loss_frac: f64,
+    room: Room,
+    /// Sweeps of this tick.
+    sweeps: Vec<Sweep>,
+    blind_ticks: u32,
+}
+
+#[derive(Debug)]
+struct Rotor {
+    truth: StationPose,
+    /// Standard deviations of the noise common to the deck's sensors, and of that of each.
+    sigmas_rad: [f64; 2],
+    /// Over the direction from the station, one component a plane.
+    distortion: Field<2>,
+    noise: Normals,
+    /// Of the sweeps that get lost.
+    chance: Noise,
+    /// Turns (of a cycle, for the first generation) per second.
+    turn_hz: f64,
+    /// When each plane passes, in turns.
+    phases: [f64; 2],
+    /// Sweeps of both planes so far.
+    passed: u32,
+    seen_s: f64,
+}
+
+impl Lighthouse {
+    pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
+        let n = options.stations.len();
+        let rotor = |i: usize| Rotor::new(options, i, streams);
+        Self {
+            rotors: (0..n).map(rotor).collect(),
+            turn: turn(options),
+            scale: 1.0 + options.frame_scale_error,
+            bend: bend(options, streams),
+            bend_m: Vector3::zeros(),
+            bent_s: f64::NEG_INFINITY,
+            loss_frac: options.sweep_loss_frac,
+            room: Room::new(options),
+            sweeps: Vec::with_capacity(2 * n),
+            blind_ticks: 0,
+        }
+    }
+
+    /// The sweeps that arrive by `time_s` at a deck at `position_m`, among drones at `fleet_m`.
+    pub(super) fn read(
+        &mut self,
+        position_m: &Vector3<f64>,
+        world_from_body: impl Fn() -> Matrix3<f64>,
+        time_s: f64,
+        fleet_m: &[Vector3<f64>],
+    ) -> &[Sweep] {
+        self.sweeps.clear();
+        if time_s - self.bent_s >= BEND_S {
+            (self.bend_m, self.bent_s) = (self.bend.at(position_m), time_s);
+        }
+        let turn = self.turn;
+        let bent_m = turn * position_m * self.scale + self.bend_m;
+        for (station, rotor) in self.rotors.iter_mut().enumerate() {
+            while let Some(plane) = rotor.due(time_s) {
+                // Drawn for every sweep, seen or not.
+                let lost = rotor.chance.uniform() < self.loss_frac;
+                let errors = rotor.errors_rad();
+                let world_from_body = world_from_body();
+                let up = world_from_body.column(2).into_owned();
+                if lost || self.room.is_silent(station, time_s) {
+                    continue;
+                }
+                let attitude = turn * world_from_body;
+                for mirror in &self.room.mirrors {
+                    let seen_m = mirror.image_m(position_m);
+                    let shown = mirror.shows(&rotor.truth.position_m, position_m);
+                    if shown && rotor.truth.sees(&seen_m, &(mirror.turn() * up)) {
+                        let (image_m, turned) = (mirror.image_m(&bent_m), mirror.turn() * attitude);
+                        let angles_rad = rotor.angles_rad(plane, &image_m, &turned, &errors);
+                        self.sweeps.push(Sweep { station, plane, angles_rad });
+                    }
+                }
+                let station_m = &rotor.truth.position_m;
+                if !rotor.truth.sees(position_m, &up)
+                    || self.room.hides(station_m, position_m, fleet_m)
+                {
+                    continue;
+                }
+                let angles_rad = rotor.angles_rad(plane, &bent_m, &attitude, &errors);
+                rotor.seen_s = time_s;
+                self.sweeps.push(Sweep { station, plane, angles_rad });
+            }
+        }
+        let seeing = self.rotors.iter().filter(|rotor| time_s - rotor.seen_s <= BLIND_S);
+        self.blind_ticks += u32::from(seeing.count() < 2);
+        &self.sweeps
+    }
+
+    /// Ticks at which fewer than two stations had been seen lately.
+    pub(super) fn blind_ticks(&self) -> u32 {
+        self.blind_ticks
+    }
+}
+
+/// The distortion that all stations share.
+pub(super) fn bend(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
+    let mut noise = streams.shared_by_room("lighthouse distortion");
+    Field::new(&mut noise, options.distortion_m, options.distortion_length_m)
+}
+
+/// The rotation from the room into the Lighthouse's frame.
+pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
+    let [roll_rad, pitch_rad, yaw_rad] = options.frame_turn_rad;
+    Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body()
+}
+
+impl Rotor {
+    fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
+        let station = &options.stations[i];
+        let mut error = streams.shared_by_room(&format!("station {i} pose"));
+        let mut truth = StationPose::new(station);
+        truth.position_m += error.normals() * options.station_position_error_m;
+        let turned = error.normals() * options.station_rotation_error_rad;
+        let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
+        truth.world_from_station *= turned.world_from_body();
+
+        let mut chance = streams.own(&format!("station {i} sweeps"));
+        let is_v1 = |station: &&Station| station.generation == Generation::V1;
+        let (turn_hz, phases, generation) = match station.generation {
+            Generation::V1 => {
+                // First-generation stations take turns; the others sweep on their own.
+                let slots = 2.0 * options.stations.iter().filter(is_v1).count() as f64;
+                let first = 2.0 * options.stations[..i].iter().filter(is_v1).count() as f64 / slots;
+                (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots], 0)
+            }
+            Generation::V2 => {
+                let phase = chance.uniform();
+                let period = f64::from(V2_PERIODS[i % V2_PERIODS.len()]);
+                (48e6 / period, [phase, phase + 1.0 / 3.0], 1)
+            }
+        };
+        let (shared, sigma_rad) =
+            (options.sweep_noise_shared_frac, options.sweep_noise_rad[generation]);
+        Self {
+            truth,
+            sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
+            distortion: Field::new(
+                &mut streams.shared_by_room(&format!("station {i} distortion")),
+                options.sweep_distortion_rad,
+                SWEEP_DISTORTION_LENGTH_RAD,
+            ),
+            noise: Normals::new(streams.own(&format!("station {i} sweep angles"))),
+            chance,
+            turn_hz,
+            phases,
+            passed: 0,
+            seen_s: 0.0,
+        }
+    }
+
+    /// The plane that passes next, where it does so by `time_s`.
+    fn due(&mut self, time_s: f64) -> Option<usize> {
+        let plane = (self.passed % 2) as usize;
+        let turns = f64::from(self.passed / 2) + self.phases[plane];
+        (turns <= time_s * self.turn_hz).then(|| {
+            self.passed += 1;
+            plane
+        })
+    }
+
+    /// White noise of a sweep at each sensor.
+    fn errors_rad(&mut self) -> [f64; 4] {
+        let [of_all, of_each] = self.sigmas_rad;
+        let shared = of_all * self.noise.next();
+        std::array::from_fn(|_| shared + of_each * self.noise.next())
+    }
+
+    fn angles_rad(
+        &self,
+        plane: usize,
+        position_m: &Vector3<f64>,
+        world_from_body: &Matrix3<f64>,
+        errors_rad: &[f64; 4],
+    ) -> [f64; 4] {
+        let direction = self.truth.station_from_world(position_m).normalize();
+        let distortion_rad = self.distortion.component(plane, &direction);
+        std::array::from_fn(|i| {
+            let place_m = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[i]);
+            self.truth.crossing(plane, &place_m).angle_rad + distortion_rad + errors_rad[i]
+        })
+    }
+}

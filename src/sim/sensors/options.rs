@@ -1,0 +1,504 @@
+//! Settings of the sensors and of the Lighthouse's base stations.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::height::time_of_flight_sigma_m;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::input_error;
+use noctograph_core::settings::{Described, Shape, settings};
+
+/// Most base stations: the channels of the second generation.
+const MAX_STATIONS: usize = 16;
+/// Most ultra-wideband anchors.
+const MAX_ANCHORS: usize = 64;
+
+settings! {
+    /// Sensors and their noise. Those that the positioning does not use are kept.
+    pub struct SensorOptions {
+        /// Measurement of the position.
+        positioning: Positioning = Positioning::Position;
+        /// Further measurements of the height: time-of-flight, barometer.
+        heights: Vec<HeightSensor> = Vec::new(),
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
+        /// Gyroscope and accelerometer.
+        imu: ImuOptions = ImuOptions::default();
+        /// Lighthouse.
+        lighthouse: LighthouseOptions = LighthouseOptions::default(),
+            for "sensors.positioning" = "position" | "crossing-beams" | "sweeps";
+        /// Ultra-wideband ranging.
+        uwb: UwbOptions = UwbOptions::default(), for "sensors.positioning" = "uwb-twr" | "uwb-tdoa";
+        /// Time of flight to the floor.
+        time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default(),
+            for "sensors.heights" = "time-of-flight",
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
+        /// Ranges and messages between the drones of a fleet.
+        peers: PeerOptions = PeerOptions::default(), for "observer.kind" = "cooperative";
+        /// Barometer.
+        barometer: BarometerOptions = BarometerOptions::default(),
+            for "sensors.heights" = "barometer",
+            for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
+        /// Satellite navigation with a base station.
+        gnss: GnssOptions = GnssOptions::default(), for "sensors.positioning" = "gnss";
+    }
+
+    /// Measurement of the position.
+    pub enum Positioning {
+        /// Lighthouse, a position at every tick with white jitter and a smooth distortion, as the
+        /// log of the reference flight shows it; without stations.
+        "position" => Position,
+        /// Lighthouse, positions from the crossing of two stations' beams (lighthouse.method 0).
+        "crossing-beams" => CrossingBeams,
+        /// Lighthouse, raw sweep angles (lighthouse.method 1).
+        "sweeps" => Sweeps,
+        /// Ultra-wideband, distance to one anchor after the other by two-way ranging.
+        "uwb-twr" => UwbTwr,
+        /// Ultra-wideband, difference of the distances to two anchors.
+        "uwb-tdoa" => UwbTdoa,
+        /// Satellites with a base station.
+        "gnss" => Gnss,
+    }
+
+    /// Measurement of the height besides the positioning.
+    #[derive(PartialOrd, Ord)]
+    pub enum HeightSensor {
+        /// Infrared time of flight to the floor.
+        "time-of-flight" => TimeOfFlight,
+        /// Air pressure.
+        "barometer" => Barometer,
+    }
+
+    /// Gyroscope and accelerometer; 0 switches a term off.
+    ///
+    /// Default: data sheet of the BMI088, 0.014 °/s/√Hz and 190 µg/√Hz along z.
+    pub struct ImuOptions {
+        /// Noise density of the gyroscope per axis, (rad/s)/√Hz.
+        gyro_noise_rad_s_sqrt_hz: f64 = 2.44e-4, in 0.0..=1.0;
+        /// Noise density of the accelerometer per axis, (m/s²)/√Hz.
+        accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
+        fixed {
+            /// Steady bias of the gyroscope about body x, y, z: what the firmware's calibration at
+            /// rest leaves, and what the sensor drifts by as it warms.
+            gyro_bias_rad_s: [f64; 3] = [0.0; 3];
+            /// Random walk of the gyroscope's bias per axis: density of its derivative,
+            /// (rad/s²)/√Hz.
+            ///
+            /// The firmware removes the bias at rest before take-off, so that the walk begins at
+            /// zero.
+            gyro_bias_walk_rad_s2_sqrt_hz: f64 = 0.0;
+            /// Random walk of the accelerometer's bias per axis: density of its derivative,
+            /// (m/s³)/√Hz.
+            accelerometer_bias_walk_m_s3_sqrt_hz: f64 = 0.0;
+        }
+    }
+
+    /// Lighthouse; 0 switches a term off.
+    ///
+    /// Default: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523): crossing
+    /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500; slow error in
+    /// flight 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s. Sweeps
+    /// spread by 60 µrad (first generation) and 28 µrad (second), and 45 of 52 a second arrive.
+    /// That the rotor makes most of that noise, for all sensors alike, follows from the crossing
+    /// beams' jitter: independent noise of the sensors would average out to a third of it.
+    ///
+    /// Most of the error in flight, 13.5 mm mean, is distortion that the stations share: were it
+    /// all each station's own, the filter would tremble at rest by more than the measured 0.59 mm
+    /// as they pull it to and fro. The part by which they disagree is chosen so that both come out
+    /// as measured. Two stations in opposite corners, some 4 m from the word.
+    pub struct LighthouseOptions {
+        /// Smooth error that depends on the drone's place, per axis, σ.
+        ///
+        /// It is left by the joint solution for the stations' places: they agree on a bent room.
+        distortion_m: f64 = 0.0075, in 0.0..=1.0;
+        /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
+        distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
+        /// Base stations, at their believed places.
+        stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
+            .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
+            .into();
+        /// Mirrors, which reflect all: a point of each, and the direction that it faces. Besides
+        /// its sweeps the deck then hears those of each station's image.
+        ///
+        /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
+        mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// Panes of glass: a point of each, and the direction that it faces. They reflect 8 %
+        /// straight on and more the flatter the light falls in; the deck hears an image up to 6 m
+        /// times the root of that.
+        panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// People who stand in the light, 1.8 m high: x, y and radius of each.
+        people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// Silences: number of the station, from 0, and the times from and to, s.
+        silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        fixed {
+            /// White noise of the measured position per axis and tick, σ; for `position`.
+            jitter_m: f64 = 0.001;
+            /// Turn of the Lighthouse's frame against the room, about x, y and z.
+            ///
+            /// The frame is where the drone was put by hand when the stations' geometry was
+            /// estimated: the origin, a place on the x-axis one meter off, a place on the floor
+            /// (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
+            frame_turn_rad: [f64; 3] = [0.0; 3];
+            /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the
+            /// scale.
+            frame_scale_error: f64 = 0.0;
+            /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
+            /// station.
+            sweep_noise_rad: [f64; 2] = [60e-6, 28e-6];
+            /// Share of that noise's variance that is common to all four sensors in a sweep.
+            sweep_noise_shared_frac: f64 = 0.8;
+            /// Share of sweeps that are lost.
+            sweep_loss_frac: f64 = 0.13;
+            /// Distance between a station's true and believed place, per axis, σ, beside the common
+            /// distortion: the disagreement of the stations.
+            station_position_error_m: f64 = 0.0015;
+            /// Angle between a station's true and believed attitude, per axis, σ.
+            station_rotation_error_rad: f64 = 0.0007;
+            /// Smooth error of a sweep angle that the station's calibration leaves, σ.
+            sweep_distortion_rad: f64 = 0.001;
+        }
+    }
+
+    /// Generation of a base station.
+    pub enum Generation {
+        /// One rotor with two planes, slanted by ±30°; 150° × 110°.
+        "v2" => V2,
+        /// Two rotors, one with an upright plane of light and one with a flat one; 120° × 120°.
+        "v1" => V1,
+    }
+
+    /// Ultra-wideband ranging.
+    ///
+    /// Default: firmware fixture `log05` at rest (180 differences a second, 6 cm white, bias of a
+    /// pair 20 cm, 14 % beyond 0.45 m); anchors in the corners of a room.
+    pub struct UwbOptions {
+        /// Places of the anchors.
+        anchors_m: Vec<[f64; 3]> = [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5]]
+            .into_iter()
+            .flat_map(|[x, y]| [[x, y, 0.2], [x, y, 2.4]])
+            .collect(), in -1e4..=1e4;
+        /// Anchors that each drone hears, by index: one list a drone.
+        ///
+        /// Empty: all drones hear all anchors.
+        heard: Vec<Vec<usize>> = Vec::new(), in 0.0..=63.0;
+        /// Ranges per second, over all anchors. Drones with the estimator `cooperative` share them:
+        /// over all their anchors and all pairs of drones.
+        rate_hz: f64 = 180.0, in 1.0..=2000.0;
+        /// White noise of a range, σ.
+        noise_m: f64 = 0.06, in 0.0..=10.0;
+        /// Error of a link (an anchor, or a pair of them) that changes with the drone's place, σ.
+        bias_m: f64 = 0.2, in 0.0..=10.0;
+        /// Share of ranges that are outliers.
+        outlier_frac: f64 = 0.1, in 0.0..=1.0;
+        /// Error of the starting place that a drone is given, per axis, σ.
+        start_error_m: f64 = 0.0, in 0.0..=10.0;
+    }
+
+    /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
+    ///
+    /// A message holds the motion since the start as the inertial sensors have it, and the ranges
+    /// and heights measured since the last message: 24 bytes and 3 for each of them.
+    pub struct PeerOptions {
+        /// Whether the drones measure the distances between each other, as they do to anchors.
+        ranging: bool = false;
+        /// Messages per second of each drone.
+        rate_hz: f64 = 20.0, in 0.1..=500.0;
+        /// Share of messages that are lost, for each receiver on its own.
+        loss_frac: f64 = 0.0, in 0.0..=1.0;
+        /// Time that a message takes.
+        delay_s: f64 = 0.02, in 0.0..=10.0;
+    }
+
+    /// Infrared ranger that looks down onto the floor.
+    ///
+    /// Default: firmware (`zranger2.c`).
+    pub struct TimeOfFlightOptions {
+        /// White noise of a distance, σ near the floor. The sensor adds 2.5 mm at 2.5 m and
+        /// 0.2 m at 4 m.
+        noise_m: f64 = 0.0025, in 0.0..=10.0;
+        /// Distances per second.
+        rate_hz: f64 = 40.0, in 0.1..=2000.0;
+    }
+
+    /// Barometer.
+    ///
+    /// Default: 9 cm at 50 Hz in the firmware's fixture `log05`; the drift is an assumption (30 cm
+    /// in ten minutes).
+    pub struct BarometerOptions {
+        /// White noise of a height, σ.
+        noise_m: f64 = 0.09, in 0.0..=100.0;
+        /// Random walk of the height, m/√s: σ after one second.
+        drift_m_sqrt_s: f64 = 0.012, in 0.0..=100.0;
+        /// Heights per second.
+        rate_hz: f64 = 50.0, in 0.1..=2000.0;
+        fixed {
+            /// Steady drift of the height, as of a weather front.
+            drift_m_s: f64 = 0.0;
+        }
+    }
+
+    /// Satellite navigation with a base station.
+    pub struct GnssOptions {
+        /// White noise of a fix per axis, σ.
+        noise_m: f64 = 0.05, in 0.0..=100.0;
+        /// Fixes per second.
+        rate_hz: f64 = 10.0, in 0.1..=2000.0;
+        fixed {
+            /// Times without a fix, from and to, in order: `[[20, 30]]` is silence from 20 s to 30
+            /// s.
+            silent_s: Vec<[f64; 2]> = Vec::new();
+        }
+    }
+}
+
+/// A Lighthouse base station at its believed place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Station {
+    /// Generation.
+    pub generation: Generation,
+    /// Place, world frame.
+    pub position_m: [f64; 3],
+    /// Rotation about world z; 0 looks along world x.
+    pub yaw_rad: f64,
+    /// Rotation about the yawed y axis; positive looks down.
+    pub pitch_rad: f64,
+    /// Rotation about the forward axis.
+    pub roll_rad: f64,
+}
+
+impl Station {
+    /// A station at `position_m` that looks at `target_m` with its horizon level.
+    ///
+    /// Looking straight up or down leaves the yaw at zero.
+    pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
+        let forward = Vector3::from(target_m) - Vector3::from(position_m);
+        Self::facing(generation, position_m, &forward, 0.0)
+    }
+
+    /// A station at `position_m` that looks along `forward`.
+    pub(crate) fn facing(
+        generation: Generation,
+        position_m: [f64; 3],
+        forward: &Vector3<f64>,
+        roll_rad: f64,
+    ) -> Self {
+        Self {
+            generation,
+            position_m,
+            yaw_rad: libm::atan2(forward.y, forward.x),
+            pitch_rad: -libm::atan2(forward.z, libm::hypot(forward.x, forward.y)),
+            roll_rad,
+        }
+    }
+}
+
+impl Described for Station {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
+        self.position_m.check(&format!("{place}.position_m"), Some([-1e4, 1e4]))?;
+        for (key, angle_rad, max) in [
+            ("yaw_rad", self.yaw_rad, 2.0 * PI),
+            ("pitch_rad", self.pitch_rad, FRAC_PI_2),
+            ("roll_rad", self.roll_rad, 2.0 * PI),
+        ] {
+            angle_rad.check(&format!("{place}.{key}"), Some([-max, max]))?;
+        }
+        Ok(())
+    }
+}
+
+impl Positioning {
+    /// Whether it is by ultra-wideband ranges.
+    pub(crate) fn is_by_ranges(self) -> bool {
+        matches!(self, Self::UwbTwr | Self::UwbTdoa)
+    }
+
+    /// Whether it gives positions, rather than angles or distances.
+    pub(crate) fn gives_positions(self) -> bool {
+        matches!(self, Self::Position | Self::CrossingBeams | Self::Gnss)
+    }
+}
+
+impl HeightSensor {
+    /// Whether it measures the distance to the floor along the body's z axis, which tilts and steps
+    /// of the floor change, rather than the height over the starting place.
+    pub(crate) fn looks_down(self) -> bool {
+        match self {
+            Self::TimeOfFlight => true,
+            Self::Barometer => false,
+        }
+    }
+}
+
+impl UwbOptions {
+    /// Positions of the anchors.
+    pub fn anchors(&self) -> Vec<Vector3<f64>> {
+        self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
+    }
+
+    /// The anchors that a drone hears, by index.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a drone that the list leaves out.
+    pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
+        match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
+            Some(heard) => Ok(heard.clone()),
+            None if self.heard.is_empty() => Ok((0..self.anchors_m.len()).collect()),
+            None => {
+                let (n, drone) = (self.heard.len(), drone + 1);
+                Err(input_error!(
+                    "sensors.uwb.heard",
+                    "{n} lists, and a drone {drone}",
+                    "a list for each drone, or none",
+                    "list the anchors that each drone hears"
+                ))
+            }
+        }
+    }
+
+    /// Refuses two anchors at one place, and lists of those heard that are not of `least` to all.
+    fn check_anchors(&self, least: usize) -> Result<()> {
+        for (i, anchor) in self.anchors_m.iter().enumerate() {
+            if self.anchors_m[..i].contains(anchor) {
+                return Err(input_error!(
+                    format!("sensors.uwb.anchors_m[{i}]"),
+                    "{anchor:?}, the place of another anchor",
+                    "each anchor once",
+                    "list every anchor at its own place"
+                ));
+            }
+        }
+        let n = self.anchors_m.len();
+        for (drone, heard) in self.heard.iter().enumerate() {
+            let place = format!("sensors.uwb.heard[{drone}]");
+            let hint = "list the anchors that the drone hears";
+            check_count(&place, heard.len(), [least, n], hint)?;
+            let is_wrong = |i: &usize| heard[*i] >= n || heard[..*i].contains(&heard[*i]);
+            if let Some(i) = (0..heard.len()).find(is_wrong) {
+                let (anchor, most) = (heard[i], n - 1);
+                return Err(input_error!(
+                    format!("{place}[{i}]"),
+                    "{anchor}",
+                    "each index once, from 0 to {most}",
+                    "indices count the list sensors.uwb.anchors_m from 0"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
+    if (least..=most).contains(&n) {
+        return Ok(());
+    }
+    Err(Error::input(key, format!("{n} of them"), format!("{least} to {most}"), hint))
+}
+
+impl SensorOptions {
+    /// Sensors without any error.
+    pub fn ideal() -> Self {
+        Self {
+            positioning: Positioning::Position,
+            heights: Vec::new(),
+            imu: ImuOptions {
+                gyro_bias_rad_s: [0.0; 3],
+                gyro_noise_rad_s_sqrt_hz: 0.0,
+                accelerometer_noise_m_s2_sqrt_hz: 0.0,
+                gyro_bias_walk_rad_s2_sqrt_hz: 0.0,
+                accelerometer_bias_walk_m_s3_sqrt_hz: 0.0,
+            },
+            lighthouse: LighthouseOptions {
+                jitter_m: 0.0,
+                distortion_m: 0.0,
+                sweep_noise_rad: [0.0; 2],
+                sweep_loss_frac: 0.0,
+                station_position_error_m: 0.0,
+                station_rotation_error_rad: 0.0,
+                sweep_distortion_rad: 0.0,
+                ..LighthouseOptions::default()
+            },
+            uwb: UwbOptions {
+                noise_m: 0.0,
+                bias_m: 0.0,
+                outlier_frac: 0.0,
+                ..UwbOptions::default()
+            },
+            time_of_flight: TimeOfFlightOptions { noise_m: 0.0, ..TimeOfFlightOptions::default() },
+            peers: PeerOptions::default(),
+            barometer: BarometerOptions {
+                noise_m: 0.0,
+                drift_m_sqrt_s: 0.0,
+                ..BarometerOptions::default()
+            },
+            gnss: GnssOptions { noise_m: 0.0, ..GnssOptions::default() },
+        }
+    }
+
+    /// Readings a second of a sensor of the height.
+    pub(crate) fn height_rate_hz(&self, sensor: HeightSensor) -> f64 {
+        match sensor {
+            HeightSensor::TimeOfFlight => self.time_of_flight.rate_hz,
+            HeightSensor::Barometer => self.barometer.rate_hz,
+        }
+    }
+
+    /// Standard deviation of the white noise of a sensor of the height where it measures so much.
+    pub(crate) fn height_sigma_m(&self, sensor: HeightSensor, measured_m: f64) -> f64 {
+        match sensor {
+            HeightSensor::TimeOfFlight => {
+                time_of_flight_sigma_m(self.time_of_flight.noise_m, measured_m)
+            }
+            HeightSensor::Barometer => self.barometer.noise_m,
+        }
+    }
+
+    /// Checks that silences of the satellites come one after the other.
+    pub(crate) fn check_silences(&self) -> Result<()> {
+        let mut heard_from_s = 0.0;
+        for (i, [from_s, to_s]) in self.gnss.silent_s.iter().enumerate() {
+            let wanted = if from_s >= to_s {
+                "an end after its beginning".to_owned()
+            } else if *from_s < heard_from_s {
+                format!("a beginning after the end of the silence before, {heard_from_s} s")
+            } else {
+                heard_from_s = *to_s;
+                continue;
+            };
+            let place = format!("sensors.gnss.silent_s[{i}]");
+            let hint =
+                "write each silence as [from, to], in order of time, and join those that meet";
+            return Err(Error::input(place, format!("{from_s} to {to_s} s"), wanted, hint));
+        }
+        Ok(())
+    }
+
+    /// Checks the numbers of base stations and anchors.
+    pub(crate) fn check_counts(&self) -> Result<()> {
+        let (stations, anchors) = match self.positioning {
+            Positioning::Position | Positioning::Gnss => (0, 0),
+            Positioning::CrossingBeams => (2, 0),
+            Positioning::Sweeps => (1, 0),
+            Positioning::UwbTwr => (0, 1),
+            Positioning::UwbTdoa => (0, 2),
+        };
+        let known = &self.lighthouse.stations;
+        let n_v1 = known.iter().filter(|s| s.generation == Generation::V1).count();
+        let hint = "list the room's base stations";
+        let place = "sensors.lighthouse.stations";
+        check_count(place, known.len(), [stations, MAX_STATIONS], hint)?;
+        let hint = "the first generation takes turns: one or two stations; use v2 for more";
+        check_count(&format!("{place}, generation v1"), n_v1, [0, 2], hint)?;
+        let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
+        check_count(place, self.uwb.anchors_m.len(), [anchors, MAX_ANCHORS], hint)?;
+        if anchors == 0 { Ok(()) } else { self.uwb.check_anchors(anchors) }
+    }
+}

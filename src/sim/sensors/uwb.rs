@@ -1,0 +1,254 @@
+//! Ultra-wideband ranges: two-way, or differences between two anchors.
+//!
+//! White noise, an error of each link that depends on the drone's place, and strays. Anchors are
+//! asked in turn; a difference is taken between an anchor and the next one that is heard. In a
+//! fleet all links take turns: those of each drone to its anchors, then the pairs of drones, both
+//! of which read the same range. Walls, antennas' patterns and collisions of packets are not
+//! modeled.
+
+use nalgebra::Vector3;
+
+use super::streams::{Clock, Streams};
+use super::{Fleet, Positioning, SensorOptions, UwbOptions};
+use noctograph_core::error::Result;
+use noctograph_core::random::{Field, Noise};
+
+/// Distance over which a link's error changes: an assumption, of the size of the furniture.
+const BIAS_LENGTH_M: f64 = 1.5;
+/// Mean error of an outlier: too long for two-way ranging, either way for differences.
+const OUTLIER_M: f64 = 1.0;
+
+/// One measured distance, or difference of two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Index of the anchor.
+    pub anchor: usize,
+    /// Index of the anchor whose distance was subtracted, for a difference.
+    pub minus: Option<usize>,
+    /// `|p − a|`, or `|p − a| − |p − b|`.
+    pub distance_m: f64,
+}
+
+/// One measured distance to another drone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PeerRange {
+    /// Place of the other drone in the fleet.
+    pub drone: usize,
+    pub distance_m: f64,
+}
+
+/// A link in the round of all, with drones by their places in the fleet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Turn {
+    /// To an anchor, less the distance to another one where differences are measured.
+    Anchor {
+        drone: usize,
+        anchor: usize,
+        minus: Option<usize>,
+    },
+    Drones(usize, usize),
+}
+
+/// The links of drones with these indices in their turn: those of each drone to its anchors, then
+/// the pairs of drones.
+pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
+    let differences = options.positioning == Positioning::UwbTdoa;
+    // In the order of the indices: the names of the drones do not matter.
+    let mut places: Vec<usize> = (0..indices.len()).collect();
+    places.sort_by_key(|place| indices[*place]);
+    let mut turns = Vec::new();
+    for &drone in &places {
+        let heard = options.uwb.heard_by(indices[drone])?;
+        let next = heard.iter().cycle().skip(1);
+        turns.extend(heard.iter().zip(next).map(|(&anchor, &next)| {
+            let minus = differences.then_some(next);
+            Turn::Anchor { drone, anchor, minus }
+        }));
+    }
+    for (k, &first) in places.iter().enumerate().filter(|_| options.peers.ranging) {
+        turns.extend(places[k + 1..].iter().map(|second| Turn::Drones(first, *second)));
+    }
+    Ok(turns)
+}
+
+/// White noise and strays of ranges.
+#[derive(Debug)]
+struct Errors {
+    noise: Noise,
+    strays: Noise,
+}
+
+impl Errors {
+    /// A distance with its errors. Those of outliers are exponential; a difference strays either
+    /// way.
+    fn added_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
+        let white_m = self.noise.normal() * options.noise_m;
+        let [luck, size] = [self.strays.uniform(), self.strays.uniform()];
+        let either = if differences { size } else { 0.5 + 0.5 * size };
+        let astray_m = match luck < options.outlier_frac {
+            true if either < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * either),
+            true => -OUTLIER_M * libm::log(2.0 * (1.0 - either)),
+            false => 0.0,
+        };
+        distance_m + white_m + astray_m
+    }
+}
+
+/// The anchors and the tag on the drone.
+#[derive(Debug)]
+pub(super) struct Uwb {
+    options: UwbOptions,
+    differences: bool,
+    /// Its place in the fleet.
+    own: usize,
+    anchors_m: Vec<Vector3<f64>>,
+    turns: Vec<Turn>,
+    clock: Clock,
+    /// Of each link: an anchor, or the pair that begins with it.
+    biases: Vec<Field<1>>,
+    errors: Errors,
+    /// Bias and errors of the link to each drone of the fleet.
+    peers: Vec<(Field<1>, Errors)>,
+    ranges: Vec<Range>,
+    peer_ranges: Vec<PeerRange>,
+}
+
+impl Uwb {
+    /// The tag of a drone.
+    ///
+    /// # Panics
+    ///
+    /// If the options leave out the anchors of the drone, see [`UwbOptions::heard_by`].
+    pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
+        let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
+        let uwb = &options.uwb;
+        let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
+        let own = indices[fleet.place];
+        let peer = |other: &u64| {
+            let (first, second) = (own.min(*other), own.max(*other));
+            let stream = |what: &str| streams.of_drone(first, &format!("uwb peer {second} {what}"));
+            let errors = Errors { noise: stream("noise"), strays: stream("strays") };
+            (bias(stream("link")), errors)
+        };
+        let anchors_m = uwb.anchors();
+        let links = 0..anchors_m.len();
+        Self {
+            differences: options.positioning == Positioning::UwbTdoa,
+            own: fleet.place,
+            turns: turns(options, &indices).expect("checked before"),
+            clock: Clock::new(uwb.rate_hz),
+            biases: links.map(|i| bias(streams.shared_by_room(&format!("uwb link {i}")))).collect(),
+            errors: Errors { noise: streams.own("uwb noise"), strays: streams.own("uwb strays") },
+            peers: indices.iter().map(peer).collect(),
+            // A rate of 2 kHz on a control loop of 50 Hz.
+            ranges: Vec::with_capacity(64),
+            peer_ranges: Vec::new(),
+            anchors_m,
+            options: uwb.clone(),
+        }
+    }
+
+    /// The ranges that are due by `time_s`, to anchors and to the drones of the fleet at `fleet_m`.
+    pub(super) fn read(
+        &mut self,
+        position_m: &Vector3<f64>,
+        fleet_m: &[Vector3<f64>],
+        time_s: f64,
+    ) -> (&[Range], &[PeerRange]) {
+        self.ranges.clear();
+        self.peer_ranges.clear();
+        while let Some(k) = self.clock.due(time_s) {
+            match self.turns[k % self.turns.len()] {
+                Turn::Anchor { drone, anchor, minus } if drone == self.own => {
+                    let distance = |i: usize| (position_m - self.anchors_m[i]).norm();
+                    let true_m = distance(anchor) - minus.map_or(0.0, distance);
+                    let biased_m = true_m + self.biases[anchor].component(0, position_m);
+                    let distance_m =
+                        self.errors.added_to(biased_m, &self.options, self.differences);
+                    self.ranges.push(Range { anchor, minus, distance_m });
+                }
+                Turn::Drones(i, j) if i == self.own || j == self.own => {
+                    let drone = if i == self.own { j } else { i };
+                    let (bias, errors) = &mut self.peers[drone];
+                    // Midway, so that both ends read the same.
+                    let middle_m = (position_m + fleet_m[drone]) * 0.5;
+                    let true_m = (position_m - fleet_m[drone]).norm();
+                    let biased_m = true_m + bias.component(0, &middle_m);
+                    let distance_m = errors.added_to(biased_m, &self.options, self.differences);
+                    self.peer_ranges.push(PeerRange { drone, distance_m });
+                }
+                Turn::Anchor { .. } | Turn::Drones(..) => {}
+            }
+        }
+        (&self.ranges, &self.peer_ranges)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors::density::white_density;
+
+    const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
+
+    /// Errors of ten minutes at rest, by link.
+    fn errors(options: &UwbOptions, differences: bool) -> Vec<Vec<f64>> {
+        let positioning = [Positioning::UwbTwr, Positioning::UwbTdoa][usize::from(differences)];
+        let options = SensorOptions { positioning, uwb: options.clone(), ..Default::default() };
+        let mut uwb = Uwb::new(&options, &Fleet::alone(0), &Streams::alone(4));
+        let anchors = uwb.anchors_m.clone();
+        let mut errors = vec![Vec::new(); anchors.len()];
+        for tick in 0..300_000 {
+            for range in uwb.read(&PLACE_M, &[], f64::from(tick) / 500.0).0 {
+                let distance = |i: usize| (PLACE_M - anchors[i]).norm();
+                let truth = distance(range.anchor) - range.minus.map_or(0.0, distance);
+                errors[range.anchor].push(range.distance_m - truth);
+            }
+        }
+        errors
+    }
+
+    fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+        let n = values.len() as f64;
+        values.sum::<f64>() / n
+    }
+
+    #[test]
+    fn white_part_and_bias_have_their_size_and_links_their_turn() {
+        for differences in [false, true] {
+            let options = UwbOptions { outlier_frac: 0.0, ..UwbOptions::default() };
+            let errors = errors(&options, differences);
+            let mut bias_sq = 0.0;
+            for link in &errors {
+                assert!((13_499..13_502).contains(&link.len()), "{} of 108000 / 8", link.len());
+                let bias = mean(link.iter().copied());
+                let sigma = mean(link.iter().map(|e| (e - bias) * (e - bias))).sqrt();
+                assert!((sigma / 0.06 - 1.0).abs() < 0.03, "white part {sigma}");
+                for density in white_density(link, 180.0 / 8.0) {
+                    let want = 0.06 / f64::sqrt(0.5 * 180.0 / 8.0);
+                    assert!((density / want - 1.0).abs() < 0.3, "{density} m/√Hz of {want}");
+                }
+                bias_sq += bias * bias / 8.0;
+            }
+            // Eight draws: between half and one and a half of 0.2 m in all but a few per cent.
+            assert!((0.1..0.3).contains(&bias_sq.sqrt()), "bias {}", bias_sq.sqrt());
+        }
+    }
+
+    #[test]
+    fn strays_are_as_many_and_as_large_as_stated() {
+        let options =
+            UwbOptions { noise_m: 0.0, bias_m: 0.0, outlier_frac: 0.14, ..UwbOptions::default() };
+        for differences in [false, true] {
+            let all: Vec<f64> = errors(&options, differences).concat();
+            let strays: Vec<f64> = all.iter().copied().filter(|e| e.abs() > 1e-9).collect();
+            let share = strays.len() as f64 / all.len() as f64;
+            assert!((share - 0.14).abs() < 0.005, "share {share}");
+            let size = mean(strays.iter().map(|e| e.abs()));
+            assert!((size / OUTLIER_M - 1.0).abs() < 0.05, "mean size {size}");
+            let shorter = strays.iter().filter(|e| **e < 0.0).count();
+            let want = if differences { strays.len() / 2 } else { 0 };
+            assert!(shorter.abs_diff(want) < strays.len() / 50, "{shorter} of {}", strays.len());
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! Wind: a steady part and gusts, which push the drone and turn it.
+
+use nalgebra::Vector3;
+
+use super::{AirOptions, Gusts};
+use noctograph_core::random::{Noise, Normals};
+
+/// Meters per foot: the specification's formulas are in feet.
+const FOOT_M: f64 = 0.3048;
+/// Correlation time of the torque of uneven air: that of the reference flight, as
+/// [`super::GustOptions`] says.
+pub const TORQUE_TIME_S: f64 = 1.5;
+/// Lowest height that the low-altitude model is given for, feet. Flights below it use its figures.
+const LOWEST_FT: f64 = 10.0;
+
+/// Wind at the drone, from step to step.
+#[derive(Debug)]
+pub(super) struct Wind {
+    mean_m_s: Vector3<f64>,
+    /// World directions of the three gust components.
+    axes: [Vector3<f64>; 3],
+    gusts: Option<Shaken>,
+    torques: Option<Shaken>,
+}
+
+/// Three components of filtered noise.
+#[derive(Debug)]
+struct Shaken {
+    filters: [Filter; 3],
+    noise: Normals,
+}
+
+impl Shaken {
+    /// In the midst of it.
+    fn new(filters: [Filter; 3], noise: Noise) -> Self {
+        let mut shaken = Self { filters, noise: Normals::new(noise) };
+        shaken.filters.iter_mut().for_each(|filter| filter.settle(&mut shaken.noise));
+        shaken
+    }
+
+    #[inline]
+    fn advance(&mut self) -> [f64; 3] {
+        self.filters.each_mut().map(|filter| filter.advance(&mut self.noise))
+    }
+}
+
+/// Wind and torque during one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Gust {
+    /// World frame.
+    pub(super) wind_m_s: Vector3<f64>,
+    /// Body frame.
+    pub(super) torque_n_m: Vector3<f64>,
+}
+
+impl Wind {
+    /// The air about the drone with index `drone`, moved on by steps of `dt_s`.
+    pub(super) fn new(options: &AirOptions, dt_s: f64, seed: u64, drone: u64) -> Self {
+        let mean_m_s = Vector3::from(options.wind_m_s);
+        let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
+        let mut axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let (mut filters, mut torques) = (None, None);
+        match &options.gusts {
+            Gusts::OrnsteinUhlenbeck(room) => {
+                let filter = |sigma, time_s| Filter::new([sigma, 0.0], time_s, dt_s);
+                filters = Some(room.sigma_m_s.map(|sigma| filter(sigma, room.time_s)));
+                let share = room.share_of_room();
+                let torque = |sigma: f64| filter(sigma * share, TORQUE_TIME_S);
+                torques = Some(room.torque_sigma_n_m.map(torque));
+            }
+            Gusts::Dryden if level_m_s > 0.0 => {
+                let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
+                axes = [along, Vector3::z().cross(&along), Vector3::z()];
+                filters = Some(dryden(level_m_s, dt_s));
+            }
+            Gusts::Dryden | Gusts::None => {}
+        }
+        let shaken = |filters: Option<_>, stream| {
+            filters.map(|filters| Shaken::new(filters, Noise::new(seed, drone, stream)))
+        };
+        let (gusts, torques) = (shaken(filters, "gusts"), shaken(torques, "gust torque"));
+        Self { mean_m_s, axes, gusts, torques }
+    }
+
+    /// Whether it is a wind that never changes.
+    pub(super) fn is_steady(&self) -> bool {
+        self.gusts.is_none() && self.torques.is_none()
+    }
+
+    /// Wind and torque of the next step.
+    #[inline]
+    pub(super) fn advance(&mut self) -> Gust {
+        let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
+        if let Some(gusts) = &mut self.gusts {
+            for (axis, part_m_s) in self.axes.iter().zip(gusts.advance()) {
+                gust.wind_m_s += axis * part_m_s;
+            }
+        }
+        if let Some(torques) = &mut self.torques {
+            gust.torque_n_m = torques.advance().into();
+        }
+        gust
+    }
+}
+
+/// Dryden's spectra as MIL-F-8785C gives them below 1000 ft, for air that drifts past the drone
+/// with the wind: one filter along the wind, two across it.
+fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
+    let shape = 0.177 + 0.000_823 * LOWEST_FT;
+    let vertical_m_s = 0.1 * wind_m_s;
+    let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
+    let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
+    let across = |sigma_m_s: f64, length_m: f64| {
+        let sigma = sigma_m_s / f64::sqrt(2.0);
+        let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
+        Filter::new(parts, length_m / wind_m_s, dt_s)
+    };
+    [
+        Filter::new([level_m_s, 0.0], level_m / wind_m_s, dt_s),
+        across(level_m_s, level_m),
+        across(vertical_m_s, vertical_m),
+    ]
+}
+
+/// White noise through `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, where the first stage has
+/// variance 1; sampled without error.
+#[derive(Clone, Copy, Debug)]
+struct Filter {
+    parts: [f64; 2],
+    stages: [f64; 2],
+    /// Decay of each stage in one step, and the coupling of the first into the second.
+    stays: f64,
+    gives: f64,
+    /// Cholesky factor of the noise added in one step: by stationarity `P − F P Fᵀ` with
+    /// `P = [[1, ½], [½, ½]]`.
+    adds: [f64; 3],
+}
+
+impl Filter {
+    fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
+        let stays = libm::exp(-dt_s / time_s);
+        let gives = stays * dt_s / time_s;
+        let first_sq = 1.0 - stays * stays;
+        let both = 0.5 - stays * (gives + 0.5 * stays);
+        let second_sq = 0.5 - gives * gives - stays * gives - 0.5 * stays * stays;
+        let first = first_sq.sqrt();
+        let shared = both / first;
+        let adds = [first, shared, (second_sq - shared * shared).max(0.0).sqrt()];
+        Self { parts, stages: [0.0; 2], stays, gives, adds }
+    }
+
+    /// Draws the stages from their stationary distribution.
+    fn settle(&mut self, noise: &mut Normals) {
+        let first = noise.next();
+        self.stages = [first, 0.5 * (first + noise.next())];
+    }
+
+    fn advance(&mut self, noise: &mut Normals) -> f64 {
+        let [first, second] = self.stages;
+        let draw = noise.next();
+        self.stages[0] = self.stays * first + self.adds[0] * draw;
+        if self.parts[1] == 0.0 {
+            return self.parts[0] * self.stages[0];
+        }
+        let added = self.adds[1] * draw + self.adds[2] * noise.next();
+        self.stages[1] = self.stays * second + self.gives * first + added;
+        self.parts[0] * self.stages[0] + self.parts[1] * self.stages[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::vehicle::GustOptions;
+
+    const DT_S: f64 = 0.02;
+    const N: usize = 2048;
+    const SEGMENTS: usize = 400;
+    /// Periods in a segment.
+    const BINS: [f64; 5] = [4.0, 10.0, 30.0, 80.0, 200.0];
+
+    fn indoors(room: GustOptions) -> AirOptions {
+        AirOptions { gusts: Gusts::OrnsteinUhlenbeck(room), ..Default::default() }
+    }
+
+    /// One-sided densities of the wind's three components, less the steady wind.
+    fn spectra(options: &AirOptions) -> [[f64; BINS.len()]; 3] {
+        let mean_m_s = Vector3::from(options.wind_m_s);
+        spectra_of(options, |gust| gust.wind_m_s - mean_m_s)
+    }
+
+    /// One-sided densities of three components at [`BINS`], by Hann-windowed segments.
+    fn spectra_of(
+        options: &AirOptions,
+        part: impl Fn(Gust) -> Vector3<f64>,
+    ) -> [[f64; BINS.len()]; 3] {
+        let mut wind = Wind::new(options, DT_S, 11, 0);
+        let window: Vec<f64> =
+            (0..N).map(|i| 0.5 - 0.5 * libm::cos(TAU * i as f64 / N as f64)).collect();
+        let weight: f64 = window.iter().map(|w| w * w).sum();
+        let mut density = [[0.0; BINS.len()]; 3];
+        for _ in 0..SEGMENTS {
+            let gusts: Vec<Vector3<f64>> = (0..N).map(|_| part(wind.advance())).collect();
+            for (axis, row) in density.iter_mut().enumerate() {
+                for (bin, value) in BINS.iter().zip(row) {
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for (i, gust) in gusts.iter().enumerate() {
+                        let (sin, cos) = libm::sincos(TAU * bin * i as f64 / N as f64);
+                        re += window[i] * gust[axis] * cos;
+                        im += window[i] * gust[axis] * sin;
+                    }
+                    *value += 2.0 * DT_S * (re * re + im * im) / weight / SEGMENTS as f64;
+                }
+            }
+        }
+        density
+    }
+
+    /// Each estimate has 400 segments: σ 5 %.
+    fn assert_density(found: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
+        for (bin, found) in BINS.iter().zip(found) {
+            let ratio = found / want(TAU * bin / (N as f64 * DT_S));
+            assert!((ratio - 1.0).abs() < 0.2, "{ratio} of the density at bin {bin}");
+        }
+    }
+
+    #[test]
+    fn indoor_gusts_have_their_density() {
+        let (sigma_m_s, time_s) = ([0.1, 0.2, 0.05], 0.8);
+        let room = GustOptions { sigma_m_s, time_s, ..Default::default() };
+        for (found, sigma) in spectra(&indoors(room)).iter().zip(sigma_m_s) {
+            // One-sided, per Hz: 4 σ² τ / (1 + ω²τ²). Above the Nyquist frequency it folds back
+            // by less than a tenth at these bins.
+            assert_density(found, |w| 4.0 * sigma * sigma * 0.8 / (1.0 + 0.64 * w * w));
+        }
+    }
+
+    #[test]
+    fn torques_have_their_density() {
+        let torque_sigma_n_m = [1e-4, 2e-4, 3e-5];
+        let room = GustOptions { torque_sigma_n_m, ..Default::default() };
+        let found = spectra_of(&indoors(room), |gust| gust.torque_n_m);
+        for (found, sigma) in found.iter().zip(torque_sigma_n_m) {
+            assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
+        }
+    }
+
+    #[test]
+    fn stiller_air_turns_a_drone_less() {
+        let turns = |sigma_m_s| {
+            let room = GustOptions { sigma_m_s, ..Default::default() };
+            Wind::new(&indoors(room), 0.002, 1, 0).advance().torque_n_m
+        };
+        let room = turns([0.08; 3]);
+        assert!(room.norm() > 0.0 && turns([0.0; 3]).norm() == 0.0);
+        for (sigma_m_s, times) in [([0.16; 3], 2.0), ([0.08, 0.0, 0.0], f64::sqrt(1.0 / 3.0))] {
+            let off = turns(sigma_m_s) - room * times;
+            assert!(off.norm() < 1e-12 * room.norm(), "{sigma_m_s:?}: {off}");
+        }
+    }
+
+    #[test]
+    fn drydens_gusts_have_the_densities_of_the_specification() {
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
+        let found = spectra(&options);
+        // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
+        let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
+        let (t_w, t_u) = (3.048 / 3.0, 3.048 / libm::pow(0.18523, 1.2) / 3.0);
+        assert_density(&found[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));
+        let across = |sigma: f64, t: f64, w: f64| {
+            let s = t * t * w * w;
+            2.0 * sigma * sigma * t * (1.0 + 3.0 * s) / ((1.0 + s) * (1.0 + s))
+        };
+        assert_density(&found[1], |w| across(sigma_u, t_u, w));
+        assert_density(&found[2], |w| across(sigma_w, t_w, w));
+    }
+
+    #[test]
+    fn gusts_have_their_variance_from_the_start() {
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0], ..Default::default() };
+        let n = 20_000_u32;
+        let mut square = Vector3::zeros();
+        for seed in 0..n {
+            let gust = Wind::new(&options, DT_S, seed.into(), 0).advance().wind_m_s;
+            let gust = gust - Vector3::y() * 2.0;
+            square += gust.component_mul(&gust) / f64::from(n);
+        }
+        let level = 0.2 / libm::pow(0.18523, 0.4);
+        for (found, want) in square.iter().zip([level, level, 0.2]) {
+            assert!((found / (want * want) - 1.0).abs() < 0.04, "{found} of {}", want * want);
+        }
+    }
+
+    #[test]
+    fn still_air_is_still_and_a_seed_decides() {
+        assert_eq!(Wind::new(&AirOptions::default(), DT_S, 1, 0).advance(), Gust::default());
+        let options = indoors(GustOptions::default());
+        let first = |seed, drone| Wind::new(&options, DT_S, seed, drone).advance();
+        assert_eq!(first(1, 0), first(1, 0));
+        assert_ne!(first(1, 0), first(2, 0));
+        assert_ne!(first(1, 0), first(1, 1));
+    }
+}

@@ -1,0 +1,231 @@
+//! Two photos in one frame: one laid over the other.
+
+use noctograph_core::srgb;
+use noctograph_picture::photo::Photo;
+
+/// Transform of a point `q` of one picture, in pixels from its top left corner, to
+/// `scale R(rotation) q + shift` in another.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Similarity {
+    /// Pixels of the other per pixel of the one.
+    pub scale: f64,
+    /// From x to y: clockwise in the picture.
+    pub rotation_rad: f64,
+    /// Image of the corner of the one.
+    pub shift_px: [f64; 2],
+}
+
+impl Similarity {
+    /// The transform that leaves the least squares of pairs of points.
+    #[must_use]
+    pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
+        let n = pairs.len().max(1) as f64;
+        let [from, to] = [0, 1].map(|side| {
+            [0, 1].map(|axis| pairs.iter().map(|pair| pair[side][axis]).sum::<f64>() / n)
+        });
+        let (mut along, mut across, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
+        for [a, b] in pairs {
+            let ([ax, ay], [bx, by]) =
+                ([a[0] - from[0], a[1] - from[1]], [b[0] - to[0], b[1] - to[1]]);
+            along += ax * bx + ay * by;
+            across += ax * by - ay * bx;
+            square += ax * ax + ay * ay;
+        }
+        let scale = libm::hypot(along, across) / square;
+        let rotation_rad = libm::atan2(across, along);
+        let turned = Self { scale, rotation_rad, shift_px: [0.0; 2] }.apply(from);
+        Self { scale, rotation_rad, shift_px: [to[0] - turned[0], to[1] - turned[1]] }
+    }
+
+    /// Image of a point.
+    #[must_use]
+    pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.rotation_rad);
+        let (a, b) = (self.scale * cos, self.scale * sin);
+        [a * x - b * y + self.shift_px[0], b * x + a * y + self.shift_px[1]]
+    }
+
+    /// The inverse transform.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let back =
+            Self { scale: 1.0 / self.scale, rotation_rad: -self.rotation_rad, shift_px: [0.0; 2] };
+        Self { shift_px: back.apply(self.shift_px).map(|value| -value), ..back }
+    }
+}
+
+/// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
+/// it replaces. Smaller photos stay as they are.
+#[must_use]
+pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
+    let longest = photo.width_px.max(photo.height_px);
+    if longest <= longest_px {
+        return photo;
+    }
+    let side = |side: u32| {
+        let side = u64::from(side) * u64::from(longest_px) / u64::from(longest);
+        u32::try_from(side).unwrap_or(longest_px).max(1)
+    };
+    let (width_px, height_px) = (side(photo.width_px), side(photo.height_px));
+    let linear = srgb::linear_from_level();
+    let range = |i: u32, n: u32, all: u32| {
+        let place = |i: u32| i as usize * all as usize / n as usize;
+        place(i)..place(i + 1).max(place(i) + 1)
+    };
+    let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
+    for y in 0..height_px {
+        let rows = range(y, height_px, photo.height_px);
+        for x in 0..width_px {
+            let columns = range(x, width_px, photo.width_px);
+            let n = (rows.len() * columns.len()) as f32;
+            let mut sum = [0.0_f32; 3];
+            for row in rows.clone() {
+                let first = row * photo.width_px as usize;
+                let pixels = &photo.rgb8[3 * (first + columns.start)..3 * (first + columns.end)];
+                for pixel in pixels.chunks_exact(3) {
+                    for (sum, level) in sum.iter_mut().zip(pixel) {
+                        *sum += linear[usize::from(*level)];
+                    }
+                }
+            }
+            rgb8.extend(sum.map(|sum| encoded(sum / n)));
+        }
+    }
+    Photo { width_px, height_px, rgb8, ..photo }
+}
+
+/// Warps a render into a frame, padded with black; also returns which pixels it covers.
+#[must_use]
+pub fn placed(
+    render: &Photo,
+    transform: &Similarity,
+    [width_px, height_px]: [u32; 2],
+) -> (Photo, Vec<bool>) {
+    let back = transform.inverse();
+    // A render with more pixels than the frame is shrunk first, or its trails would have gaps.
+    let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
+    let small = shrink(render.clone(), (smaller.round() as u32).max(1));
+    let ratio = [
+        f64::from(small.width_px) / f64::from(render.width_px),
+        f64::from(small.height_px) / f64::from(render.height_px),
+    ];
+    let linear = srgb::linear_from_level();
+    let [w, h] = [small.width_px, small.height_px].map(f64::from);
+    let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
+    let mut covered = Vec::with_capacity(width_px as usize * height_px as usize);
+    for y in 0..height_px {
+        for x in 0..width_px {
+            let [x, y] = back.apply([f64::from(x) + 0.5, f64::from(y) + 0.5]);
+            let (x, y) = (x * ratio[0], y * ratio[1]);
+            let inside = (0.0..w).contains(&x) && (0.0..h).contains(&y);
+            covered.push(inside);
+            if !inside {
+                rgb8.extend([0; 3]);
+                continue;
+            }
+            let [(left, right, u), (top, bottom, v)] = [between(x, w), between(y, h)];
+            rgb8.extend([0, 1, 2].map(|c| {
+                let at = |x: usize, y: usize| {
+                    linear[usize::from(small.rgb8[3 * (y * small.width_px as usize + x) + c])]
+                };
+                let above = at(left, top) + u * (at(right, top) - at(left, top));
+                let below = at(left, bottom) + u * (at(right, bottom) - at(left, bottom));
+                encoded(above + v * (below - above))
+            }));
+        }
+    }
+    (Photo { width_px, height_px, rgb8, scene_toml: None }, covered)
+}
+
+/// The two pixels around a place of `n`, and the share of the second.
+fn between(place: f64, n: f64) -> (usize, usize, f32) {
+    let place = (place - 0.5).clamp(0.0, n - 1.0);
+    let (first, last) = (place.floor(), n - 1.0);
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    let pixels = (first as usize, (first + 1.0).min(last) as usize);
+    #[expect(clippy::cast_possible_truncation, reason = "a share")]
+    let share = (place - first) as f32;
+    (pixels.0, pixels.1, share)
+}
+
+/// Luminance of two pictures of one size in one: the render's orange, the photograph's blue; white
+/// where they agree.
+///
+/// # Panics
+///
+/// If the sizes differ.
+#[must_use]
+pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
+    assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
+    let linear = srgb::linear_from_level();
+    let luminance = |p: &[u8]| srgb::luminance_f32([0, 1, 2].map(|c| linear[usize::from(p[c])]));
+    let pairs = render.rgb8.chunks_exact(3).zip(photo.rgb8.chunks_exact(3));
+    let rgb8 = pairs.flat_map(|(render, photo)| {
+        let (render, photo) = (luminance(render), luminance(photo));
+        [render, 0.4 * render + 0.6 * photo, photo].map(encoded)
+    });
+    Photo { rgb8: rgb8.collect(), scene_toml: None, ..*photo }
+}
+
+/// The nearest level of a light.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+fn encoded(light: f32) -> u8 {
+    (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checks(width_px: u32, height_px: u32) -> Photo {
+        let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
+        let pixel = |(x, y): (u32, u32)| if (x + y).is_multiple_of(2) { [255; 3] } else { [0; 3] };
+        let rgb8 = places.flat_map(pixel).collect();
+        Photo { width_px, height_px, rgb8, scene_toml: None }
+    }
+
+    #[test]
+    fn light_is_shrunk_in_linear_light() {
+        let half = shrink(checks(8, 6), 4);
+        assert_eq!((half.width_px, half.height_px), (4, 3));
+        assert!(half.rgb8.iter().all(|level| *level == 188), "half the light is level 188");
+        assert_eq!(shrink(checks(8, 6), 8), checks(8, 6));
+    }
+
+    #[test]
+    fn a_similarity_is_found_from_pairs_of_points() {
+        let known = Similarity { scale: 1.5, rotation_rad: 0.2, shift_px: [30.0, -7.0] };
+        let points = [[0.0, 0.0], [100.0, 5.0], [40.0, 80.0]];
+        let found = Similarity::between(&points.map(|point| [point, known.apply(point)]));
+        for (there, back) in points.map(|point| (point, known.inverse().apply(found.apply(point))))
+        {
+            assert!((there[0] - back[0]).hypot(there[1] - back[1]) < 1e-9, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_render_is_laid_where_it_belongs() {
+        let home = Similarity { scale: 1.0, rotation_rad: 0.0, shift_px: [2.0, 1.0] };
+        let (laid, covered) = placed(&checks(4, 3), &home, [8, 6]);
+        for y in 0..6 {
+            for x in 0..8 {
+                let inside = (2..6).contains(&x) && (1..4).contains(&y);
+                assert_eq!(covered[y * 8 + x], inside, "{x},{y}");
+                let white = inside && (x - 2 + y - 1).is_multiple_of(2);
+                assert_eq!(laid.rgb8[3 * (y * 8 + x)], if white { 255 } else { 0 }, "{x},{y}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_overlay_is_white_where_both_are_and_colored_where_one_is() {
+        let one =
+            |level| Photo { width_px: 1, height_px: 1, rgb8: vec![level; 3], scene_toml: None };
+        assert_eq!(overlay(&one(255), &one(255)).rgb8, [255; 3]);
+        let render = overlay(&one(255), &one(0)).rgb8;
+        assert!(render[0] == 255 && render[2] == 0, "{render:?}");
+        let photo = overlay(&one(0), &one(255)).rgb8;
+        assert!(photo[0] == 0 && photo[2] == 255, "{photo:?}");
+    }
+}

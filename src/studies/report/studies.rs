@@ -1,0 +1,92 @@
+//! The plot of a study: flight time against legibility.
+
+use std::ops::Range;
+
+use super::canvas::{Pen, Rgb};
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION, range};
+
+const ORANGE: Rgb = [230, 159, 0];
+
+/// Okabe and Ito (2008), from the strongest on.
+pub(super) const COLORS: [Rgb; 7] =
+    [BLUE, VERMILION, [0, 158, 115], ORANGE, [204, 121, 167], [86, 180, 233], BLACK];
+
+/// Height of the panel.
+const HEIGHT_PX: f64 = 360.0;
+
+/// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were
+/// given up or broke a limit, the Pareto front as a line, and the start. SVG.
+#[must_use]
+pub fn pareto(
+    within: &[(f64, f64)],
+    others: &[(f64, f64)],
+    front: &[(f64, f64)],
+    start: Option<(f64, f64)>,
+) -> String {
+    let start = start.as_slice();
+    let all = || within.iter().chain(others).chain(front).chain(start);
+    let x = around(all().map(|point| point.0), 1.0);
+    let y = around(all().map(|point| point.1), 0.02);
+    let [wide, high] = [(x.end - x.start) / 150.0, (y.end - y.start) / 75.0];
+    let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
+    let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
+    let crosses = |pen, points: &[(f64, f64)], size: f64| {
+        let [dx, dy] = [wide * size, high * size];
+        let cross = |&(s, p): &(f64, f64)| {
+            [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
+        };
+        Curve { pen, pieces: points.iter().flat_map(cross).collect() }
+    };
+    let curves = vec![
+        crosses(orange, others, 0.4),
+        crosses(gray, within, 0.6),
+        Curve::whole(blue, front.iter().copied()),
+        crosses(blue, front, 0.8),
+        crosses(vermilion, start, 1.0),
+    ];
+    Figure {
+        title: format!(
+            "P(read) against flight time, {} candidates",
+            within.len() + others.len() + start.len()
+        ),
+        legend: vec![
+            ("within the limits".to_owned(), gray),
+            ("given up or beyond a limit".to_owned(), orange),
+            ("Pareto front".to_owned(), blue),
+            ("the scene as it was".to_owned(), vermilion),
+        ],
+        x_name: "flight time (s)",
+        panels: vec![Panel::new([x, y], HEIGHT_PX, "P(read)", curves)],
+    }
+    .svg()
+}
+
+/// What holds all values, with a margin.
+pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
+    let Range { start, end } = range(values);
+    if start > end {
+        return 0.0..1.0;
+    }
+    let margin = (0.05 * (end - start)).max(0.5 * least);
+    start - margin..end + margin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_hold_every_curve_and_accept_empty_input() {
+        let svg =
+            pareto(&[(40.0, 0.7)], &[(45.0, 0.2)], &[(40.0, 0.7), (60.0, 0.8)], Some((60.0, 0.8)));
+        assert!(svg.starts_with("<svg") && svg.contains("Pareto front"), "{svg}");
+        assert!(svg.contains("3 candidates"), "{svg}");
+        let empty = pareto(&[], &[], &[], None);
+        assert!(empty.starts_with("<svg"));
+        // Two strokes a candidate.
+        let lines = |svg: &str| svg.matches("#e69f00").count();
+        let one = pareto(&[], &[(45.0, 0.2)], &[], None);
+        let two = pareto(&[], &[(45.0, 0.2), (47.0, 0.1)], &[], None);
+        assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
+    }
+}

@@ -1,0 +1,92 @@
+//! Results of studies as CSV: a row for each flight, scene, or candidate.
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{Flown, Knob, Ranking, Record, Tuned};
+
+/// A column: its name, and the path of its values in a row's JSON.
+type Column = (String, String);
+
+/// A row for each flight, in the order of the study.
+#[must_use]
+pub fn flights_csv(records: &[Record]) -> String {
+    let verdict =
+        columns("contender word seed read all_read legible probability log_odds similarity");
+    let flown = Flown::<f64>::NAMES.map(|name| column(name, name));
+    let all = verdict.chain(flown).chain(columns("lost"));
+    table(all, records.iter().map(value))
+}
+
+/// A row for each scene, the best first; intervals of 95 %.
+#[must_use]
+pub fn ranking_csv(ranking: &Ranking) -> String {
+    let read = ["legibility", "legible", "worst_decile", "all_read"];
+    let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
+    let all = columns("place contender flights=n_flights lost=n_lost")
+        .chain(read.into_iter().flat_map(|name| estimate(name, name)))
+        .chain(flown.into_iter().flatten());
+    table(all, ranking.measures.iter().map(value))
+}
+
+/// A row for each candidate, in the order of the search, with the scene's value of each key that a
+/// knob turns.
+#[must_use]
+pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    let all = columns("number flights=n_flights given_up merit legibility")
+        .chain(estimate("legible", "legible"))
+        .chain(columns("duration_s broken on_front"))
+        .chain(keys.map(|key| column(key, &format!("settings/{key}"))));
+    let rows = tuned.candidates.iter().map(|candidate| {
+        let mut row = value(candidate);
+        row["on_front"] = tuned.front.contains(&candidate.number).into();
+        row
+    });
+    table(all, rows)
+}
+
+fn column(name: &str, path: &str) -> Column {
+    (name.to_owned(), format!("/{path}"))
+}
+
+/// Columns by their names, each with its path where that is another.
+fn columns(names: &str) -> impl Iterator<Item = Column> {
+    names.split(' ').map(|name| {
+        let (name, path) = name.split_once('=').unwrap_or((name, name));
+        column(name, path)
+    })
+}
+
+/// The columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of its
+/// interval.
+fn estimate(name: &str, path: &str) -> [Column; 3] {
+    [("", "value"), ("_low", "low"), ("_high", "high")]
+        .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
+}
+
+fn value(row: &impl Serialize) -> Value {
+    serde_json::to_value(row).expect("results are plain data")
+}
+
+fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
+    let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
+    let cells = |row: Value| {
+        paths.iter().map(|path| row.pointer(path).map_or(String::new(), cell)).collect()
+    };
+    let mut out = csv::Writer::from_writer(Vec::new());
+    for row in std::iter::once(names).chain(rows.map(cells)) {
+        out.write_record(row).expect("writing into memory");
+    }
+    String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        // As Rust prints it: without an exponent.
+        Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
+        other => other.to_string(),
+    }
+}
