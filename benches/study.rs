@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::scene::Scene;
-use noctograph::study::{Conditions, Prepared};
+use noctograph::studies::{Conditions, Prepared};
 
 fn scored_flight(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("NOOR");

@@ -8,7 +8,7 @@
 use noctograph::error::Error;
 use noctograph::scene::{Change, Scene};
 use noctograph::shoot::{Judging, Shoot};
-use noctograph::study::remedies;
+use noctograph::studies::remedies;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 

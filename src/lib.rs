@@ -31,16 +31,18 @@
 //!
 //! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
-//! | `core` | the products as plain data: [`strokes`], [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], [`control`], facts of the [`crazyflie`] | nothing |
+//! | `core` | the products as plain data: [`strokes`], the plan, [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], facts of the [`crazyflie`] | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
-//! | `flying` | Strokes → [`plan::Plan`] → [`flight::Flight`]: [`plan`], [`vehicle`], [`sensors`], [`estimate`], [`sim`] | `core` |
+//! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
+//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], [`control`], the loop ([`sim`]) | `core` |
 //! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
 //! | `score` | Photo → [`score::Verdict`] | `core` |
-//! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `flying` |
-//! | `locate` | ranges → positions of two drones | `core`, `flying` |
-//! | `export` | Plan → files for drones and other programs | `core`, `flying` |
-//! | `studio` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`], [`study`], [`report`] | `core`, `export`, `flying`, `letters`, `logs`, `picture`, `score` |
-//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `flying`, `letters`, `locate`, `logs`, `picture`, `score`, `studio` |
+//! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `sim` |
+//! | `locate` | ranges → positions of two drones | `core`, `sim` |
+//! | `export` | Plan → files for drones and other programs | `core`, `plan`, `sim` |
+//! | `pipeline` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`] | `core`, `export`, `letters`, `logs`, `picture`, `plan`, `score`, `sim` |
+//! | `studies` | [`studies`] of many flights, [`comparison`] of two, [`report`] | `core`, `letters`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim` |
+//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
 //! Rules beside these dependencies:
@@ -62,11 +64,13 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-pub use noctograph_core::{camera, control, crazyflie, error, flight, geometry, lamps, strokes};
-pub use noctograph_flying::{estimate, plan, sensors, sim, vehicle};
+pub use noctograph_core::{camera, crazyflie, error, flight, geometry, lamps, strokes};
 pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
-pub use noctograph_studio::{preflight, report, scene, shoot, study};
+pub use noctograph_pipeline::{preflight, scene, shoot};
+pub use noctograph_plan::{self as plan, tracking};
+pub use noctograph_sim::{self as sim, control, estimate, sensors, vehicle};
+pub use noctograph_studies::{self as studies, comparison, report};
 pub use {
     noctograph_export as export, noctograph_letters as letters, noctograph_locate as locate,
     noctograph_logs as logs, noctograph_score as score,

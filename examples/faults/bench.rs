@@ -17,7 +17,7 @@ use noctograph::scene::{Preset, Scene};
 use noctograph::score::Reader;
 use noctograph::shoot::{Judging, Shoot, Shot};
 use noctograph::sim::ControllerKind;
-use noctograph::study::Conditions;
+use noctograph::studies::Conditions;
 
 /// Levels of a fault.
 pub(crate) const LEVELS: usize = 6;

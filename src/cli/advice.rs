@@ -129,10 +129,10 @@ mod tests {
     #[test]
     fn advice_names_keys_and_values_that_a_scene_takes() {
         let sources = [
-            include_str!("../studio/preflight/row.rs"),
-            include_str!("../studio/preflight/flown.rs"),
-            include_str!("../studio/preflight/mod.rs"),
-            include_str!("../studio/shoot/problems.rs"),
+            include_str!("../pipeline/preflight/row.rs"),
+            include_str!("../pipeline/preflight/flown.rs"),
+            include_str!("../pipeline/preflight/mod.rs"),
+            include_str!("../pipeline/shoot/problems.rs"),
         ];
         let texts = sources.iter().flat_map(|source| source.split('"'));
         let changes = texts.filter(|text| text.contains('.')).flat_map(|text| {

@@ -8,14 +8,14 @@ use nalgebra::Vector3;
 use super::{
     Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show, table,
 };
-use crate::flight::comparison::{
+use crate::comparison::{
     Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
 };
-use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{Flight, Quantity};
 use crate::geometry::Attitude;
 use crate::logs::{PositionSource, import};
 use crate::report::{NamedFlight, error_over_time, front_view, top_view};
+use crate::tracking::{Part, Tracking, track};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {

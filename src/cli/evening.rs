@@ -8,7 +8,7 @@ use super::{OutputFolder, Report, Result, json, shell_word, table, warn_of, wrap
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;
-use crate::study::{Conditions, Evening, EveningLog, MeanDrone};
+use crate::studies::{Conditions, Evening, EveningLog, MeanDrone};
 
 pub(super) fn run(
     folder: &Path,

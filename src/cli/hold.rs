@@ -10,7 +10,7 @@ use super::{
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::sim::AltitudeSensor;
-use crate::study::{
+use crate::studies::{
     CONSISTENT, DURATION_S, Hold, HoldFigures, HoldModel, HoldScenario, HoldVerdict, STATE_NAMES,
     hold, hold_figures,
 };

@@ -11,7 +11,6 @@ use super::{
     Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, table, warn,
     warn_of,
 };
-use crate::crazyflie::read_anchors;
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
@@ -22,6 +21,7 @@ use crate::locate::{
 use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
+use crate::sensors::read_anchors;
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 use noctograph_core::statistics::median;

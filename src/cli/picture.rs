@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{Args, Result, find_scene, named, numbers, warn};
 use crate::camera::{FixedPose, Framing};
 use crate::expose::BackendChoice;
-use crate::photo::Noise;
+use crate::photo::{Noise, taken_as};
 use crate::scene::{Preset, Scene};
 
 /// The camera.
@@ -41,7 +41,7 @@ impl CameraFlags {
             Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
         }
         if let Some(path) = &self.camera_from {
-            let (camera, warnings) = std::mem::take(&mut scene.camera).taken_as(path)?;
+            let (camera, warnings) = taken_as(std::mem::take(&mut scene.camera), path)?;
             warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
             scene.camera = camera;
         }

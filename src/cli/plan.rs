@@ -7,10 +7,10 @@ use super::{
     warn, warn_of_fewer_drones,
 };
 use crate::flight::Flight;
-use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
+use crate::tracking::{Part, track};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {

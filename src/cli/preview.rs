@@ -17,7 +17,7 @@ use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
-use crate::study::{Remedy, remedies};
+use crate::studies::{Remedy, remedies};
 use noctograph_core::digest::sha256;
 
 /// The page of `--report`.

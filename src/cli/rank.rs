@@ -7,7 +7,7 @@ use super::studies::{
 };
 use super::{Args, Report, Result, json, line};
 use crate::shoot::Stop;
-use crate::study::{Record, Shard, Study, Trial, evaluate, rank, shards};
+use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \

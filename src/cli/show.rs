@@ -4,12 +4,12 @@ use serde::Serialize;
 
 use super::{Report, Value, json, line, table, wrapped};
 use crate::camera::Camera;
-use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::{Picture, Strokes};
 use crate::report::{LEAST_SHARE, rivals};
 use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::{Shot, in_stops};
+use crate::tracking::{Part, Tracking, track};
 
 /// The verdict: lines for the word, a row for each letter, advice.
 pub fn verdict_table(verdict: &Verdict) -> String {

@@ -7,8 +7,8 @@ use super::{Args, OutputFolder, Report, Result, Value, json, warn};
 use crate::photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
-use crate::study::statistics::median;
-use crate::study::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
+use crate::studies::statistics::median;
+use crate::studies::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
 
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {

@@ -12,8 +12,8 @@ use super::{
 };
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
-use crate::study::statistics::Estimate;
-use crate::study::{
+use crate::studies::statistics::Estimate;
+use crate::studies::{
     Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
 };
 use noctograph_core::files::Limit;

@@ -10,7 +10,7 @@ use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;
 use crate::shoot::Stop;
-use crate::study::{
+use crate::studies::{
     Candidate, Knob, Store, Study, TuneOptions, Tuned, candidates_csv, evaluate, rank, tune,
 };
 

@@ -4,7 +4,6 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 pub mod camera;
-pub mod control;
 pub mod crazyflie;
 pub mod digest;
 pub mod error;
@@ -13,6 +12,7 @@ pub mod flight;
 pub mod geometry;
 pub mod lamps;
 pub mod photo;
+pub mod plan;
 pub mod random;
 pub mod settings;
 pub mod srgb;

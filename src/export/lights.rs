@@ -16,7 +16,7 @@ use noctograph_core::lamps::{
     ring_memory_rgb,
 };
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
@@ -125,7 +125,7 @@ fn byte(share: f64) -> u8 {
 /// [`Error::Input`] for a channel that no deck listens to.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
-    let (letters, fixtures) = (plan.light_letters(), options.fixtures());
+    let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
     for (channel, levels) in plan.lamps() {
         let target = Target::of(channel, &fixtures)?;
         let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
@@ -274,7 +274,7 @@ mod tests {
     use nalgebra::Vector3;
     use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
     use noctograph_core::lamps::{Die, Drive, RingColor, RingEffect};
-    use noctograph_flying::plan::Setpoint;
+    use noctograph_plan::Setpoint;
 
     fn lit(channel: &str, levels: &[f64]) -> Plan {
         let setpoint = |time_s| Setpoint {

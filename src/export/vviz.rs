@@ -10,9 +10,9 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::lights::{commands, screen_rgb};
-use super::{File, Job, stem};
+use super::{File, Job, ascii, stem};
 use noctograph_core::error::{Error, Result};
-use noctograph_flying::plan::Plan;
+use noctograph_plan::Plan;
 
 /// Positions and color frames per second.
 const POSITION_HZ: f64 = 10.0;
@@ -52,7 +52,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         "timeOffsetSecs": 0.0,
         "performances": drones.collect::<Result<Vec<_>>>()?,
     });
-    Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{show}\n")))
+    Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
 fn steps(flown: &Plan) -> Vec<Value> {

@@ -126,8 +126,8 @@ mod tests {
 
     use super::{Located, RangeSample, Track};
     use noctograph_core::random::split_mix;
-    use noctograph_flying::plan::{EvenStyle, PlanOptions, Style, fleet};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
 
     /// Each drone's own anchor, then the shared one.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [

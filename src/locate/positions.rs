@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
-use noctograph_flying::estimate::{Gate, Measurement, Normal, Part, along, toward};
+use noctograph_sim::estimate::{Gate, Measurement, Normal, Part, along, toward};
 
 /// Positions of N drones with their covariance: an extended Kalman filter on ranges.
 #[derive(Clone, Debug)]

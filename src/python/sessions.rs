@@ -14,7 +14,7 @@ use noctograph::error::{Error, Result};
 use noctograph::scene::NamedScene;
 use noctograph::shoot::Stop;
 use noctograph::sim::Session;
-use noctograph::study::{Conditions, Outcome, Prepared};
+use noctograph::studies::{Conditions, Outcome, Prepared};
 
 /// One of the flights, and what became of it.
 #[derive(Debug, Default)]

@@ -16,7 +16,7 @@ use noctograph::cli::{ranking_report, tuning_table};
 use noctograph::error::Result;
 use noctograph::scene::{NamedScene, Scene};
 use noctograph::shoot::Stop;
-use noctograph::study::{
+use noctograph::studies::{
     Candidate, Conditions, Flown, Knob, Outcome, Prepared, Record, Store, Study, Trial,
     TuneOptions, evaluate, rank, tune,
 };

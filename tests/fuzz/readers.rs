@@ -3,18 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use noctograph::camera::CameraOptions;
-use noctograph::crazyflie::read_anchors;
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{Ink, LetterOptions, Pace, Strokes, Trace, draw, write};
 use noctograph::light::csv::read as read_light;
 use noctograph::light::{LightOptions, light};
 use noctograph::logs::{ImportOptions, import};
-use noctograph::photo::{self, Metadata, Photo};
+use noctograph::photo::{self, Metadata, Photo, taken_as};
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
-use noctograph::sensors::read_lighthouse_config;
+use noctograph::sensors::{read_anchors, read_lighthouse_config};
 use noctograph::sim::{Drone, SimOptions, fly};
-use noctograph::study::{Conditions, Store};
+use noctograph::studies::{Conditions, Store};
 
 /// A reader of files.
 pub(crate) struct Reader {
@@ -138,7 +137,7 @@ pub(crate) fn all() -> Vec<Reader> {
         reader(
             "exif",
             "photo.jpg",
-            |p, _| CameraOptions::default().taken_as(p).is_ok(),
+            |p, _| taken_as(CameraOptions::default(), p).is_ok(),
             || vec![jpeg()],
         ),
         reader("embedded", "photo.png", embedded, || vec![shot()]),

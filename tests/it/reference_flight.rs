@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use noctograph::flight::tracking::{Part, track};
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 use noctograph::sensors::SensorOptions;
 use noctograph::sim::{Drone, RateOptions, SimOptions, fly};
+use noctograph::tracking::{Part, track};
 use noctograph::vehicle::{Gusts, VehicleOptions};
 
 /// The team's plan for NOOR from the first stroke to the end of the last wait.

@@ -7,14 +7,14 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use noctograph::flight::comparison::{Alignment, ComparisonOptions, compare};
-use noctograph::flight::tracking::{Part, track};
+use noctograph::comparison::{Alignment, ComparisonOptions, compare};
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::logs::ImportOptions;
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::SensorOptions;
 use noctograph::sim::{Drone, SimOptions, fly};
-use noctograph::study::{Band, Conditions, Held};
+use noctograph::studies::{Band, Conditions, Held};
+use noctograph::tracking::{Part, track};
 use noctograph::vehicle::Gusts;
 use serde_json::Value;
 

@@ -9,7 +9,7 @@ use super::http::Answer;
 use super::{Error, Value, json};
 use crate::preflight::{Checked, Severity};
 use crate::shoot::Problem;
-use crate::study::Remedy;
+use crate::studies::Remedy;
 
 /// A sentence.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]

@@ -24,7 +24,7 @@ use crate::report::plan_view;
 use crate::score::{Reader, View, is_judged};
 use crate::shoot::{Judging, Problem, Shoot, Shot, Stop};
 use crate::strokes::{Picture, Source, SourceStroke, Strokes};
-use crate::study::Remedy;
+use crate::studies::Remedy;
 use noctograph_core::files::files_in;
 use noctograph_core::geometry::{bounds, simplify};
 

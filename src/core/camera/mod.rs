@@ -14,12 +14,12 @@ pub use options::{TrailMetering, WordFraming, check_size};
 pub use white_balance::WhiteBalance;
 
 mod bodies;
-mod exif;
 mod options;
 mod outside;
 mod white_balance;
 
-pub use exif::INFINITY_M;
+/// Distance in focus that stands for infinity: the greatest of a scene.
+pub const INFINITY_M: f64 = 1e6;
 
 /// A camera at rest whose shutter opens once.
 #[derive(Clone, Debug, PartialEq)]

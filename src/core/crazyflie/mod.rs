@@ -1,12 +1,10 @@
 //! The Crazyflie: facts of its firmware, decks and files that more than one room needs, each once,
 //! with its source: a file of `crazyflie-firmware`, in brackets, as of [`FIRMWARE_REVISION`].
 
-mod anchors;
 mod release;
 
 use nalgebra::Matrix4;
 
-pub use anchors::read_anchors;
 pub use release::Release;
 
 /// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release

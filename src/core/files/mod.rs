@@ -16,7 +16,6 @@ mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
 mod text;
-mod yaml;
 
 pub use budget::{Budget, push};
 pub use folder::OutputFolder;
@@ -26,4 +25,3 @@ pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
 pub use staging::folder_in;
 pub use text::{PlainText, decoded, plain_text};
-pub use yaml::{Broken, Yaml, YamlEntry};

@@ -11,11 +11,9 @@ use serde::{Serialize, Serializer};
 use crate::geometry::Attitude;
 
 mod airborne;
-pub mod comparison;
 pub mod csv;
 pub mod stamps;
 pub mod table;
-pub mod tracking;
 mod warning;
 
 pub use airborne::airborne;

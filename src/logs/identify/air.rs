@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 
 use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
-use noctograph_flying::vehicle::TORQUE_TIME_S;
+use noctograph_sim::vehicle::TORQUE_TIME_S;
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 1.0;

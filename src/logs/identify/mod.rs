@@ -25,7 +25,7 @@ use self::rotors::thrust_per_command_n;
 use noctograph_core::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
-use noctograph_flying::vehicle::VehicleOptions;
+use noctograph_sim::vehicle::VehicleOptions;
 
 /// Names of the nine states of the model's errors.
 pub const MODEL_STATES: [&str; 9] =
@@ -333,10 +333,10 @@ fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_flying::plan::{PlanOptions, plan};
-    use noctograph_flying::sim::{ControllerKind, Drone, SimOptions, fly};
-    use noctograph_flying::vehicle::{GustOptions, Gusts};
     use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+    use noctograph_sim::vehicle::{GustOptions, Gusts};
+    use noctograph_sim::{ControllerKind, Drone, SimOptions, fly};
 
     pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
         Assumed::of(&options.vehicle)

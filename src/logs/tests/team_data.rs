@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::imported;
 use noctograph_core::flight::FlightSample;
-use noctograph_core::flight::tracking::{Part, track};
 use noctograph_core::statistics::median;
+use noctograph_plan::tracking::{Part, track};
 
 fn noor() -> Vec<u8> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");

@@ -23,6 +23,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::Described;
 
+pub use camera_exif::taken_as;
 pub use noctograph_core::photo::Photo;
 
 pub use metadata::Metadata;
@@ -38,6 +39,7 @@ use starburst::{Change, starburst};
 use tone::{Levels8, Levels16};
 
 mod backdrop;
+mod camera_exif;
 pub mod exr;
 pub mod flip;
 mod glare;

@@ -1,0 +1,150 @@
+//! Plans as CSV files: one row a setpoint, one column a number, SI units in the names.
+
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::{Plan, Setpoint};
+use crate::error::{Error, Result};
+use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
+use crate::flight::table::{Table, write_table};
+
+/// Columns of a plan file, before one `light.<channel>` for each light channel.
+///
+/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
+/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light
+/// channels, a heading other than 0 adds `yaw_rad`, which stays the same.
+pub const COLUMNS: [&str; 11] = [
+    "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
+    "letter",
+];
+
+/// Columns of the positions that are sent, where they differ from the design.
+const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
+/// Column of the design's light level, where light commands are sent ahead of it.
+const LIT_COLUMN: &str = "lit";
+/// Column of the heading.
+const YAW_COLUMN: &str = "yaw_rad";
+
+impl Plan {
+    /// Writes the plan as CSV, on the grid of 1e-6.
+    ///
+    /// # Errors
+    ///
+    /// Errors of the writer.
+    pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
+        let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
+        let lit = Some(&LIT_COLUMN).filter(|_| !self.lit.is_empty());
+        let yaw = Some(&YAW_COLUMN).filter(|_| self.yaw_rad != 0.0);
+        let names = COLUMNS.iter().chain(sent).chain(lit).chain(yaw).map(|name| (*name).to_owned());
+        let header: Vec<String> = names.chain(lights).collect();
+        let rows = self.setpoints.iter().enumerate().map(|(row, setpoint)| {
+            let Setpoint { time_s, position_m: p, velocity_m_s: v, .. } = setpoint;
+            let a = &setpoint.acceleration_m_s2;
+            let letter = number_from_letter(setpoint.letter);
+            let numbers = [*time_s, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, letter];
+            let sent = self.sent_m.get(row).into_iter().flat_map(|sent| [sent.x, sent.y, sent.z]);
+            let lights = self.lights.values().map(move |levels| levels[row]);
+            let lit = self.lit.get(row).copied();
+            let yaw = Some(self.yaw_rad).filter(|yaw_rad| *yaw_rad != 0.0);
+            numbers.into_iter().chain(sent).chain(lit).chain(yaw).chain(lights)
+        });
+        write_table(out, &header, rows)
+    }
+
+    /// Reads a plan from a CSV file as [`Self::write_csv`] makes it.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Io`], or [`crate::error::Error::Input`] with line
+    /// and column.
+    pub fn read_csv(path: &Path) -> Result<Self> {
+        Self::from_table(&Table::read(path)?)
+    }
+
+    /// Reads a plan from the text of such a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Input`] with line and column.
+    pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
+        Self::from_table(&Table::parse(csv, file)?)
+    }
+
+    fn from_table(table: &Table) -> Result<Self> {
+        table.times_s(COLUMNS[0])?;
+        let columns = COLUMNS.map(|name| match name {
+            "time_s" => table.column(name),
+            name => table.quantity(name),
+        });
+        let columns = columns.into_iter().collect::<Result<Vec<_>>>()?;
+        let vector = |row: usize, first: usize| {
+            Vector3::new(columns[first][row], columns[first + 1][row], columns[first + 2][row])
+        };
+        let setpoints = (0..table.n_rows()).map(|row| Setpoint {
+            time_s: columns[0][row],
+            position_m: vector(row, 1),
+            velocity_m_s: vector(row, 4),
+            acceleration_m_s2: vector(row, 7),
+            letter: letter_from_number(columns[10][row]),
+        });
+        let setpoints = setpoints.collect();
+        let mut sent_m = Vec::new();
+        if table.has(SENT_COLUMNS[0]) {
+            let [x, y, z] = SENT_COLUMNS.map(|name| table.quantity(name));
+            let (x, y, z) = (x?, y?, z?);
+            sent_m = (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect();
+        }
+        let or_none = |name| match table.has(name) {
+            true => table.quantity(name).map(<[f64]>::to_vec),
+            false => Ok(Vec::new()),
+        };
+        let (lit, yaws) = (or_none(LIT_COLUMN)?, or_none(YAW_COLUMN)?);
+        let yaw_rad = yaws.first().copied().unwrap_or_default();
+        if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
+            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
+            let hint = "turn the drone before take-off";
+            return Err(Error::input(YAW_COLUMN, other, wanted, hint));
+        }
+        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m, yaw_rad })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_reads_back_bit_by_bit() {
+        let written = |plan: &Plan| {
+            let mut file = Vec::new();
+            plan.write_csv(&mut file).unwrap();
+            file
+        };
+        let setpoint = |step: i32| Setpoint {
+            time_s: 0.25 * f64::from(step),
+            position_m: Vector3::new(0.125 * f64::from(step), -0.5, 1e-6),
+            velocity_m_s: Vector3::new(0.4, 0.0, -0.125),
+            acceleration_m_s2: Vector3::new(0.0, 1.5, 0.0),
+            letter: usize::try_from(step - 1).ok(),
+        };
+        let setpoints: Vec<Setpoint> = (0..4).map(setpoint).collect();
+        let lights = [("headlights".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into();
+        let plan = Plan { setpoints, lights, ..Plan::default() };
+        let n = plan.setpoints.len();
+        let led = Plan {
+            lit: vec![0.5; n],
+            sent_m: vec![Vector3::x(); n],
+            yaw_rad: -1.5,
+            ..plan.clone()
+        };
+        for plan in [plan, led.clone()] {
+            assert_eq!(Plan::parse_csv(&written(&plan), "plan.csv").unwrap(), plan);
+        }
+        let turning = String::from_utf8(written(&led)).unwrap().replacen("-1.5", "-1.25", 1);
+        let error = Plan::parse_csv(turning.as_bytes(), "plan.csv").unwrap_err().to_string();
+        assert!(error.contains("one heading"), "{error}");
+    }
+}

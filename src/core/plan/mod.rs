@@ -1,0 +1,145 @@
+//! Plan: everything that is sent to one drone, as plain data.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use crate::flight::table::on_grid;
+
+pub mod csv;
+
+/// Everything that is sent to one drone, in order of time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Setpoints; each is held until the next. A setpoint at or below the floor (z ≤ 0) asks for
+    /// motors off.
+    pub setpoints: Vec<Setpoint>,
+    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1, each as long
+    /// as `setpoints`.
+    pub lights: BTreeMap<String, Vec<f64>>,
+    /// Light level of the design at each setpoint, where commands are sent ahead of it
+    /// (light timing); as long as `setpoints`, or empty where it equals `lights`. See
+    /// [`Plan::lit()`].
+    pub lit: Vec<f64>,
+    /// Positions that are sent in place of the setpoints' own (feedforward); as long as
+    /// `setpoints`, or empty. See [`Plan::sent_m()`].
+    pub sent_m: Vec<Vector3<f64>>,
+    /// Heading of the nose over the whole flight, from world x toward y.
+    pub yaw_rad: f64,
+}
+
+/// One packet to the drone: where it should be now, and how the design moves on from there.
+///
+/// Until the next setpoint the design position is
+/// `position + velocity Δt + acceleration Δt² / 2`. A controller that reads positions only holds
+/// `position` instead, and lags.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Setpoint {
+    /// Since the first setpoint.
+    pub time_s: f64,
+    /// World frame.
+    pub position_m: Vector3<f64>,
+    /// World frame.
+    pub velocity_m_s: Vector3<f64>,
+    /// World frame.
+    pub acceleration_m_s2: Vector3<f64>,
+    /// Index of the letter that is being written; `None` during take-off and landing.
+    pub letter: Option<usize>,
+}
+
+impl Plan {
+    /// When the last setpoint is sent: the end of the plan.
+    pub fn duration_s(&self) -> f64 {
+        self.setpoints.last().map_or(0.0, |last| last.time_s)
+    }
+
+    /// The plan, lights and all, by a clock of a rate, in true seconds a second.
+    #[must_use]
+    pub fn paced(mut self, rate: f64) -> Self {
+        for setpoint in &mut self.setpoints {
+            setpoint.time_s = on_grid(setpoint.time_s / rate);
+            setpoint.velocity_m_s = (setpoint.velocity_m_s * rate).map(on_grid);
+            setpoint.acceleration_m_s2 = (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid);
+        }
+        self
+    }
+
+    /// The position that is sent with a setpoint.
+    pub fn sent_m(&self, row: usize) -> Vector3<f64> {
+        self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
+    }
+
+    /// Row of the setpoint in force at a time; before the first one, its row.
+    pub fn row_at(&self, time_s: f64) -> usize {
+        self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
+    }
+
+    /// The setpoint in force at a time; before the first one, that one.
+    pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
+        self.setpoints.get(self.row_at(time_s))
+    }
+
+    /// Position of the design at a time; before the first setpoint, at it. The origin for a plan
+    /// without any.
+    pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
+        match self.setpoint_at(time_s) {
+            Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
+            None => Vector3::zeros(),
+        }
+    }
+
+    /// Channels that switch lamps. `ring.red` is no lamp but the color of one where there is a
+    /// channel `ring`.
+    pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
+        let is_color = |channel: &str| {
+            let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
+            lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
+        };
+        self.lights.iter().filter(move |(channel, _)| !is_color(channel))
+    }
+
+    /// Level that is commanded from each setpoint on: the highest of all lamps.
+    pub fn commanded(&self) -> Vec<f64> {
+        let lamps: Vec<&Vec<f64>> = self.lamps().map(|(_, levels)| levels).collect();
+        let highest = |row: usize| lamps.iter().map(|levels| levels[row]).fold(0.0, f64::max);
+        (0..self.setpoints.len()).map(highest).collect()
+    }
+
+    /// Light level of the design from each setpoint on: that of the commands where these are not
+    /// sent ahead of it.
+    pub fn lit(&self) -> Vec<f64> {
+        if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
+    }
+
+    /// Time at full light that the design asks for: levels below 1 count in proportion.
+    pub fn full_light_s(&self) -> f64 {
+        let lit = self.lit();
+        let rows = self.setpoints.windows(2).zip(&lit);
+        rows.map(|(pair, level)| level * (pair[1].time_s - pair[0].time_s)).sum()
+    }
+
+    /// An empty plan with its light channels.
+    pub fn with_channels(channels: &[String]) -> Self {
+        let lights = channels.iter().map(|channel| (channel.clone(), Vec::new())).collect();
+        Self { lights, ..Self::default() }
+    }
+
+    /// Adds a setpoint with one level for all channels.
+    pub fn push(&mut self, setpoint: Setpoint, level: f64) {
+        self.setpoints.push(setpoint);
+        self.lights.values_mut().for_each(|levels| levels.push(level));
+    }
+}
+
+impl Setpoint {
+    /// Position of the design at `time_s`, at or after this setpoint.
+    pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
+        let dt = time_s - self.time_s;
+        self.position_m + self.velocity_m_s * dt + self.acceleration_m_s2 * (0.5 * dt * dt)
+    }
+
+    /// Whether it asks for motors off.
+    pub fn on_floor(&self) -> bool {
+        self.position_m.z <= 0.0
+    }
+}

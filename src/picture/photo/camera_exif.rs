@@ -1,0 +1,638 @@
+//! A camera from the EXIF of a photograph: sensor, lens and exposure.
+//!
+//! EXIF 2.32. The tags that are understood are those of [`taken_as`]; no other tag
+//! changes the camera, and a directory that holds none of them may be broken.
+//!
+//! The width of the sensor is that of the body where the model is known, else from its resolution
+//! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film (36 mm
+//! wide, as most makers define it). Of an edited picture the number of pixels is of another age
+//! than the resolution: Canon writes the resolution as 1000 times the pixels over thousandths of
+//! the unit, so that it holds both of one age; of others the width is taken where the film
+//! equivalent agrees, and else with a warning, or not at all where the tags say that the picture
+//! was edited.
+
+use std::path::Path;
+
+use exif::{Exif, In, Tag, Value};
+
+use noctograph_core::camera::{
+    BodyModel, CameraOptions, CustomBody, CustomLens, INFINITY_M, LensModel, Metering,
+};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{JpegFrame, Limit};
+
+/// Largest file of a photograph: a raw one of a technical camera.
+const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
+
+/// The value of a tag for infinity, in `SubjectDistance`.
+const ENDLESS: u32 = u32::MAX;
+
+/// The value of `PhotographicSensitivity` for 65535 and more: other tags say how much.
+const ISO_BEYOND: f64 = 65_535.0;
+
+/// Programs that write one of these in `Software` have edited the picture; cameras write their
+/// firmware.
+const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
+                       snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
+
+/// The tags that a camera's keys are from, by a part of the key.
+const TAGS: [(&str, &str); 7] = [
+    ("f_number", "FNumber"),
+    ("iso", "PhotographicSensitivity"),
+    ("shutter", "ExposureTime"),
+    ("focal_length", "FocalLength"),
+    ("focus", "SubjectDistance"),
+    ("sensor_width", "FocalPlaneXResolution"),
+    ("_px", "PixelXDimension"),
+];
+
+/// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
+/// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
+/// aspect, with as many pixels on the longer side as before. Pose and all else stay. The
+/// texts say what is a guess, and why.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF, lacks
+/// tags that a camera needs, with their names, or has numbers that no camera has.
+pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Vec<String>)> {
+    let place = path.display().to_string();
+    let bytes = LIMIT.read(path)?;
+    let size_px = size_px(&bytes);
+    let mut reader = exif::Reader::new();
+    // What is needed may stand in whole directories beside a broken one.
+    let reader = reader.continue_on_error(true);
+    // Of a TIFF file, raw photographs too, the container's reader would make a copy.
+    let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
+    let read = match is_tiff {
+        true => reader.read_raw(bytes),
+        false => reader.read_from_container(&mut std::io::Cursor::new(bytes)),
+    };
+    let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
+        let found = format_args!("no EXIF ({error})");
+        Error::input(&place, found, "a photograph as the camera wrote it", HINT)
+    })?;
+    let (camera, warnings) = with_exif(camera, &exif, size_px, &place)?;
+    // An impossible number is the file's, not that of a key.
+    camera.check().map_err(|error| {
+        let Error::Input { place: key, found, wanted, .. } = &error else { return error };
+        match TAGS.iter().find(|(part, _)| key.key.contains(part)) {
+            Some((_, tag)) => {
+                let place = format_args!("{place}: EXIF, {tag}");
+                Error::input(place, found, wanted.as_str(), HINT)
+            }
+            None => error,
+        }
+    })?;
+    Ok((camera, warnings))
+}
+
+fn with_exif(
+    mut camera: CameraOptions,
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    place: &str,
+) -> Result<(CameraOptions, Vec<String>)> {
+    let mut warnings = Vec::new();
+    let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
+    let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
+    let sensor_width_m = match &body {
+        Some(body) => Some(body.figures().sensor_width_m),
+        None => width_m(exif, focal_length_m, &mut warnings),
+    };
+    let f_number = number(exif, Tag::FNumber)
+        .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
+    let exposure_s = number(exif, Tag::ExposureTime)
+        .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
+    let width = "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)";
+    let needed = [
+        ("FocalLength", focal_length_m),
+        (width, sensor_width_m),
+        ("FNumber", f_number),
+        ("ExposureTime", exposure_s),
+        ("PhotographicSensitivity", iso(exif)),
+    ];
+    let [Some(focal_length_m), Some(sensor_width_m), Some(f_number), Some(exposure_s), Some(iso)] =
+        needed.map(|(_, value)| value)
+    else {
+        let missing = needed.iter().filter(|(_, value)| value.is_none());
+        let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
+        let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
+        let found = format_args!("EXIF without {missing}{why}");
+        return Err(Error::input(place, found, "the tags of lens and exposure", HINT));
+    };
+    camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
+    let distortion = match camera.lens {
+        LensModel::Custom(lens) => lens.distortion,
+        _ => [0.0; 4],
+    };
+    camera.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
+    (camera.f_number, camera.iso, camera.metering) = (f_number, iso, Metering::Off);
+    camera.shutter_close_s = Some(camera.shutter_open_s + exposure_s);
+    camera.focus_m = subject_m(exif).or(camera.focus_m);
+    take_aspect(&mut camera, exif, size_px, &mut warnings);
+    warnings.extend(odd_tags(exif));
+    Ok((camera, warnings))
+}
+
+/// Sets width and height to the aspect of the photograph, upright.
+fn take_aspect(
+    camera: &mut CameraOptions,
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    warnings: &mut Vec<String>,
+) {
+    let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
+    let width = side(Tag::PixelXDimension, Tag::ImageWidth);
+    let height = side(Tag::PixelYDimension, Tag::ImageLength);
+    let Some([mut width, mut height]) = width.zip(height).map(<[f64; 2]>::from).or(size_px) else {
+        let missing = "EXIF without PixelXDimension and PixelYDimension";
+        warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
+        return;
+    };
+    // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
+    // left the tag.
+    let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
+    if let Some([real_width, real_height]) = size_px
+        && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
+    {
+        if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
+            turned = false;
+        } else {
+            warnings.push(format!(
+                "EXIF is of a picture of {width} x {height} pixels, and this one has {real_width} \
+                 x {real_height}: it was cropped, and its camera saw more than it shows"
+            ));
+        }
+        (width, height) = (real_width, real_height);
+    }
+    let longer = camera.width_px.max(camera.height_px);
+    let shorter = f64::from(longer) * (width.min(height) / width.max(height));
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
+    let shorter = (shorter.round() as u32).max(1);
+    (camera.width_px, camera.height_px) = (longer, shorter);
+    if (width < height) != turned {
+        (camera.width_px, camera.height_px) = (shorter, longer);
+        // The longer side of the sensor is vertical.
+        let share = f64::from(shorter) / f64::from(longer);
+        let sensor_width_m = camera.body.figures().sensor_width_m * share;
+        camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
+    }
+}
+
+/// Two aspects that differ by less are one: sides are whole numbers, thumbnails small.
+const SAME_ASPECT: f64 = 0.04;
+
+fn ratio_off(a: f64, b: f64) -> f64 {
+    (a / b - 1.0).abs()
+}
+
+const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
+                    or set the camera's keys in a scene file";
+
+/// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
+const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
+
+/// Width of the sensor of a camera that is not known by name, from tags of one age.
+fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>) -> Option<f64> {
+    let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
+    let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
+    let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
+        None | Some(2.0) => 0.0254, // inches by default
+        Some(3.0) => 0.01,
+        Some(4.0) => 1e-3,
+        Some(5.0) => 1e-6,
+        Some(unit) => {
+            if of_film.is_none() {
+                warnings.push(format!("FocalPlaneResolutionUnit {unit} is none of EXIF's"));
+            }
+            return of_film;
+        }
+    };
+    let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth));
+    let (Some(pixels), Some(per_unit)) = (pixels, number(exif, Tag::FocalPlaneXResolution)) else {
+        return of_film;
+    };
+    let of_canon = canon_width(exif).map(|units| units * unit_m);
+    let width_m = of_canon.unwrap_or(pixels / per_unit * unit_m);
+    if !SENSORS_M.contains(&width_m) {
+        return of_film;
+    }
+    match of_film {
+        // Programs that shrink a picture leave its resolution tags unchanged.
+        Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => return Some(film_m),
+        None if of_canon.is_none() => {}
+        _ => return Some(width_m),
+    }
+    let mm = 1e3 * width_m;
+    if let Some(why) = edited(exif) {
+        warnings.push(format!(
+            "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: the two \
+             may be of different ages"
+        ));
+        return None;
+    }
+    warnings.push(format!(
+        "the sensor is taken to be {mm:.2} mm wide, {pixels} pixels by FocalPlaneXResolution, which \
+         no other tag confirms: a picture that was resized has too small a sensor; if so, set \
+         camera.body in a scene file"
+    ));
+    Some(width_m)
+}
+
+/// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
+/// of the sensor over its width in thousandths.
+fn canon_width(exif: &Exif) -> Option<f64> {
+    if !text(exif, Tag::Make)?.to_lowercase().contains("canon") {
+        return None;
+    }
+    let Value::Rational(ratio) = value(exif, Tag::FocalPlaneXResolution)? else { return None };
+    let exif::Rational { num, denom } = *ratio.first()?;
+    // Thousandths of an inch: a sensor of 3 mm has 118.
+    (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
+        .then(|| f64::from(denom) / 1000.0)
+}
+
+/// Why a picture counts as edited after it was taken.
+fn edited(exif: &Exif) -> Option<String> {
+    if let Some(software) = text(exif, Tag::Software) {
+        let lower = format!("{} ", software.to_lowercase());
+        if EDITORS.split(',').any(|editor| lower.contains(editor)) {
+            return Some(format!("the picture was edited with {}", software.trim()));
+        }
+    }
+    let (taken, written) = (text(exif, Tag::DateTimeOriginal)?, text(exif, Tag::DateTime)?);
+    // To the minute; a long exposure is written when it ends.
+    let [day, written_day] = [&taken, &written].map(|date| date.get(..10).map(str::to_owned));
+    (day != written_day).then(|| format!("it was taken at {taken} and changed at {written}"))
+}
+
+/// Sensitivity, ISO.
+fn iso(exif: &Exif) -> Option<f64> {
+    let named = number(exif, Tag::PhotographicSensitivity);
+    let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
+    let beyond = || others.into_iter().find_map(|tag| number(exif, tag));
+    match named {
+        Some(named) if named < ISO_BEYOND => number(exif, Tag::ISOSpeed).or(Some(named)),
+        _ => beyond(),
+    }
+}
+
+/// Distance in focus: none where it is unknown, which is 0.
+fn subject_m(exif: &Exif) -> Option<f64> {
+    match value(exif, Tag::SubjectDistance)? {
+        Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
+        _ => number(exif, Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
+    }
+}
+
+/// Names tags whose values would change the camera, and do not.
+fn odd_tags(exif: &Exif) -> Vec<String> {
+    let shown = |tag| Some(exif.get_field(tag, In::PRIMARY)?.display_value().to_string());
+    let mut odd = Vec::new();
+    if let Some(zoom) = number(exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
+        odd.push(format!(
+            "DigitalZoomRatio {zoom}: the picture shows a part of the sensor, and its camera saw more"
+        ));
+    }
+    // Distance 0 is unknown; numbers alone are distances.
+    if let Some(found) = shown(Tag::SubjectDistance)
+        && signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
+        && subject_m(exif).is_none()
+    {
+        odd.push(format!("SubjectDistance {found} is no distance: the focus stays"));
+    }
+    if let Some(found) = shown(Tag::Orientation)
+        && !number(exif, Tag::Orientation).is_some_and(|o| (1.0..=8.0).contains(&o))
+    {
+        odd.push(format!("Orientation {found} is none of 1 to 8: taken as not turned"));
+    }
+    odd
+}
+
+/// Positive number of a tag.
+fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    signed(exif, tag).filter(|value| *value > 0.0)
+}
+
+/// Number of a tag.
+fn signed(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = match value(exif, tag)? {
+        Value::Rational(values) => values.first()?.to_f64(),
+        Value::SRational(values) => values.first()?.to_f64(),
+        Value::Float(values) => f64::from(*values.first()?),
+        Value::Double(values) => *values.first()?,
+        value => f64::from(value.get_uint(0)?),
+    };
+    value.is_finite().then_some(value)
+}
+
+fn text(exif: &Exif, tag: Tag) -> Option<String> {
+    match value(exif, tag)? {
+        Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
+        _ => None,
+    }
+}
+
+fn value(exif: &Exif, tag: Tag) -> Option<&Value> {
+    Some(&exif.get_field(tag, In::PRIMARY)?.value)
+}
+
+/// Width and height of the picture itself, of a JPEG or PNG file.
+fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
+    let long = |at: usize| Some(u32::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
+    let size_px = match bytes.starts_with(b"\x89PNG") {
+        true => [long(16)?, long(20)?].map(u64::from),
+        false => JpegFrame::of(bytes)?.size_px,
+    };
+    size_px.iter().all(|side| *side > 0).then(|| size_px.map(|side| side as f64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exif::{Field, Rational, experimental::Writer};
+
+    /// A TIFF file with these tags alone.
+    fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
+        let fields: Vec<Field> = fields
+            .iter()
+            .map(|(tag, value)| Field { tag: *tag, ifd_num: In::PRIMARY, value: value.clone() })
+            .collect();
+        let mut writer = Writer::new();
+        fields.iter().for_each(|field| writer.push_field(field));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        writer.write(&mut bytes, false).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes.into_inner()).unwrap();
+        file
+    }
+
+    fn ratio(num: u32, denom: u32) -> Value {
+        Value::Rational(vec![Rational { num, denom }])
+    }
+
+    fn telephone() -> Vec<(Tag, Value)> {
+        vec![
+            (Tag::Model, Value::Ascii(vec![b"Telephone 7".to_vec()])),
+            (Tag::FocalLength, ratio(57, 10)),
+            (Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])),
+            (Tag::FNumber, ratio(18, 10)),
+            (Tag::ExposureTime, ratio(30, 1)),
+            (Tag::PhotographicSensitivity, Value::Short(vec![50])),
+            (Tag::PixelXDimension, Value::Long(vec![4000])),
+            (Tag::PixelYDimension, Value::Long(vec![3000])),
+        ]
+    }
+
+    /// Its tags without some, and with others added or in their place.
+    fn telephone_with(left_out: &[Tag], added: &[(Tag, Value)]) -> Vec<(Tag, Value)> {
+        let mut tags = telephone();
+        tags.retain(|(tag, _)| {
+            !left_out.contains(tag) && !added.iter().any(|(other, _)| other == tag)
+        });
+        tags.extend_from_slice(added);
+        tags
+    }
+
+    fn taken(tags: &[(Tag, Value)]) -> (CameraOptions, Vec<String>) {
+        taken_as(CameraOptions::default(), tiff(tags).path()).unwrap()
+    }
+
+    #[test]
+    fn a_photograph_sets_sensor_lens_and_exposure() {
+        let (camera, said) = taken(&telephone());
+        assert!(said.is_empty(), "{said:?}");
+        assert_eq!(
+            (camera.lens.figures().focal_length_m, camera.f_number, camera.iso),
+            (0.0057, 1.8, 50.0)
+        );
+        let sensor_width_m = camera.body.figures().sensor_width_m;
+        assert!((sensor_width_m - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
+        assert_eq!(camera.shutter_close_s, Some(30.0));
+        assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
+        camera.check().unwrap();
+
+        let turned = telephone_with(&[], &[(Tag::Orientation, Value::Short(vec![6]))]);
+        let camera = taken(&turned).0;
+        assert_eq!((camera.width_px, camera.height_px), (1440, 1920), "held upright");
+    }
+
+    #[test]
+    fn a_known_model_needs_no_35_mm_equivalent() {
+        let model = (Tag::Model, Value::Ascii(vec![b"ILCE-6400".to_vec()]));
+        let camera = taken(&telephone_with(&[Tag::FocalLengthIn35mmFilm], &[model])).0;
+        assert_eq!(
+            (&camera.body, camera.body.figures().sensor_width_m),
+            (&BodyModel::A6400, 0.0235)
+        );
+    }
+
+    #[test]
+    fn the_resolution_gives_the_sensor_unless_the_picture_was_shrunk() {
+        let resolution = [
+            (Tag::PixelXDimension, Value::Long(vec![6000])),
+            (Tag::FocalPlaneResolutionUnit, Value::Short(vec![3])),
+            (Tag::FocalPlaneXResolution, ratio(26_906, 10)),
+        ];
+        let mut tags = telephone_with(&[Tag::FocalLengthIn35mmFilm], &resolution);
+        let width_m = |tags: &[(Tag, Value)]| taken(tags).0.body.figures().sensor_width_m;
+        assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
+        tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
+        assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{}", width_m(&tags));
+    }
+
+    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of
+    /// an inch.
+    fn compact(pixels: [u32; 2]) -> Vec<(Tag, Value)> {
+        let resolution = [
+            (Tag::Make, Value::Ascii(vec![b"Canon".to_vec()])),
+            (Tag::PixelXDimension, Value::Long(vec![pixels[0]])),
+            (Tag::PixelYDimension, Value::Long(vec![pixels[1]])),
+            (Tag::FocalPlaneXResolution, ratio(4_000_000, 291)),
+            (Tag::FocalPlaneResolutionUnit, Value::Short(vec![2])),
+        ];
+        telephone_with(&[Tag::FocalLengthIn35mmFilm], &resolution)
+    }
+
+    #[test]
+    fn the_sensor_of_an_edited_picture_is_of_one_age_or_not_said() {
+        for pixels in [[4000, 3000], [2560, 1920], [640, 480]] {
+            let (camera, said) = taken(&compact(pixels));
+            let width_mm = 1e3 * camera.body.figures().sensor_width_m;
+            assert!((width_mm - 7.391).abs() < 0.001 && said.is_empty(), "{pixels:?}: {width_mm}");
+        }
+        // Another maker's resolution tells no age.
+        let mut other = compact([2560, 1920]);
+        other.retain(|(tag, _)| *tag != Tag::Make);
+        let (camera, said) = taken(&other);
+        assert!((1e3 * camera.body.figures().sensor_width_m - 4.73).abs() < 0.01, "{said:?}");
+        assert!(said[0].contains("4.73 mm") && said[0].contains("resized"), "{said:?}");
+        for (tag, text, why) in [
+            (Tag::Software, "Adobe Photoshop 25.1 (Windows)", "edited with Adobe"),
+            (Tag::DateTime, "2024:05:06 10:00:00", "changed at 2024:05:06"),
+        ] {
+            let mut edited = other.clone();
+            let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
+            edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
+            let error = taken_as(CameraOptions::default(), tiff(&edited).path()).unwrap_err();
+            let found = error.to_string();
+            assert!(found.contains("FocalLengthIn35mmFilm"), "{found}");
+            assert!(found.contains(why) || found.ends_with("lens and exposure"), "{found}");
+        }
+    }
+
+    #[test]
+    fn sentinels_are_what_the_standard_says() {
+        let with = |tag: Tag, value: Value| taken(&telephone_with(&[], &[(tag, value)])).0;
+        assert_eq!(with(Tag::SubjectDistance, ratio(u32::MAX, 1)).focus_m, Some(INFINITY_M));
+        assert_eq!(with(Tag::SubjectDistance, ratio(0, 1)).focus_m, None, "unknown");
+        assert_eq!(with(Tag::SubjectDistance, ratio(5, 2)).focus_m, Some(2.5));
+        let fast = [
+            (Tag::PhotographicSensitivity, Value::Short(vec![65_535])),
+            (Tag::RecommendedExposureIndex, Value::Long(vec![102_400])),
+        ];
+        assert_eq!(taken(&telephone_with(&[], &fast)).0.iso, 102_400.0, "more than 16 bits hold");
+        let signed = |num| Value::SRational(vec![exif::SRational { num, denom: 1 }]);
+        let apex = [(Tag::ApertureValue, ratio(3, 1)), (Tag::ShutterSpeedValue, signed(-5))];
+        let camera = taken(&telephone_with(&[Tag::FNumber, Tag::ExposureTime], &apex)).0;
+        assert!((camera.f_number - 8_f64.sqrt()).abs() < 1e-9, "{camera:?}");
+        assert_eq!(camera.shutter_close_s, Some(32.0));
+    }
+
+    #[test]
+    fn an_impossible_number_stands_at_the_file_and_its_tag() {
+        for (tag, value) in [
+            (Tag::FNumber, ratio(1, 1000)),
+            (Tag::PhotographicSensitivity, Value::Long(vec![4_000_000_000])),
+        ] {
+            let file = tiff(&telephone_with(&[], &[(tag, value)]));
+            let error = taken_as(CameraOptions::default(), file.path()).unwrap_err().to_string();
+            assert!(error.starts_with(&file.path().display().to_string()), "{error}");
+            assert!(error.contains(&tag.to_string()) && !error.contains("camera."), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_directory_that_is_not_needed_may_be_broken() {
+        let file = tiff(&telephone());
+        let mut bytes = std::fs::read(file.path()).unwrap();
+        let long = |bytes: &[u8], at: usize| {
+            u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+        };
+        let entries = |bytes: &[u8], at: usize| {
+            usize::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()))
+        };
+        // The directory of EXIF, and the pointer after it, which is to be 0.
+        let first = long(&bytes, 4);
+        let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
+        let tag = tag.clone().find(|at| bytes[*at..*at + 2] == [0x87, 0x69]).unwrap();
+        let inner = long(&bytes, tag + 8);
+        let next = inner + 2 + 12 * entries(&bytes, inner);
+        bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        let camera = taken_as(CameraOptions::default(), file.path()).unwrap().0;
+        assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
+        // And the one after the first, of the thumbnail.
+        let next = first + 2 + 12 * entries(&bytes, first);
+        bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        assert_eq!(taken_as(CameraOptions::default(), file.path()).unwrap().0.iso, 50.0);
+    }
+
+    /// A JPEG of a size with these tags: markers alone.
+    fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
+        let exif = std::fs::read(tiff(tags).path()).unwrap();
+        let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();
+        let mut bytes = [&b"\xff\xd8\xff\xe1"[..], &length, b"Exif\0\0", &exif].concat();
+        bytes.extend([0xff, 0xc0, 0, 11, 8]);
+        bytes.extend([height.to_be_bytes(), width.to_be_bytes()].concat());
+        bytes.extend([1, 1, 0x11, 0, 0xff, 0xd9]);
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        file
+    }
+
+    #[test]
+    fn a_picture_is_turned_once_and_a_cropped_one_is_named() {
+        let turned = telephone_with(&[], &[(Tag::Orientation, Value::Short(vec![6]))]);
+        for (tags, size_px, wanted) in [
+            (&turned, [4000, 3000], (1440, 1920)),
+            // A program turned the pixels, and left the tag.
+            (&turned, [3000, 4000], (1440, 1920)),
+            (&telephone(), [3000, 4000], (1440, 1920)),
+            (&telephone(), [400, 300], (1920, 1440)),
+        ] {
+            let (camera, said) =
+                taken_as(CameraOptions::default(), jpeg(tags, size_px).path()).unwrap();
+            assert_eq!((camera.width_px, camera.height_px), wanted, "{size_px:?}");
+            assert!(said.is_empty(), "{said:?}");
+        }
+        let cropped = jpeg(&telephone(), [2000, 2000]);
+        let (camera, said) = taken_as(CameraOptions::default(), cropped.path()).unwrap();
+        assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
+        assert!(said[0].contains("cropped"), "{said:?}");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+
+        /// One tag of a good file that is not understood leaves the camera as it is, or is named.
+        #[test]
+        fn a_tag_that_is_not_understood_is_named_or_changes_nothing(
+            which in 0..13_usize,
+            kind in 0..4_usize,
+            number in 9..60_u32,
+        ) {
+            let mut good = telephone();
+            good.push((Tag::Orientation, Value::Short(vec![6])));
+            good.push((Tag::SubjectDistance, ratio(5, 2)));
+            let more = [
+                Tag::DigitalZoomRatio, Tag::FocalPlaneXResolution, Tag::FocalPlaneResolutionUnit,
+            ];
+            let (tag, _) = good.get(which).cloned().unwrap_or_else(|| (more[which - 10], ratio(1, 1)));
+            let odd = match (kind, tag) {
+                (0, Tag::DigitalZoomRatio) => ratio(number, 1),
+                (0, Tag::Orientation) => Value::Long(vec![number]),
+                (0 | 1, _) => Value::Ascii(vec![format!("a{number}").into_bytes()]),
+                (2, _) => ratio(number, 0),
+                _ => Value::Undefined(vec![b'7'; 3], 0),
+            };
+            let wanted = taken(&good).0;
+            good.retain(|(other, _)| *other != tag);
+            good.push((tag, odd));
+            match taken_as(CameraOptions::default(), tiff(&good).path()) {
+                Ok((camera, said)) => {
+                    let name = tag.to_string();
+                    let is_named = said.iter().any(|text| text.contains(&name));
+                    proptest::prop_assert!(is_named || camera == wanted, "{name}: {said:?}");
+                }
+                Err(error) => {
+                    let name = tag.to_string();
+                    proptest::prop_assert!(error.to_string().contains(&name), "{name}: {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn missing_tags_are_named() {
+        let error = |path: &Path| taken_as(CameraOptions::default(), path).unwrap_err();
+        let some: Vec<_> = telephone().drain(..2).collect();
+        let message = error(tiff(&some).path()).to_string();
+        for tag in ["FocalLengthIn35mmFilm", "FNumber", "ExposureTime", "PhotographicSensitivity"] {
+            assert!(message.contains(tag), "{message}");
+        }
+        assert!(!message.contains("FocalLength,"), "{message}");
+        let zero = [(Tag::FNumber, ratio(0, 0)), (Tag::ExposureTime, ratio(1, 0))];
+        assert!(error(tiff(&zero).path()).to_string().contains("FNumber"));
+        for bytes in [&b""[..], b"no image", b"\x89PNG\r\n\x1a\n", b"II*\0\xff\xff\xff\xff"] {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), bytes).unwrap();
+            let error = error(file.path());
+            assert!(error.to_string().contains("EXIF"), "{error}");
+            assert!(error.hint().contains("card"), "{error}");
+        }
+        assert!(matches!(error(Path::new("nowhere.jpg")), Error::Io { .. }));
+    }
+}

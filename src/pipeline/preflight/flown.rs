@@ -1,0 +1,356 @@
+//! Checks of a simulated flight: its path, its demands on the drone, and its light.
+
+use super::picture::{Picture, Piece, painted};
+use super::row::{Row, Severity, at, largest, stop_if, warn_if};
+use super::{CAP_HEIGHT_M, Profile, cap_height_m, platform};
+use crate::scene::Scene;
+use crate::shoot::{CHECK_LIGHT, Shoot, ends};
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
+use noctograph_core::statistics::weighted_quantile;
+use noctograph_export::safety::{Battery, LOW_BATTERY_S};
+use noctograph_letters::Strokes;
+use noctograph_picture::expose::meter::LampReading;
+use noctograph_plan::tracking::{Part, least_cap_height_m};
+use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
+
+/// Ratio to the median dose from which light dwells on a spot: two stops.
+const DWELL: f64 = 4.0;
+/// Longest lit dwell.
+const MAX_DWELL_S: f64 = 0.1;
+/// Largest streak at a stroke's end, as a share of the cap height: it is seen as a hook, and the
+/// letter is still read. The drone's own wobble leaves up to 46 mm in the default scene.
+const MAX_STREAK_FRAC: f64 = 0.1;
+/// Largest range of the exposure along a trail, stops: a Gaussian spot's trail from one to four
+/// stops over saturation is white over a width of `2σ √(2 ln 2)` to twice that, and looks of two
+/// pens.
+const MAX_UNEVEN_STOPS: f64 = 3.0;
+/// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or
+/// more.
+const BRIEF_SATURATED_S: f64 = 0.07;
+/// Time at a motor's limit from which the flight is stopped.
+pub const MAX_SATURATED_S: f64 = 0.5;
+
+/// Checks a simulated flight of a drone: its path, its demands, and its light in the picture.
+pub(super) fn check_flight(
+    shoot: &Shoot,
+    drone: usize,
+    flight: &Flight,
+    picture: Option<&Picture>,
+    profile: &Profile,
+) -> Result<Vec<Row>> {
+    let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
+    let trace = match picture.and_then(|picture| picture.light_of(drone)) {
+        Some(trace) => trace,
+        None => shoot.light_drone(drone, flight)?,
+    };
+    let painted = painted(flight, &trace, scene);
+    let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
+    let trail = picture.and_then(|picture| picture.trail(drone));
+    Ok(vec![
+        corridor(flight, profile),
+        altitude_hold(flight, strokes),
+        tilt(flight, profile),
+        motors(flight, scene.vehicle.motor_max),
+        battery(flight, scene),
+        lit_transit(&ends, &painted, strokes, scene.plan.light_clock),
+        dwell(&painted, &scene.plan),
+        evenness(trail.map(LampReading::evenness_stops)),
+    ])
+}
+
+/// Whether the letters are high enough for the error of the height.
+fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
+    let unchecked = |why, advice| {
+        let wanted = "letters of a known height, not a drawing";
+        Row::unchecked("altitude hold", why, wanted, advice)
+    };
+    let of_plans = "name the word of the plans: {word}";
+    let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
+        return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
+            true => unchecked("a drawing has no letters", "look at its preview"),
+            false => unchecked("there are no letters whose height is known", of_plans),
+        };
+    };
+    let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
+        return unchecked("the flight writes no letter", of_plans);
+    };
+    Row::of("altitude hold", warn_if(least_m > cap_height_m), least_m).within(cap_height_m).say(
+        format!("precise enough for letters of {least_m:.2} m or more"),
+        format!(
+            "error of the height up to {:.0} mm, a twentieth of the letters",
+            50.0 * cap_height_m
+        ),
+        "write larger letters, or fewer where a canvas shrinks them \
+         ({letters.cap_height_m}, {letters.canvas_m}), or fly a better height sensor",
+    )
+}
+
+fn corridor(flight: &Flight, profile: &Profile) -> Row {
+    let places = flight.samples.iter().map(|s| (s.position_m.y, s.time_s));
+    let farthest = places.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
+    Row::of("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
+        format!("strays to y = {y_m:+.2} m{}", at(time_s)),
+        format!("within ±{most_m} m"),
+        "take the mean error off ({plan.mean_error_m}), or fly lqr-integral",
+    )
+}
+
+fn tilt(flight: &Flight, profile: &Profile) -> Row {
+    let tilt_rad = |s: &FlightSample| {
+        libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
+    };
+    let (value_rad, time_s) = largest(flight.samples.iter().map(|s| (tilt_rad(s), s.time_s)));
+    let most_rad = profile.tilt_rad;
+    Row::of("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
+        format!("{:.1}°{}", value_rad.to_degrees(), at(time_s)),
+        format!("up to {:.0}°", most_rad.to_degrees()),
+        "lower {plan.style.acceleration_m_s2} or {plan.style.jerk_m_s3}; check that the plan has \
+         no jump",
+    )
+}
+
+fn motors(flight: &Flight, motor_max: f64) -> Row {
+    let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
+    let time_s = first.map(|sample| sample.time_s);
+    // A flight of ours counts the controller's own ticks.
+    let counted_s = flight.at_end(SATURATED_S);
+    let lasts_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
+    let severity = match lasts_s > MAX_SATURATED_S {
+        true => Severity::Stop,
+        false => warn_if(lasts_s > BRIEF_SATURATED_S),
+    };
+    Row::of("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
+        match lasts_s {
+            0.0 => "never at their limit".to_owned(),
+            s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at(time_s)),
+        },
+        format!("up to {:.0} ms at their limit", 1e3 * BRIEF_SATURATED_S),
+        "lower {plan.style.acceleration_m_s2}, or fly a drone with more thrust for its weight",
+    )
+}
+
+/// What the flight takes of the battery: the one rule of the check and of exported scripts.
+fn battery(flight: &Flight, scene: &Scene) -> Row {
+    if scene.battery.capacity_ah <= 0.0 {
+        let why = "the scene's drone has no battery model";
+        let advice = "name a preset with one, such as `{preset=cf21}`";
+        return Row::unchecked("battery", why, "a drone with a battery", advice);
+    }
+    let low_v =
+        platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
+    let is_battery = |it: &&Warning| matches!(it, Warning::BatteryWeak(_) | Warning::BatteryEmpty);
+    let warning = flight.warnings.iter().find(is_battery);
+    let taken = Battery::of(&scene.battery, flight, low_v);
+    let lasts = taken.as_ref().is_none_or(Battery::lasts);
+    let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
+    let (volts, wanted) = match &taken {
+        None => ("lasts".to_owned(), never),
+        Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
+            let verdict = if lasts { "lasts" } else { "does not last" };
+            let lowest_v = rest_v - sag_v;
+            let wanted = match least_rest_v {
+                Some(least_v) => format!("{least_v:.2} V at rest or more: {never}"),
+                None => format!("{never}; no full battery does that"),
+            };
+            let volts =
+                format!("{verdict}: {rest_v:.2} V at rest, {lowest_v:.2} V at the hardest moment");
+            (volts, wanted)
+        }
+    };
+    let detail = warning.map(ToString::to_string).unwrap_or_default();
+    let found = match detail.as_str() {
+        "" => volts,
+        warned => format!("{warned} ({volts})"),
+    };
+    let rest_v = taken.as_ref().map(|taken| taken.rest_v);
+    let limit_v = taken.and_then(|taken| taken.least_rest_v).unwrap_or(0.0);
+    let severity = stop_if(warning.is_some() || !lasts);
+    Row::of("battery", severity, rest_v).within(limit_v).detailed(detail).say(
+        found,
+        wanted,
+        "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
+    )
+}
+
+const NO_LAMP: &str = "no lamp follows the plan's light";
+
+/// A check of the light that there is none for.
+fn without_light(check: &'static str, why: &str) -> Row {
+    Row::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
+}
+
+/// How far the light is off at the end of a stroke where it is farthest.
+fn lit_transit(
+    ends: &[StrokeEnd],
+    painted: &[Piece],
+    strokes: Option<&Strokes>,
+    clock: LightClock,
+) -> Row {
+    let worst = ends.iter().max_by(|a, b| a.streak_m.abs().total_cmp(&b.streak_m.abs()));
+    let Some(StrokeEnd { time_s, at_m, on, streak_m }) = worst.copied() else {
+        return without_light("lit transit", "the flight has no lit stroke");
+    };
+    if painted.is_empty() {
+        return without_light("lit transit", NO_LAMP);
+    }
+    let cap_height_m = strokes.and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
+    let most_m = MAX_STREAK_FRAC * cap_height_m;
+    let what = match (streak_m > 0.0, on) {
+        (true, true) => "light before a stroke begins",
+        (true, false) => "light after a stroke ends",
+        (false, true) => "a stroke's beginning without light",
+        (false, false) => "a stroke's end without light",
+    };
+    let row = Row::of("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
+    let row = row.within(most_m).timed(time_s).detailed(if on { "beginning" } else { "end" });
+    let (off_mm, at, x, z) = (1e3 * streak_m.abs(), at(time_s), at_m.x, at_m.z);
+    Row { position_m: Some(at_m.into()), ..row }.say(
+        format!("up to {off_mm:.0} mm of {what}{at} ({x:.2}, {z:.2})"),
+        format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * most_m),
+        match clock {
+            LightClock::Light => "slow down ({plan.stroke_speed_m_s})",
+            LightClock::Setpoint => {
+                "set {plan.light_clock=light}, or slow down ({plan.stroke_speed_m_s})"
+            }
+        },
+    )
+}
+
+/// Time for which the light dwells on a spot.
+fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
+    if painted.is_empty() {
+        return without_light("lit dwell", NO_LAMP);
+    }
+    // By length.
+    let pieces = painted.iter().filter(|(_, length_m, _)| *length_m > 0.0);
+    let mut doses: Vec<(f64, f64)> =
+        pieces.map(|(_, length_m, light_s)| (light_s / length_m, *length_m)).collect();
+    let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
+    let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
+    for (time_s, length_m, light_s) in painted {
+        if *light_s > DWELL * median * length_m && *light_s > 0.0 {
+            run = if run.0 > 0.0 { (run.0 + light_s, run.1) } else { (*light_s, *time_s) };
+            longest = if run.0 > longest.0 { run } else { longest };
+        } else {
+            run = (0.0, 0.0);
+        }
+    }
+    let (dwell_s, time_s) = longest;
+    let row = Row::of("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
+    row.within(MAX_DWELL_S).timed(time_s).say(
+        match dwell_s {
+            0.0 => "none".to_owned(),
+            s => format!("{:.0} ms of light two stops over the rest{}", 1e3 * s, at(time_s)),
+        },
+        format!("less than {:.0} ms of it", 1e3 * MAX_DWELL_S),
+        match (&plan.style, plan.light_clock) {
+            (Style::Even(_), _) => {
+                "lower {plan.stroke_speed_m_s}, so that the drone need not brake, or dim the light \
+                 with the speed ({plan.style.exposure=dimmed}, for a ring or a color LED)"
+            }
+            (_, LightClock::Setpoint) => {
+                "plan with {plan.style=even}, or set {plan.light_clock=light}"
+            }
+            (_, LightClock::Light) => "plan with {plan.style=even}",
+        },
+    )
+}
+
+/// Range of the exposure along the brightest trail in the picture; `None` where there is none.
+fn evenness(stops: Option<f64>) -> Row {
+    let Some(stops) = stops else {
+        return without_light("evenness", "no light of the plan is in the picture");
+    };
+    Row::of("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
+        format!("exposure varies by {stops:.1} stops along the trail"),
+        format!(
+            "within {MAX_UNEVEN_STOPS:.0} stops, from the 5th to the 95th percentile, as `meter` reads"
+        ),
+        "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) to the camera, or \
+         write slower ({plan.stroke_speed_m_s})",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+
+    #[test]
+    fn a_spot_with_too_much_light_is_found() {
+        // A meter at 5 s of light a meter, and 0.3 s on a millimeter.
+        let mut painted: Vec<Piece> = (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
+        let dwell = |painted: &[Piece]| dwell(painted, &PlanOptions::default());
+        assert_eq!(dwell(&painted).severity, Severity::Fine);
+        painted.insert(50, (2.5, 0.001, 0.3));
+        let found = dwell(&painted);
+        assert_eq!((found.value, found.limit, found.time_s), (Some(0.3), 0.1, Some(2.5)));
+        assert_eq!(found.severity, Severity::Warning);
+    }
+
+    #[test]
+    fn letters_are_as_high_as_the_error_of_the_height_asks() {
+        let strokes = write("I", &LetterOptions::default()).unwrap();
+        let at = |k: u32, error_m: f64| {
+            let design_m = Vector3::new(0.01 * f64::from(k), 0.0, 1.0);
+            let position_m =
+                design_m + Vector3::z() * if k.is_multiple_of(2) { error_m } else { -error_m };
+            let (time_s, letter) = (0.1 * f64::from(k), Some(0));
+            FlightSample { time_s, position_m, design_m, letter, ..FlightSample::default() }
+        };
+        let finding = |error_m: f64| {
+            let samples = (0..100).map(|k| at(k, error_m)).collect();
+            altitude_hold(&Flight { samples, ..Flight::default() }, Some(&strokes))
+        };
+        let (good, bad) = (finding(0.02), finding(0.03));
+        assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
+        assert_eq!((good.severity, bad.severity), (Severity::Fine, Severity::Warning));
+        let unwritten = altitude_hold(&Flight::default(), Some(&strokes));
+        assert_eq!(unwritten.severity, Severity::Unknown);
+    }
+
+    #[test]
+    fn a_check_without_an_input_is_none() {
+        let nothing = Flight::default();
+        let (at_m, on, streak_m) = (Vector3::zeros(), true, 0.01);
+        let end = StrokeEnd { time_s: 1.0, at_m, on, streak_m };
+        for row in [
+            altitude_hold(&nothing, None),
+            battery(&nothing, &Scene { battery: Default::default(), ..Scene::default() }),
+            lit_transit(&[], &[(0.0, 0.1, 0.1)], None, LightClock::Light),
+            // Its lamp shines all the way.
+            lit_transit(&[end], &[], None, LightClock::Light),
+            dwell(&[], &PlanOptions::default()),
+            evenness(None),
+        ] {
+            assert_eq!((row.severity, row.value), (Severity::Unknown, None), "{row:?}");
+            assert!(!row.detail.is_empty() && !row.advice.0.is_empty(), "it says why: {row:?}");
+        }
+    }
+
+    #[test]
+    fn a_flight_of_ours_says_itself_how_long_a_motor_was_at_its_limit() {
+        let extra = [(SATURATED_S.to_owned(), vec![0.0, 0.084])].into();
+        assert_eq!(motors(&Flight { extra, ..Flight::default() }, 1.0).value, Some(0.084));
+    }
+
+    #[test]
+    fn motors_at_their_limit_for_an_instant_are_fine() {
+        let severity = |lasts: u32| {
+            let sample = |k: u32| FlightSample {
+                time_s: 0.01 * f64::from(k),
+                motors: if k < lasts { [1.0; 4] } else { [0.5; 4] },
+                ..FlightSample::default()
+            };
+            let samples = (0..100).map(sample).collect();
+            motors(&Flight { samples, ..Flight::default() }, 1.0).severity
+        };
+        let found = [0, 4, 20, 60].map(severity);
+        let wanted = [Severity::Fine, Severity::Fine, Severity::Warning, Severity::Stop];
+        assert_eq!(found, wanted);
+    }
+}

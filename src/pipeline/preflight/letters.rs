@@ -1,0 +1,156 @@
+//! Checks of letters: doubled strokes, lit tails, light that is never off, jumps.
+
+use nalgebra::Vector2;
+
+use super::row::{Row, warn_if};
+use noctograph_core::geometry::distance;
+use noctograph_letters::{Glyph, Move, Strokes};
+use noctograph_plan::Style;
+
+/// Two lit moves nearer to each other than this, and as parallel, draw one line.
+const SAME_LINE_M: f64 = 0.002;
+/// Longest doubled stroke and jump that are no fault.
+const SHORT_M: f64 = 0.02;
+
+/// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
+/// follows the letters' own moves, as in style `team`.
+pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
+    let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
+    glyphs.sort_by_key(|glyph| glyph.character);
+    let mut findings = vec![lengths(
+        "doubled stroke",
+        glyphs.iter().map(|glyph| (glyph.character, doubled_m(&glyph.moves))),
+        SHORT_M,
+        "every line drawn once",
+        "write with {letters.font=ae483-fixed} or simplex",
+    )];
+    if strokes.font.is_some() {
+        let lost_m = |glyph: &Glyph| {
+            let lost = strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
+            lost * glyph.cell.cap_height_m
+        };
+        findings.push(lengths(
+            "lost stroke",
+            glyphs.iter().map(|glyph| (glyph.character, lost_m(glyph))),
+            0.0,
+            "every stroke of the typeface drawn",
+            "write with {letters.font=simplex} or a plainer typeface",
+        ));
+    }
+    if matches!(style, Style::Team(_)) {
+        for (check, is_faulty, wanted) in FAULTS {
+            let faulty = glyphs.iter().filter(|glyph| is_faulty(glyph));
+            let mut faulty: Vec<char> = faulty.map(|glyph| glyph.character).collect();
+            faulty.dedup();
+            let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
+            let found = if is_bad { detail.clone() } else { "none".to_owned() };
+            // Style `even`, whose plan follows no dark move, mends it as well.
+            let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
+            let row = Row::of(check, warn_if(is_bad), f64::from(is_bad));
+            findings.push(row.detailed(detail).say(found, wanted, advice));
+        }
+    }
+    findings
+}
+
+/// A fault of a font: the check, whether a letter has it, and what is wanted.
+type Fault = (&'static str, fn(&Glyph) -> bool, &'static str);
+
+const FAULTS: [Fault; 3] = [
+    ("tail", has_tail, "letters reached in the dark"),
+    ("light never off", never_off, "letters that begin or end in the dark"),
+    ("pen jump", jumps, "moves that begin where the last one ended"),
+];
+
+/// The light is on before the drone has reached the letter.
+fn has_tail(glyph: &Glyph) -> bool {
+    glyph.moves.first().is_some_and(|first| first.lit)
+}
+
+/// The light is on at both ends of the letter.
+fn never_off(glyph: &Glyph) -> bool {
+    has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
+}
+
+fn jumps(glyph: &Glyph) -> bool {
+    glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
+}
+
+/// Length that is lit twice.
+fn doubled_m(moves: &[Move]) -> f64 {
+    let lit: Vec<[Vector2<f64>; 2]> = moves
+        .iter()
+        .filter(|leg| leg.lit && leg.from_m != leg.to_m)
+        .map(|leg| [leg.from_m.into(), leg.to_m.into()])
+        .collect();
+    let pairs = lit.iter().enumerate().flat_map(|(i, a)| lit[i + 1..].iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| shared_m(a, b)).sum()
+}
+
+/// Length that two straight moves have in common.
+fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
+    let length_m = (a[1] - a[0]).norm();
+    let along = (a[1] - a[0]) / length_m;
+    let beside = |p: &Vector2<f64>| (p - a[0]).perp(&along).abs();
+    if b.iter().any(|p| beside(p) > SAME_LINE_M) {
+        return 0.0;
+    }
+    let [from, to] = [&b[0], &b[1]].map(|p| (p - a[0]).dot(&along).clamp(0.0, length_m));
+    (to - from).abs()
+}
+
+/// Letters with lengths of something that are more than the longest that is no fault.
+fn lengths(
+    check: &'static str,
+    lengths_m: impl Iterator<Item = (char, f64)>,
+    limit_m: f64,
+    wanted: &str,
+    advice: &'static str,
+) -> Row {
+    let mut longer: Vec<_> = lengths_m.filter(|(_, length_m)| *length_m > limit_m).collect();
+    longer.dedup_by_key(|(character, _)| *character);
+    let most_m = longer.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
+    let detail = named(longer.iter().map(|(letter, _)| *letter));
+    let found = match longer.len() {
+        0 => "none".to_owned(),
+        1 => format!("{detail} ({most_m:.2} m)"),
+        _ => format!("{detail} (up to {most_m:.2} m)"),
+    };
+    let row = Row::of(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
+    row.detailed(detail).say(found, wanted, advice)
+}
+
+fn named(letters: impl IntoIterator<Item = char>) -> String {
+    letters.into_iter().map(String::from).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Severity;
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::PlanOptions;
+
+    fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(&'static str, String)> {
+        let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
+        let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
+        let bad = findings.into_iter().filter(|row| row.severity != Severity::Fine);
+        bad.map(|row| (row.check, row.detail)).collect()
+    }
+
+    #[test]
+    fn faults_of_the_teams_letters_are_found_and_the_repaired_ones_have_none() {
+        let team = |word, font| faults(word, font, PlanOptions::default());
+        assert_eq!(team("W", "ae483"), [("doubled stroke", "W".into())]);
+        assert_eq!(team("X", "ae483"), [("tail", "X".into()), ("light never off", "X".into())]);
+        assert!(team("I", "ae483").contains(&("pen jump", "I".into())));
+        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+        assert_eq!(team(all, "ae483-fixed"), []);
+    }
+
+    #[test]
+    fn in_style_even_only_doubled_strokes_are_faults() {
+        assert_eq!(faults("XNO", "ae483", PlanOptions::even()), []);
+        assert_eq!(faults("W", "ae483", PlanOptions::even()).len(), 1);
+    }
+}

@@ -1,0 +1,329 @@
+//! Preflight: what speaks against a flight, before it is flown.
+//!
+//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
+//! known. Product out: a [`Row`] for each check of letters, plans, simulated flights, lamps, base
+//! stations and picture: its numbers, its sentences, and advice as keys of the scene. Problems of
+//! the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
+//! camera. Not checked: obstacles in the room.
+
+use crate::scene::{Preset, Scene};
+use crate::shoot::Shoot;
+use noctograph_core::digest::sha256;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::geometry::bounds;
+use noctograph_export::safety::{Battery, Checks, Platform};
+use noctograph_letters::Strokes;
+use noctograph_plan::{Approach, Plan, Style};
+use noctograph_sim::sensors::coverage;
+use noctograph_sim::vehicle::Downwash;
+
+mod flown;
+mod letters;
+mod memory;
+mod picture;
+mod placement;
+mod plans;
+mod profile;
+mod row;
+
+pub use flown::MAX_SATURATED_S;
+use flown::check_flight;
+use letters::check_letters;
+pub use memory::LED_MEMORY;
+use memory::{check_led_memory, check_memory};
+pub use picture::PICTURE;
+use picture::{Picture, check_picture};
+pub use placement::stations;
+pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
+use placement::{camera_place, outside_of};
+pub use plans::check_written;
+use plans::{check_plan, check_separation};
+pub use profile::Profile;
+pub use row::{Checked, Row, Severity};
+use row::{at, largest, stop_if, warn_if};
+
+/// Distance between two places at which the view of the base stations is checked.
+const COVERAGE_STEP_M: f64 = 0.1;
+
+/// Error of a position that letters bear, in cap heights, and their cap height where there is no
+/// word.
+const MAX_ERROR_H: f64 = 0.05;
+const CAP_HEIGHT_M: f64 = 0.5;
+
+/// What speaks against flights, and where things stand in their room.
+#[derive(Clone, Debug)]
+pub struct Preflight {
+    /// Every check that was made.
+    pub findings: Vec<Checked>,
+    /// `None` without a room or a picture.
+    pub placement: Option<ShotPlan>,
+}
+
+/// Checks letters, plans, simulated flights, light and base stations against a profile.
+///
+/// # Errors
+///
+/// Those of the stages, except that of an infeasible flight: it is a finding.
+pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
+    of_flights(shoot, flown(shoot)?, profile)
+}
+
+/// Flies every plan, for [`of_flights`].
+///
+/// # Errors
+///
+/// As [`preflight`]; an infeasible flight's is in its place.
+pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
+    let n = shoot.plans.len();
+    Ok(match shoot.in_step() {
+        false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
+        true => match shoot.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                let lost = |_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() });
+                (0..n).map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        },
+    })
+}
+
+/// The same of flights that were flown already.
+///
+/// # Errors
+///
+/// As [`preflight`].
+pub fn of_flights(
+    shoot: &Shoot,
+    flown: Vec<Result<Flight>>,
+    profile: &Profile,
+) -> Result<Preflight> {
+    let mut findings = check_design(shoot, profile);
+    findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
+    let picture = Picture::of(shoot, &flown);
+    for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
+        let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
+        match flight {
+            Ok(flight) => {
+                checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
+            }
+            Err(Error::Infeasible { what, .. }) => {
+                let row = Row::of("flight", Severity::Stop, None).detailed(what.as_str());
+                let advice = "see the message; tune the controller";
+                checks.push(row.say(what, "a flight to its end", advice));
+            }
+            Err(error) => return Err(error),
+        }
+        checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), checks));
+    }
+    let stands = room_of(shoot, profile)?;
+    let nowhere = stands.iter().any(|row| row.severity != Severity::Fine);
+    // No picture is taken from a place outside of the room.
+    let shown = |row: &Row| !(nowhere && row.severity == Severity::Fine);
+    let pictures = check_picture(shoot, picture.as_ref());
+    findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
+    findings.extend(numbered(shoot, None, stands));
+    let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
+    let placement = lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile));
+    Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
+}
+
+/// Of a room: what stands outside of it, and whether the camera has a place.
+fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
+    let Some(room_m) = profile.room_m else {
+        let why = "no room is named";
+        let wanted = "the room's size, its middle at x = y = 0";
+        return Ok(vec![Row::unchecked("frame", why, wanted, "name the room: {expose.room_m}")]);
+    };
+    let camera = camera_place(shoot, room_m)?;
+    Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
+}
+
+/// What speaks against a real flight, of flights that were flown already: the checks that can
+/// stop one, without memory and picture.
+///
+/// # Errors
+///
+/// As [`preflight`].
+pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<Vec<Checked>> {
+    let mut findings = check_design(shoot, profile);
+    findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
+    for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
+        let mut checks = check_flight(shoot, drone, flight, None, profile)?;
+        checks.push(check_coverage(&planned.plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), checks));
+    }
+    Ok(findings)
+}
+
+/// The findings of one drone, or of all.
+fn numbered(
+    shoot: &Shoot,
+    drone: Option<usize>,
+    rows: impl IntoIterator<Item = Row>,
+) -> impl Iterator<Item = Checked> {
+    let drone = drone.filter(|_| shoot.plans.len() > 1).map(DroneIndex);
+    rows.into_iter().map(move |row| Checked { drone, row })
+}
+
+/// Letters and plans.
+fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
+    let letters = match &shoot.strokes {
+        Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
+        None => vec![Row::unchecked(
+            "doubled stroke",
+            "no word is named for the plans",
+            "the word that the plans write",
+            "name it: {word}",
+        )],
+    };
+    let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
+    let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
+    let lamps = shoot.lamps();
+    for (drone, design) in shoot.designs().iter().enumerate() {
+        let checks = check_plan(design, &lamps, is_even, profile);
+        findings.extend(numbered(shoot, Some(drone), checks));
+    }
+    // Drones with trajectories on board wait for their turn in the air.
+    let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    findings.extend(numbered(shoot, None, check_separation(&flown)));
+    findings
+}
+
+/// What the wakes of other drones cost, where plans lead into them; `None` for a single drone.
+fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
+    if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
+        return None;
+    }
+    let most_m =
+        MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
+    // A drone is flown alone once, however many are above it: by the nearest of them.
+    let mut wakes = shoot.wakes();
+    wakes.sort_by(|([_, a], above_a), ([_, b], above_b)| {
+        a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
+    });
+    wakes.dedup_by_key(|([_, lower], _)| *lower);
+    let costs = wakes.into_iter().map(|([_, lower], nearest)| {
+        let off = match (shoot.fly_drone(lower, &mut |_| {}), &flown[lower]) {
+            (Ok(alone), Ok(flown)) => {
+                let both = alone.samples.iter().zip(&flown.samples);
+                largest(both.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s)))
+            }
+            // How it is lost is a finding of its own.
+            _ => (f64::INFINITY, nearest.time_s),
+        };
+        (off, lower + 1, nearest)
+    });
+    let worst = costs.max_by(|(a, ..), (b, ..)| a.0.total_cmp(&b.0));
+    let off_m = worst.map_or(0.0, |((off_m, _), ..)| off_m);
+    let row = Row::of("wake", warn_if(off_m > most_m), off_m).within(most_m);
+    Some(row.timed(worst.map(|((_, time_s), ..)| time_s)).say(
+        match worst {
+            None => "no drone is planned into another's wake".to_owned(),
+            Some(((_, time_s), lower, Approach { vertical_m, horizontal_m, time_s: near_s })) => {
+                format!(
+                    "drone {lower} comes {:.2} m below and {horizontal_m:.2} m beside another at \
+                     {near_s:.1} s; off by up to {off_m:.3} m{}",
+                    vertical_m.abs(),
+                    at(time_s)
+                )
+            }
+        },
+        format!("off by up to {most_m} m, a twentieth of the letters"),
+        "plan the drones together with {plan.drones}, or fly the lower drone first",
+    ))
+}
+
+/// Cap height of a word's letters; `None` of a drawing.
+fn cap_height_m(strokes: &Strokes) -> Option<f64> {
+    let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
+    Some(letter.cell.cap_height_m)
+}
+
+/// Whether two base stations see the box of the whole flight.
+fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
+    let unchecked = |why| {
+        let wanted = "base stations, and a flight for them to see";
+        let advice = "name the stations: {sensors.lighthouse.stations}";
+        Ok(Row::unchecked("coverage", why, wanted, advice))
+    };
+    if scene.sensors.lighthouse.stations.is_empty() {
+        return unchecked("the scene has no base stations");
+    }
+    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
+    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
+        return unchecked("the flight has no width or no height");
+    }
+    let seen_frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
+    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
+        format!("{:.1} % of the flight's box is seen by two base stations", 100.0 * seen_frac),
+        "two Lighthouse stations see every place",
+        "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the stations \
+         (see `coverage`)",
+    ))
+}
+
+/// The drone of a scene as its firmware names it; `None`: none of Bitcraze's.
+#[must_use]
+pub fn platform(scene: &Scene) -> Option<Platform> {
+    match scene.preset {
+        Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
+        Preset::CfBrushless => Some(Platform::Brushless),
+        Preset::Bzzz => None,
+    }
+}
+
+/// The facts behind the checks of flights within a profile.
+#[must_use]
+pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
+    let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
+    let battery = |flight: &Result<Flight>| {
+        let low_v = platform?.low_battery_v();
+        Battery::of(&scene.battery, flight.as_ref().ok()?, low_v)
+    };
+    Checks {
+        platform,
+        positioning: scene.sensors.positioning,
+        volume_m: profile.volume_m,
+        room_m: profile.room_m,
+        batteries: flown.iter().map(battery).collect(),
+        scene_sha256: sha256(scene.to_toml().as_bytes()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {
+        let mut scene = Scene { word: "O".to_owned(), ..Scene::preset(Preset::Cf21) };
+        let lower = Shoot::new(scene.clone()).unwrap().plans.remove(0).plan;
+        let mut upper = lower.clone();
+        for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
+            // Across the word at its middle, and above it.
+            setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
+        }
+        let found = |scene: &Scene, plans: Vec<Plan>| {
+            let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
+            let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
+            check_wakes(&shoot, &flown.collect::<Vec<_>>())
+        };
+        let wake = found(&scene, vec![upper.clone(), lower.clone()]).unwrap();
+        assert!(wake.found.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");
+        assert!(wake.value > Some(wake.limit), "{wake:?}");
+        assert_eq!(wake.severity, Severity::Warning);
+
+        let mut beside = upper.clone();
+        beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
+        let none = found(&scene, vec![beside, lower.clone()]).unwrap();
+        assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
+        scene.air.downwash = Downwash::None;
+        assert_eq!(found(&scene, vec![upper, lower]), None, "without a model");
+    }
+}

@@ -1,0 +1,358 @@
+//! Checks of plans by themselves.
+
+use nalgebra::Vector3;
+
+use super::Profile;
+use super::row::{Row, Severity, at, largest, stop_if, warn_if};
+use noctograph_core::error::Result;
+use noctograph_core::geometry::segment_distance;
+use noctograph_core::input_error;
+use noctograph_core::lamps::LightOptions;
+use noctograph_export::lights::{commands, switches};
+use noctograph_letters::Strokes;
+use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest};
+
+/// Distance of a setpoint from the end of the design before it from which it is a jump.
+const JUMP_M: f64 = 0.03;
+
+/// Checks the motion and the commands of a plan, of style `even` or another.
+pub(super) fn check_plan(
+    plan: &Plan,
+    light: &LightOptions,
+    is_even: bool,
+    profile: &Profile,
+) -> Vec<Row> {
+    vec![
+        volume(plan, profile),
+        speed(plan, profile),
+        acceleration(plan, profile),
+        jumps(plan),
+        duration(plan, is_even, profile),
+        headlights(plan, light),
+        lamps(plan, light),
+    ]
+}
+
+fn volume(plan: &Plan, profile: &Profile) -> Row {
+    let [low, high] = profile.volume_m.map(Vector3::from);
+    let outside = |setpoint: &Setpoint| {
+        let (below, above) = (low - setpoint.position_m, setpoint.position_m - high);
+        // Down to the floor there is no margin to keep.
+        let sides_m = below.xy().max().max(above.max());
+        if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
+    };
+    let (outside_m, time_s) = largest(plan.setpoints.iter().map(|s| (outside(s), s.time_s)));
+    let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
+    let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
+    let wanted = format!("inside {volume}");
+    let found = match outside_m > 0.0 {
+        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at(time_s)),
+        false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
+    };
+    let row = Row::of("volume", stop_if(outside_m > 1e-6), outside_m);
+    Row { position_m, ..row.timed(time_s).detailed(volume) }.say(
+        found,
+        wanted,
+        "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
+         {letters.baseline_m})",
+    )
+}
+
+fn speed(plan: &Plan, profile: &Profile) -> Row {
+    let speeds = plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s));
+    let ((value, time_s), most) = (largest(speeds), profile.speed_m_s);
+    Row::of("speed", stop_if(value > 1.001 * most), value).within(most).timed(time_s).say(
+        format!("{value:.2} m/s{}", at(time_s)),
+        format!("up to {most} m/s"),
+        "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
+    )
+}
+
+/// Setpoints that follow each other.
+fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
+    plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
+}
+
+fn acceleration(plan: &Plan, profile: &Profile) -> Row {
+    // Without accelerations in the plan, the changes of velocity between setpoints count. Such
+    // steps are not flown as they stand; a planned acceleration is.
+    let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
+    let pairs = pairs(plan).map(|(from, to)| {
+        let lasts_s = to.time_s - from.time_s;
+        let change = (to.velocity_m_s - from.velocity_m_s).norm() / lasts_s.max(1e-3);
+        (if planned { from.acceleration_m_s2.norm() } else { change }, to.time_s)
+    });
+    let ((value, time_s), most) = (largest(pairs), profile.acceleration_m_s2);
+    let (is_beyond, at) = (value > 1.05 * most, at(time_s));
+    let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
+    Row::of("acceleration", severity, value).within(most).timed(time_s).say(
+        match planned {
+            true => format!("{value:.2} m/s²{at}"),
+            false => format!("setpoints change velocity by up to {value:.1} m/s²{at}"),
+        },
+        format!("up to {most} m/s²"),
+        match planned {
+            true => "lower {plan.style.acceleration_m_s2}",
+            false => "plan with {plan.style=even}",
+        },
+    )
+}
+
+fn jumps(plan: &Plan) -> Row {
+    let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
+    let all = in_air.map(|(a, b)| ((b.position_m - a.design_m(b.time_s)).norm(), b.time_s));
+    let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
+    let n = jumps.len();
+    let (most_m, time_s) = largest(jumps);
+    let row = Row::of("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
+    Row { count: Some(n), ..row }.say(
+        match n {
+            0 => "none".to_owned(),
+            n => format!("{n} jumps of up to {most_m:.2} m{}", at(time_s)),
+        },
+        format!("setpoints within {JUMP_M} m of the design"),
+        "plan with {plan.style=even}, whose design is continuous",
+    )
+}
+
+fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
+    let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
+    let air_s: f64 = in_air.map(|(from, to)| to.time_s - from.time_s).sum();
+    let most_s = profile.flight_time_s;
+    Row::of("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
+        format!("{air_s:.0} s in the air"),
+        format!("up to {most_s:.0} s in the air"),
+        match is_even {
+            true => "write fewer letters, or with {plan.drones=2}",
+            false => "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}",
+        },
+    )
+}
+
+/// Whether the firmware has a parameter for each lamp, so that an export can light it.
+fn lamps(plan: &Plan, light: &LightOptions) -> Row {
+    let wanted = "lamps with a firmware parameter";
+    match commands(plan, light) {
+        Ok(commands) => {
+            let found = format!("{} light commands", commands.len());
+            Row::of("lamps", Severity::Fine, commands.len() as f64).say(found, wanted, "")
+        }
+        Err(error) => Row::of("lamps", Severity::Warning, None).detailed(error.to_string()).say(
+            "no export lights them: a lamp without a firmware parameter",
+            wanted,
+            "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
+             {light.fixtures}",
+        ),
+    }
+}
+
+/// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`), and lamps
+/// of one's own may be such.
+fn headlights(plan: &Plan, light: &LightOptions) -> Row {
+    let switches = switches(plan, light);
+    let rows = |channel: &&str| plan.setpoints.iter().zip(&plan.lights[*channel]);
+    let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| **level > 0.0 && **level < 1.0);
+    let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
+    let time_s = times_s.iter().copied().min_by(f64::total_cmp);
+    let n = (!switches.is_empty()).then_some(times_s.len());
+    Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64)).timed(time_s).say(
+        match n {
+            None => "not used".to_owned(),
+            Some(0) => "switched on and off, not dimmed".to_owned(),
+            Some(n) => format!("dimmed by {n} commands, first{}", at(time_s)),
+        },
+        "on or off: a lamp behind a pin cannot be dimmed",
+        "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
+    )
+}
+
+/// Distance of the drones from each other; `None` for a single one.
+pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
+    if plans.len() < 2 {
+        return None;
+    }
+    let pairs = plans.iter().enumerate();
+    let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
+    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
+    let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest);
+    let (least_m, time_s) = closest.map(|it| (it.horizontal_m, it.time_s)).unzip();
+    let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
+    let row = Row::of("separation", stop_if(is_near), least_m);
+    Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
+        least_m.map_or("always above each other".into(), |least_m| {
+            format!("{least_m:.2} m or more apart sideways, least{}", at(time_s))
+        }),
+        format!("{MIN_HORIZONTAL_M} m sideways, or {MIN_VERTICAL_M} m above each other"),
+        "let the later drone wait ({plan.floor_wait_s}), or plan with {plan.drones}",
+    ))
+}
+
+/// Largest distance of a plan's light from the strokes of its letter, in cap heights.
+const TOLERANCE_H: f64 = 0.1;
+
+/// Refuses a plan whose light is away from the strokes.
+///
+/// # Errors
+///
+/// [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first setpoint that
+/// is too far away.
+pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
+    let far_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
+    for (row, setpoint) in plan.setpoints.iter().enumerate() {
+        let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
+        let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
+        let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
+        let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
+        let lit = moves.filter(|step| step.lit);
+        let off_m = lit.map(|step| segment_distance([x, z], [step.from_m, step.to_m]));
+        if off_m.fold(f64::INFINITY, f64::min) > far_m {
+            let (number, word) = (letter + 1, &strokes.word);
+            return Err(input_error!(
+                format!("plan, {:.1} s", setpoint.time_s),
+                "light at {x:.2} m, {z:.2} m in letter {number}",
+                "the strokes of {word}",
+                "name the plan, the word and the scene of the same flight",
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
+
+    fn strokes(word: &str) -> Strokes {
+        write(word, &LetterOptions::default()).unwrap()
+    }
+
+    fn even(word: &str, style: EvenStyle) -> Plan {
+        plan(&strokes(word), &PlanOptions::even_with(style)).unwrap()
+    }
+
+    fn outside_m(plan: &Plan, profile: &Profile) -> (f64, [f64; 3]) {
+        let row = volume(plan, profile);
+        (row.value.unwrap(), row.position_m.unwrap())
+    }
+
+    #[test]
+    fn the_reference_flight_jumps_and_may_fly() {
+        let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
+        let found = check_plan(&team, &LightOptions::default(), false, &Profile::indoor());
+        assert!(found.iter().all(|row| row.severity != Severity::Stop), "it flew: {found:?}");
+        let Row { count, value: Some(value), .. } = jumps(&team) else { panic!("it is a jump") };
+        let n = count.unwrap();
+        assert!(n == 5 && (value - 0.2).abs() < 0.005, "{n} jumps, {value} m");
+        assert_eq!(speed(&team, &Profile::indoor()).severity, Severity::Fine);
+    }
+
+    #[test]
+    fn a_value_beyond_its_limit_stops_the_flight_with_time_and_place() {
+        let limits =
+            EvenStyle { dark_speed_m_s: 2.0, acceleration_m_s2: 4.0, ..EvenStyle::default() };
+        let fast = even("NOOR", limits);
+        assert_eq!(acceleration(&fast, &Profile::indoor()).severity, Severity::Stop);
+        let wide = LetterOptions { width_m: Some(2.0), ..LetterOptions::default() };
+        let wide = plan(&write("NOOR", &wide).unwrap(), &PlanOptions::even()).unwrap();
+        assert_eq!(volume(&wide, &Profile::indoor()).severity, Severity::Stop);
+        let (outside_m, [x, ..]) = outside_m(&wide, &Profile::indoor());
+        assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
+    }
+
+    /// Handwriting of a kind: a spiral, a zigzag, a scribble, a coast, a rosette, a sketch of many
+    /// short strokes.
+    fn drawing(kind: usize, size_m: f64) -> Strokes {
+        let mut state = kind as f64;
+        let mut next = || {
+            state = 43_758.545_3 * libm::sin(12.9898 * state + 1.7).fract();
+            state - state.floor()
+        };
+        let mut stroke = |n: u32, at: &mut dyn FnMut(f64, f64) -> [f64; 2]| -> Vec<[f64; 2]> {
+            (0..=n).map(|k| at(f64::from(k) / f64::from(n), next())).collect()
+        };
+        let turned = |r: f64, turns: f64| {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * turns);
+            [1.0 + r * cos, 1.0 + r * sin]
+        };
+        let strokes: Vec<Vec<[f64; 2]>> = match kind % 6 {
+            0 => vec![stroke(300, &mut |t, _| turned(t, 6.0 * t))],
+            1 => vec![stroke(40, &mut |t, r| [2.0 * t, if r < 0.5 { r } else { 1.5 * r }])],
+            2 => vec![stroke(60, &mut |t, r| [0.5 + r, t])],
+            3 => vec![stroke(200, &mut |t, r| turned(1.0 + 0.12 * r, t))],
+            4 => vec![stroke(400, &mut |t, _| turned(libm::cos(31.4 * t), t))],
+            _ => (0..25)
+                .map(|_| {
+                    let [x, y] = stroke(1, &mut |_, r| [2.0 * r, r])[0];
+                    stroke(6, &mut |t, r| [x + 0.2 * t, y + 0.1 * r])
+                })
+                .collect(),
+        };
+        let file = tempfile::Builder::new().suffix(".json").tempfile().unwrap();
+        std::fs::write(file.path(), serde_json::json!({ "strokes": strokes }).to_string()).unwrap();
+        let options =
+            LetterOptions { canvas_m: Some([size_m, size_m]), ..LetterOptions::default() };
+        noctograph_letters::draw(file.path(), &options, noctograph_letters::Ink::Alike).unwrap()
+    }
+
+    #[test]
+    fn a_plan_of_the_program_keeps_the_limits_by_which_it_is_judged() {
+        let mut scenes: Vec<(String, Strokes)> = (0..24)
+            .map(|kind| (format!("drawing {kind}"), drawing(kind, [0.5, 0.8, 1.2, 1.5][kind / 6])))
+            .collect();
+        for (font, word, cap_height_m) in [
+            ("simplex", "Noctograph & 8", 0.25),
+            ("simplex", "{§@Ωж}", 0.5),
+            ("ae483", "QUICK", 0.2),
+            ("ae483-fixed", "WAVE 2026", 0.6),
+            (concat!(env!("CARGO_MANIFEST_DIR"), "/../../fonts/Roboto-Thin.ttf"), "Rag@8", 0.4),
+        ] {
+            let font = font.to_owned();
+            let options = LetterOptions { font, cap_height_m, ..LetterOptions::default() };
+            scenes.push((word.to_owned(), write(word, &options).unwrap()));
+        }
+        for (name, strokes) in scenes {
+            let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+            for profile in [Profile::indoor(), Profile::outdoor()] {
+                for row in [speed(&plan, &profile), acceleration(&plan, &profile)] {
+                    assert_eq!(row.severity, Severity::Fine, "{name}: {row:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_room_bounds_the_volume() {
+        let plan = even("NOOR", EvenStyle::default());
+        let (inside_m, _) = outside_m(&plan, &Profile::indoor());
+        assert!((inside_m + 1.5).abs() < 0.05, "1 m of 2.5 m high: {inside_m}");
+        let (small_m, [x, _, z]) = outside_m(&plan, &Profile::indoor().in_room([1.5, 1.5, 1.0]));
+        let by_m = (x.abs() - 0.55).max(z - 0.8);
+        assert!(by_m > 0.0 && (by_m - small_m).abs() < 1e-9, "0.2 m from the walls: {small_m}");
+        let (hall_m, _) = outside_m(&plan, &Profile::indoor().in_room([50.0, 50.0, 50.0]));
+        assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
+    }
+
+    #[test]
+    fn dimmed_headlights_are_found() {
+        let light = LightOptions::default();
+        let severity = |exposure| {
+            headlights(&even("O", EvenStyle { exposure, ..EvenStyle::default() }), &light).severity
+        };
+        assert_eq!(severity(LightLevel::Dimmed), Severity::Warning);
+        assert_eq!(severity(LightLevel::Switched), Severity::Fine);
+    }
+
+    #[test]
+    fn drones_in_conflict_do_not_fly() {
+        let alone = plan(&strokes("NO"), &PlanOptions::even()).unwrap();
+        let found = check_separation(&[alone.clone(), alone]).unwrap();
+        assert_eq!(found.severity, Severity::Stop);
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        let pair = fleet(&strokes("NO"), &options).unwrap();
+        let found = check_separation(&pair).unwrap();
+        assert_eq!(found.severity, Severity::Fine);
+        assert!((MIN_HORIZONTAL_M..3.0).contains(&found.value.unwrap()), "{found:?}");
+    }
+}

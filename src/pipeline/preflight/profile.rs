@@ -1,0 +1,127 @@
+//! Profiles: limits of a drone in a place.
+
+use serde::Serialize;
+
+use noctograph_sim::sensors::{Generation, Station};
+
+/// The limits of a place and a drone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Profile {
+    /// Its name.
+    pub name: &'static str,
+    /// Least and greatest x, y, z.
+    pub volume_m: [[f64; 3]; 2],
+    /// Width, depth and height of the room, where it is known: the volume is within it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub room_m: Option<[f64; 3]>,
+    /// Largest distance from the word's plane.
+    pub corridor_m: f64,
+    /// Greatest speed.
+    pub speed_m_s: f64,
+    /// Greatest acceleration.
+    pub acceleration_m_s2: f64,
+    /// Greatest tilt.
+    pub tilt_rad: f64,
+    /// Longest flight.
+    pub flight_time_s: f64,
+}
+
+/// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
+/// a flight may stray from its design.
+const ROOM_MARGIN_M: f64 = 0.2;
+
+/// Greatest distance of a base station from the middle of a wide room, to the side and in depth:
+/// the other end of a word of 4 m is then within the 6 m that a station reaches.
+const STATION_M: f64 = 2.5;
+
+impl Profile {
+    /// The same within a room of a width, depth and height, its floor's middle at the origin.
+    #[must_use]
+    pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
+        let [width_m, depth_m, height_m] = room_m;
+        let sides_m = [0.5 * width_m, 0.5 * depth_m, height_m].map(|side_m| side_m - ROOM_MARGIN_M);
+        let [low, high] = &mut self.volume_m;
+        for axis in 0..3 {
+            high[axis] = high[axis].min(sides_m[axis]);
+            if axis < 2 {
+                low[axis] = low[axis].max(-sides_m[axis]);
+            }
+        }
+        self.room_m = Some(room_m);
+        self
+    }
+
+    /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that
+    /// look at the volume's middle. Bitcraze (tutorial "Getting started with the Lighthouse
+    /// system"): two serve about 4 m by 4 m, and hang at least 0.4 m above the flight.
+    #[must_use]
+    pub fn stations(&self) -> [Station; 2] {
+        let [low, high] = self.volume_m;
+        let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let z_m = high[2] + 0.5 * ROOM_MARGIN_M;
+        let aside = |side_m: f64| side_m.signum() * (side_m.abs() + ROOM_MARGIN_M).min(STATION_M);
+        let near_m = [aside(low[0]), aside(low[1]), z_m];
+        let far_m = [aside(high[0]), aside(high[1]), z_m];
+        [near_m, far_m].map(|place_m| Station::looking(Generation::V2, place_m, middle_m))
+    }
+
+    /// The volume in words.
+    #[must_use]
+    pub fn volume(&self) -> String {
+        let [low, high] = self.volume_m;
+        let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
+        match self.room_m {
+            Some(_) => format!(
+                "{w} x {d} x {h} m: the profile's volume in the room, {ROOM_MARGIN_M} m from its \
+                 walls and ceiling"
+            ),
+            None => format!("the profile's {w} x {d} x {h} m"),
+        }
+    }
+
+    /// All profiles.
+    #[must_use]
+    pub fn all() -> [Self; 3] {
+        [Self::indoor(), Self::careful(), Self::outdoor()]
+    }
+
+    /// A Crazyflie indoors: 1 m/s an axis and 20° are the limits of the firmware's own controller
+    /// (`platform_defaults_cf2.h`), 2 m/s² whoenig's (firmware issue 882); 4 minutes of a 7-minute
+    /// battery with decks (crazyswarm issue 148: 3 to 5); ±0.2 m is the reference team's corridor;
+    /// a Lighthouse covers 5 m by 5 m.
+    #[must_use]
+    pub fn indoor() -> Self {
+        Self {
+            name: "indoor",
+            volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+            room_m: None,
+            corridor_m: 0.2,
+            speed_m_s: 1.0,
+            acceleration_m_s2: 2.0,
+            tilt_rad: 20.0_f64.to_radians(),
+            flight_time_s: 240.0,
+        }
+    }
+
+    /// The same with visitors about: 0.5 m/s (firmware issue 882).
+    #[must_use]
+    pub fn careful() -> Self {
+        Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
+    }
+
+    /// A larger drone outdoors: Skybrush's defaults for speed (2 m/s upward, taken for all axes)
+    /// and height (150 m); acceleration and tilt of half a multirotor's reserve, assumed.
+    #[must_use]
+    pub fn outdoor() -> Self {
+        Self {
+            name: "outdoor",
+            room_m: None,
+            volume_m: [[-100.0, -100.0, 0.0], [100.0, 100.0, 150.0]],
+            corridor_m: 2.0,
+            speed_m_s: 2.0,
+            acceleration_m_s2: 4.0,
+            tilt_rad: 30.0_f64.to_radians(),
+            flight_time_s: 720.0,
+        }
+    }
+}

@@ -1,0 +1,511 @@
+//! Scene: the one TOML file that fixes a photo.
+//!
+//! Every key has the value of a preset (`cf21`, if the scene names no other), so a scene names
+//! only what it changes.
+//! Unknown keys and values out of range are refused with line and key.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use noctograph_core::camera::{CameraOptions, Framing, Metering};
+use noctograph_core::digest::sha256;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+use noctograph_core::settings::{Described, settings};
+use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
+use noctograph_picture::expose::ExposeOptions;
+use noctograph_picture::light::{Deck, LightOptions, RingColor, RingEffect};
+use noctograph_picture::photo::{self, PhotoOptions};
+use noctograph_plan::PlanOptions;
+use noctograph_score::ScoreOptions;
+use noctograph_sim::sensors::SensorOptions;
+use noctograph_sim::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
+use noctograph_sim::{
+    ControllerOptions, ObserverOptions, RadioOptions, RateOptions, Setpoints, SimOptions,
+};
+
+mod advice;
+mod idle;
+mod named;
+mod preset;
+mod text;
+
+pub use advice::{Change, SceneAdvice};
+pub use idle::reason;
+pub use named::NamedScene;
+pub use preset::Preset;
+
+settings! {
+    /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
+    /// names no preset begins with `cf21`.
+    pub struct Scene {
+        /// Preset that gives the keys left out.
+        preset: Preset = Preset::Ae4832022;
+        /// Word to write; `\n` begins a new line.
+        word: String = String::new(), unless "letters.drawing";
+        /// Seed of all noise: the same seed makes the same photo.
+        seed: u64 = 0;
+        /// The word's drawing.
+        letters: LetterOptions = LetterOptions::default();
+        /// The way of flying.
+        plan: PlanOptions = PlanOptions::default();
+        /// The drone.
+        vehicle: VehicleOptions = VehicleOptions::default();
+        /// The battery.
+        battery: BatteryOptions = BatteryOptions::default(), for "battery.capacity_ah";
+        /// The air.
+        air: AirOptions = AirOptions::default();
+        /// The floor below the flight.
+        floor: FloorOptions = FloorOptions::default();
+        /// Clocks of the simulation.
+        rates: RateOptions = RateOptions::default();
+        /// The radio from the host to the drones.
+        radio: RadioOptions = RadioOptions::default();
+        /// The controller: motor commands from the estimated state.
+        controller: ControllerOptions = ControllerOptions::default();
+        /// The estimator: the state from the measurements.
+        observer: ObserverOptions = ObserverOptions::default();
+        /// Sensors and their noise.
+        sensors: SensorOptions = SensorOptions::default(), unless "observer.kind" = "truth";
+        /// The lamps, and how they follow commands.
+        light: LightOptions = LightOptions::default();
+        /// The camera.
+        camera: CameraOptions = CameraOptions::default();
+        /// Resolution of the exposure, and the floor that the lamps light.
+        expose: ExposeOptions = ExposeOptions::default();
+        /// Lens and sensor effects, and the tone curve.
+        photo: PhotoOptions = PhotoOptions::default();
+        /// The reader and its verdict.
+        score: ScoreOptions = ScoreOptions::default();
+    }
+}
+
+/// Largest scene file that is read.
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be read, [`Error::Input`] with line and key where it is
+    /// broken, holds an unknown key or a value out of range.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::read_with(path, &[])
+    }
+
+    /// Reads a scene file, or the scene in a photo (PNG), and lays single settings over it, as
+    /// [`Self::parse_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`], and [`Error::Input`] for a photo without a scene.
+    pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
+        let file = path.display().to_string();
+        if !path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png")) {
+            let text = LIMIT.read_text(path)?;
+            if text.trim().is_empty() {
+                let hint = "what printed it may have failed: print it again";
+                return Err(Error::input(file, "an empty file", "a scene", hint));
+            }
+            return Self::parse_with(&text, &file, settings);
+        }
+        let Some(toml) = photo::read_with_notes(path)?.0.scene_toml else {
+            let (found, wanted) = ("a photo without a scene", "a photo of this program");
+            return Err(Error::input(file, found, wanted, "name the scene's own file"));
+        };
+        Self::parse_with(&toml, &format!("{file} (scene)"), settings)
+    }
+
+    /// Reads the text of a scene; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse(toml: &str, file: &str) -> Result<Self> {
+        Self::parse_with(toml, file, &[])
+    }
+
+    /// Reads the text of a scene and lays single settings over it: dotted keys with their values,
+    /// such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
+    ///
+    /// Settings come before the keys of the file, these before the defaults of the style of flying,
+    /// these before the preset.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
+        let with_line = |error| text::with_line(error, toml, file);
+        let mut layers = vec![text::read(toml, file)?];
+        for (key, value) in settings {
+            layers.push(text::single(key, value)?);
+        }
+        let named = |find: fn(&Table) -> Option<&str>| layers.iter().rev().find_map(find);
+        let preset = match named(|table| table.get("preset")?.as_str()) {
+            Some(name) => name.parse()?,
+            None => Preset::default(),
+        };
+        let mut scene = Self::preset(preset);
+        match named(style_of) {
+            Some("even") => scene.plan = PlanOptions::even(),
+            Some(_) => scene.plan = PlanOptions::default(),
+            None => {}
+        }
+        // A color LED deck that is chosen writes: there are no headlights beside it.
+        if named(deck_of) == Some(Deck::ColorLed.name()) {
+            scene.plan.lights = vec![Deck::ColorLed.name().to_owned()];
+        }
+        // A ring that is chosen writes as well: what a preset or a file has of its effect gives way
+        // to what is set for one run.
+        if let Some(file_gives_way) = chooses_ring(&layers) {
+            scene.light.ring = RingEffect::Solid(RingColor::default());
+            if let Framing::Word(framing) = &mut scene.camera.framing {
+                framing.height_m = Some(RING_CAMERA_M);
+            }
+            let light = layers[0].get_mut("light").and_then(Value::as_table_mut);
+            light.filter(|_| file_gives_way).map(|light| light.remove("ring"));
+        }
+        // An aperture or a sensitivity that is set is meant.
+        let camera = |key| {
+            let camera = |layer: &Table| Some(layer.get("camera")?.get(key)?.is_table());
+            layers.iter().any(|layer| camera(layer).is_some())
+        };
+        if (camera("f_number") || camera("iso")) && !camera("metering") {
+            scene.camera.metering = Metering::Off;
+        }
+        let mut values = Table::try_from(scene).expect("a preset is a table");
+        let settings = Self::SHAPE.settings();
+        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
+        let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
+        let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
+        scene.check().map_err(with_line)?;
+        Ok(scene)
+    }
+
+    /// The whole scene as a TOML file: every key with its value and documentation.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        text::document(self)
+    }
+
+    /// Keys whose values differ from those of its preset: key, value, the preset's value.
+    #[must_use]
+    pub fn changes(&self) -> Vec<[String; 3]> {
+        text::changes(self)
+    }
+
+    /// A scene that is the preset and nothing else.
+    #[must_use]
+    pub fn preset(preset: Preset) -> Self {
+        preset.scene().clone()
+    }
+
+    /// Whether the scene names a word or a drawing.
+    #[must_use]
+    pub fn has_strokes(&self) -> bool {
+        !self.word.is_empty() || !self.letters.drawing.is_empty()
+    }
+
+    /// Writes another word, instead of the scene's word or drawing.
+    pub fn set_word(&mut self, word: &str) {
+        word.clone_into(&mut self.word);
+        self.letters.drawing.clear();
+        self.letters.drawing_sha256.clear();
+    }
+
+    /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
+    /// means the same from every folder. A drawing that is not there is left to [`Self::strokes`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
+    pub fn settle_files(&mut self) -> Result<()> {
+        let fonts = std::iter::once(&mut self.letters.font).chain(&mut self.letters.fallback);
+        let fonts = fonts.filter(|name| name.contains('.'));
+        for path in fonts.chain([&mut self.letters.drawing, &mut self.photo.background]) {
+            if let Ok(absolute) = std::path::absolute(&*path)
+                && absolute.exists()
+            {
+                *path = absolute.display().to_string();
+            }
+        }
+        let drawing = Path::new(&self.letters.drawing);
+        // A pipe can be read once, when it is drawn.
+        if drawing.is_file() {
+            let bytes = letters::DRAWING_LIMIT.read(drawing)?;
+            let found = sha256(&bytes);
+            let wanted = &mut self.letters.drawing_sha256;
+            if !wanted.is_empty() && *wanted != found {
+                let hint =
+                    "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
+                let place = "letters.drawing_sha256";
+                let found = format!("{} with digest {found}", self.letters.drawing);
+                return Err(Error::input(place, found, format!("digest {wanted}"), hint));
+            }
+            *wanted = found;
+        }
+        Ok(())
+    }
+
+    /// The strokes of the drawing, by color where the color LED deck writes, or else of the word.
+    ///
+    /// # Errors
+    ///
+    /// As [`letters::draw`] and [`letters::write`].
+    pub fn strokes(&self) -> Result<Strokes> {
+        if !self.letters.drawing.is_empty() {
+            let ink = if idle::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
+            return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
+        }
+        letters::write(&self.word, &self.letters)
+    }
+
+    /// Rate of the clock that paces the setpoints, in true seconds a second: as the plan's options
+    /// say, else of a trajectory on board that of the drone's firmware.
+    #[must_use]
+    pub fn trajectory_clock(&self) -> f64 {
+        let on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
+        let own = if on_board { self.vehicle.firmware.clock() } else { 1.0 };
+        self.plan.trajectory_clock.unwrap_or(own)
+    }
+
+    /// The simulator's part of the scene.
+    #[must_use]
+    pub fn sim(&self) -> SimOptions {
+        SimOptions {
+            rates: self.rates.clone(),
+            vehicle: self.vehicle.clone(),
+            battery: self.battery.clone(),
+            air: self.air.clone(),
+            floor: self.floor.clone(),
+            radio: self.radio.clone(),
+            controller: self.controller.clone(),
+            observer: self.observer.clone(),
+            sensors: self.sensors.clone(),
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        if i64::try_from(self.seed).is_err() {
+            let wanted = format!("a whole number from 0 to {}", i64::MAX);
+            return Err(Error::input("seed", self.seed, wanted, "choose a smaller seed"));
+        }
+        self.letters.check()?;
+        self.plan.check()?;
+        self.sim().check()?;
+        self.light.check()?;
+        self.camera.check()?;
+        Described::check(&self.expose, "expose", None)?;
+        self.photo.check("photo", None)?;
+        self.score.check("score", None)
+    }
+}
+
+/// The style of flying that a scene's table names, alone or as the `kind` of its table.
+fn style_of(scene: &Table) -> Option<&str> {
+    let style = scene.get("plan")?.get("style")?;
+    style.as_str().or_else(|| style.get("kind")?.as_str())
+}
+
+/// Height of the camera where a ring writes, whose LEDs shine straight down: on a bag of beans on
+/// the floor. Square in front of the word, what is below the camera would be dark.
+const RING_CAMERA_M: f64 = 0.15;
+
+/// Whether a ring alone is chosen, without an effect of it: by the file, the first of the tables,
+/// or (`true`) by a table after it, whatever the file has.
+fn chooses_ring(tables: &[Table]) -> Option<bool> {
+    let lights = |table: &Table| table.get("plan")?.get("lights")?.as_array().cloned();
+    let has_effect = |table: &Table| table.get("light").is_some_and(|it| it.get("ring").is_some());
+    let (at, lights) =
+        tables.iter().enumerate().rev().find_map(|(at, it)| Some((at, lights(it)?)))?;
+    let is_ring = matches!(&*lights, [lamp] if lamp.as_str() == Some("ring"));
+    let is_free = !tables[usize::from(at > 0)..].iter().any(has_effect);
+    (is_ring && is_free).then_some(at > 0)
+}
+
+/// The deck that a scene's table names.
+fn deck_of(scene: &Table) -> Option<&str> {
+    scene.get("light")?.get("deck")?.as_str()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_plan::EvenStyle;
+
+    #[test]
+    fn a_ring_that_is_chosen_writes_unless_its_effect_is_named() {
+        let ring = |toml: &str, settings: &[(&str, &str)]| {
+            Scene::parse_with(toml, "scene.toml", settings).unwrap().light.ring
+        };
+        let solid = RingEffect::Solid(RingColor::default());
+        let chosen = ("plan.lights", "[\"ring\"]");
+        assert_eq!(ring("", &[chosen]), solid);
+        let low = Scene::parse_with("", "scene", &[chosen]).unwrap().camera.framing;
+        assert!(matches!(low, Framing::Word(it) if it.height_m == Some(RING_CAMERA_M)));
+        assert_eq!(ring("[plan]\nlights = [\"ring\"]\n", &[]), solid);
+        assert_eq!(ring("[light]\nring = \"off\"\n", &[chosen]), solid);
+        let named = "[plan]\nlights = [\"ring\"]\n[light]\nring = \"off\"\n";
+        assert_eq!(ring(named, &[]), RingEffect::Off);
+        for settings in [[("light.ring", "off"), chosen], [chosen, ("light.ring", "off")]] {
+            assert_eq!(ring("", &settings), RingEffect::Off);
+        }
+        assert_eq!(ring("", &[]), RingEffect::Off);
+        let printed = Scene::parse_with("", "scene", &[chosen]).unwrap();
+        assert_eq!(Scene::parse_with(&printed.to_toml(), "scene", &[]).unwrap(), printed);
+    }
+
+    #[test]
+    fn a_scene_reads_back_bit_by_bit() {
+        let mut scene =
+            Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::preset(Preset::default()) };
+        scene.camera.shutter_close_s = Some(0.1 + 0.2);
+        scene.vehicle.mass_kg = 0.1 / 3.0;
+        let mut fixtures = scene.light.fixtures();
+        fixtures.pop();
+        scene.light.fixtures = Some(fixtures);
+        assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
+    }
+
+    #[test]
+    fn a_scene_keeps_what_its_preset_says_and_changes_what_it_names() {
+        let toml = "preset = \"cf21\"\n[vehicle]\nmass_kg = 0.0351\n[air]\ngusts = \"dryden\"\n";
+        let mut want = Scene::preset(Preset::Cf21);
+        want.vehicle.mass_kg = 0.0351;
+        want.air.gusts = noctograph_sim::vehicle::Gusts::Dryden;
+        assert_eq!(Scene::parse(toml, "my.toml").unwrap(), want);
+        assert_ne!(want.controller, Scene::preset(Preset::Ae4832022).controller, "its own gains");
+    }
+
+    #[test]
+    fn a_style_sets_defaults_and_leaves_what_the_file_says() {
+        let scene = |toml, settings| Scene::parse_with(toml, "my.toml", settings).unwrap();
+        let even = scene("[plan]\nstyle = \"even\"", &[]);
+        assert_eq!(even.plan, PlanOptions::even());
+        let mine = "[plan]\nfloor_wait_s = 5.0\nlights = [\"ring\"]\n";
+        let typed = scene(mine, &[("plan.style", "even"), ("plan.style.jerk_m_s3", "20")]);
+        let style = EvenStyle { jerk_m_s3: 20.0, ..EvenStyle::default() };
+        let want = PlanOptions {
+            floor_wait_s: 5.0,
+            lights: vec!["ring".into()],
+            ..PlanOptions::even_with(style)
+        };
+        assert_eq!(typed.plan, want);
+        assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
+        assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
+    fn another_kind_of_a_group_keeps_the_keys_beside_it() {
+        let toml = "[observer]\nkind = \"ekf\"\nekf.gate_sigmas = 7.0\n[controller.pid]\n";
+        let mut want = Scene::parse(toml, "my.toml").unwrap();
+        want.observer.kind = noctograph_sim::EstimatorKind::Truth;
+        want.controller.kind = noctograph_sim::ControllerKind::Geometric;
+        for observer in ["observer.kind", "observer"] {
+            let set = [(observer, "truth"), ("controller.kind", "geometric")];
+            assert_eq!(Scene::parse_with(toml, "my.toml", &set).unwrap(), want, "{observer}");
+        }
+    }
+
+    #[test]
+    fn a_drawing_is_the_same_from_every_folder_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("star.svg");
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg'/>").unwrap();
+        let mut scene = Scene::preset(Preset::default());
+        scene.letters.drawing = path.display().to_string();
+        scene.settle_files().unwrap();
+        assert_eq!(scene.letters.drawing_sha256.len(), 64);
+        assert!(Path::new(&scene.letters.drawing).is_absolute());
+        let mut again = Scene::parse(&scene.to_toml(), "scene.toml").unwrap();
+        again.settle_files().unwrap();
+        assert_eq!(again, scene);
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg' width='2'/>").unwrap();
+        let error = again.settle_files().unwrap_err().to_string();
+        assert!(error.starts_with("letters.drawing_sha256"), "{error}");
+        let relative = std::path::absolute("Cargo.toml").unwrap();
+        scene.letters = LetterOptions { drawing: "Cargo.toml".into(), ..LetterOptions::default() };
+        scene.settle_files().unwrap();
+        assert_eq!(Path::new(&scene.letters.drawing), relative);
+    }
+
+    #[test]
+    fn an_aperture_that_is_set_is_not_metered() {
+        let metering = |settings| {
+            Scene::parse_with("[camera]\nvignetting = 0.1", "my.toml", settings)
+                .unwrap()
+                .camera
+                .metering
+        };
+        assert_eq!(metering(&[]), Scene::preset(Preset::default()).camera.metering);
+        assert_eq!(metering(&[("camera.iso", "200")]), Metering::Off);
+        let both = [("camera.f_number", "5.6"), ("camera.metering", "trail")];
+        assert_eq!(metering(&both), Scene::preset(Preset::default()).camera.metering);
+    }
+
+    #[test]
+    fn every_preset_reads_back_as_it_is_printed() {
+        for &preset in Preset::ALL {
+            let scene = Scene::preset(preset);
+            scene.check().unwrap();
+            assert_eq!(Scene::parse(&scene.to_toml(), "my.toml").unwrap(), scene, "{preset:?}");
+            let name = format!("preset = \"{}\"\n", preset.name());
+            assert_eq!(Scene::parse(&name, "my.toml").unwrap(), scene, "{preset:?} alone");
+        }
+        assert_eq!(Scene::preset(Preset::Ae4832022), Scene::default());
+    }
+
+    #[test]
+    fn a_deck_brings_its_lamps() {
+        let names = |toml: &str| -> Vec<String> {
+            let fixtures = Scene::parse(toml, "my.toml").unwrap().light.fixtures();
+            fixtures.into_iter().map(|fixture| fixture.name).collect()
+        };
+        assert!(names("").contains(&"ring 0".to_owned()));
+        let led = "[light]\ndeck = \"color-led\"\n";
+        assert_eq!(names(led)[0], "color LED");
+        let lights = |toml: &str| Scene::parse(toml, "my.toml").unwrap().plan.lights;
+        assert_eq!(lights(led), ["color-led"]);
+        assert_eq!(lights(&format!("{led}[plan]\nlights = [\"ring\"]")), ["ring"]);
+        assert_eq!(
+            names("[light]\ndeck = \"none\"").len(),
+            7,
+            "those of the board and their glints"
+        );
+        let printed = Scene::preset(Preset::default()).to_toml();
+        let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
+        assert_ne!(printed, edited);
+        assert_eq!(names(&edited)[0], "color LED", "in a printed scene too");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_line_and_key() {
+        let cases = [
+            ("seed = 1\n[vehicle]\nmass_kg = -0.03\n", ":3: vehicle.mass_kg", "-0.03"),
+            ("[plan]\ndron = 2\n", ":2: plan.dron", "dron"),
+            ("seed = 1\nlettres = 3\n", ":2", "lettres"),
+            ("seed = -1\n", ":1", "-1"),
+            ("seed = 1\npreset = \"cf22\"\n", ":2", "cf21-thrust-kit"),
+            ("preset = \"bzzz\"\n[vehicle]\nmass_kg = -1\n", ":3: vehicle.mass_kg", "-1"),
+            ("[camera]\niso = \"high\"\n", ":2", "the text \"high\", wanted a number"),
+            ("[camera]\n\niso = nan\n", ":3: camera.iso", "NaN"),
+            ("[camera]\nwidth_px = 0\n", ":2: camera.width_px", "0x1080"),
+            ("[letters]\nfont = \"comic\"\n", ":2: letters.font", "comic"),
+            ("word = \n", ":1", "string values must be quoted"),
+        ];
+        for (toml, place, found) in cases {
+            let error = Scene::parse(toml, "my.toml").unwrap_err();
+            let message = error.to_string();
+            assert!(message.contains(&format!("my.toml{place}")), "{toml:?}: {message}");
+            assert!(message.contains(found), "{toml:?}: {message}");
+            assert!(!error.hint().is_empty(), "{toml:?} leaves the reader alone");
+        }
+    }
+}

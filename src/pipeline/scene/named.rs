@@ -1,0 +1,99 @@
+//! Scenes by name.
+
+use std::path::Path;
+
+use super::{Preset, Scene};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::suggestion;
+
+/// Scenes that ship with the program, as TOML.
+const SHIPPED: [(&str, &str); 6] = [
+    ("team", include_str!("shipped/team.toml")),
+    ("pid", include_str!("shipped/pid.toml")),
+    ("geometric", include_str!("shipped/geometric.toml")),
+    ("tuned", include_str!("shipped/tuned.toml")),
+    ("two-drones-three-anchors", include_str!("shipped/two-drones-three-anchors.toml")),
+    (
+        "two-drones-three-anchors-and-floor",
+        include_str!("shipped/two-drones-three-anchors-and-floor.toml"),
+    ),
+];
+
+/// A scene with a name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedScene {
+    /// Name in tables.
+    pub name: String,
+    /// The scene.
+    pub scene: Scene,
+}
+
+impl NamedScene {
+    /// A scene with a name.
+    #[must_use]
+    pub fn new(name: &str, scene: Scene) -> Self {
+        Self { name: name.to_owned(), scene }
+    }
+}
+
+impl Scene {
+    /// Finds a scene and lays single settings over it, see [`Scene::parse_with`]: a shipped scene
+    /// (team, pid, geometric, tuned, two-drones-three-anchors and the same with -and-floor), a
+    /// preset, a scene file, or a folder with `scene.toml`.
+    ///
+    /// Names go before files: write `./tuned` for a folder of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a name that is none of these; as [`Scene::parse_with`].
+    pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
+        let parse = |toml: &str| Self::parse_with(toml, name, settings);
+        if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+            return Ok(NamedScene::new(name, parse(toml)?));
+        }
+        if name.parse::<Preset>().is_ok() {
+            return Ok(NamedScene::new(name, parse(&format!("preset = \"{name}\""))?));
+        }
+        let path = Path::new(name);
+        let text = |name: Option<&std::ffi::OsStr>| {
+            name.unwrap_or_default().to_string_lossy().into_owned()
+        };
+        if path.is_dir() {
+            let scene = Self::read_with(&path.join("scene.toml"), settings)?;
+            return Ok(NamedScene::new(&text(path.file_name()), scene));
+        }
+        if path.exists() {
+            return Ok(NamedScene::new(&text(path.file_stem()), Self::read_with(path, settings)?));
+        }
+        let shipped = SHIPPED.iter().map(|(name, _)| *name);
+        let names: Vec<&str> =
+            shipped.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
+        let otherwise = || "print a scene into a file to begin with".into();
+        let hint = suggestion(name, names.iter().copied(), otherwise);
+        let wanted =
+            format!("a scene file, a folder with scene.toml, or one of {}", names.join(", "));
+        Err(Error::input(name, "neither a file nor a known name", wanted, hint))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_sim::ControllerKind;
+
+    #[test]
+    fn shipped_scenes_presets_files_and_folders_are_found() {
+        let find = |name| Scene::find(name, &[]).unwrap().scene;
+        assert_eq!(find("team"), Scene::preset(Preset::Ae4832022));
+        assert_eq!(find("ae483-2022"), find("team"));
+        assert_eq!(find("cf21"), Scene::preset(Preset::default()));
+        assert_eq!(find("pid").controller.kind, ControllerKind::Pid);
+        assert_eq!(find("geometric").controller.kind, ControllerKind::Geometric);
+        assert_eq!(find("tuned").controller.kind, ControllerKind::LqrIntegral);
+        let heavy = Scene::find("cf21", &[("vehicle.mass_kg", "0.04")]).unwrap().scene;
+        assert_eq!(heavy.vehicle.mass_kg, 0.04);
+        let error = Scene::find("unknown", &[]).unwrap_err();
+        assert!(error.to_string().contains("team, pid, geometric"), "{error}");
+        assert_eq!(Scene::find("tunes", &[]).unwrap_err().hint(), "did you mean tuned?");
+    }
+}

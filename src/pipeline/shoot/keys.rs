@@ -1,0 +1,223 @@
+//! Test: every key of a scene has an effect, is refused, or is named as one without effect.
+
+use std::cell::OnceCell;
+
+use toml::{Table, Value};
+
+use super::{Judging, Shoot, Shot};
+use crate::scene::{Scene, reason};
+use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
+use noctograph_sim::sensors::HeightSensor;
+
+/// Keys that change no product of this chain, and what they change.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("preset", "the values of the keys that are left out"),
+    ("letters.fallback", "words with letters that the font lacks"),
+    ("sensors.lighthouse.stations", "`coverage` and `check`"),
+    (
+        "vehicle.firmware",
+        "outages of the radio of more than 0.5 s, landings after full states, the clock of µSD logs \
+         and of trajectories on board",
+    ),
+    ("air.downwash", "drones that are planned above each other"),
+    ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the firmware's filter believes"),
+    ("sensors.lighthouse.panes_m", "`coverage`, and sweeps where the pane reflects enough"),
+    ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
+    (
+        "camera.metering.room_stops",
+        "lamps so dim or flights so long that the room would fog the picture",
+    ),
+    ("camera.dots_per_inch", "the size of the print, in the photo's file"),
+    ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
+];
+
+/// A scene and its products, made as they are needed.
+struct Case {
+    scene: Scene,
+    shot: OnceCell<Result<Shot, String>>,
+}
+
+impl Case {
+    fn new(text: &str, settings: &[(&str, &str)]) -> Result<Self, String> {
+        let scene = Scene::parse_with(text, "scene", settings).map_err(|e| e.to_string())?;
+        Ok(Self { scene, shot: OnceCell::new() })
+    }
+
+    fn shot(&self) -> &Result<Shot, String> {
+        self.shot.get_or_init(|| {
+            let shoot = Shoot::new(self.scene.clone()).map_err(|e| e.to_string())?;
+            let cores = std::num::NonZero::new(1);
+            let shoot = Shoot { judging: Judging::Skipped, cores, ..shoot };
+            shoot.take(&|_, _| {}).map_err(|e| e.to_string())
+        })
+    }
+
+    /// Whether any product differs, or the scene fails; `None` in words of the verdict's own keys.
+    fn differs(&self, other: &Self) -> bool {
+        if self.scene.score != other.scene.score {
+            return true;
+        }
+        match (self.shot(), other.shot()) {
+            (Ok(a), Ok(b)) => {
+                a.photo.rgb8 != b.photo.rgb8
+                    || a.flights != b.flights
+                    || a.plans != b.plans
+                    || a.camera != b.camera
+            }
+            (a, b) => a.is_err() != b.is_err(),
+        }
+    }
+}
+
+/// Other values of a key, as TOML, the likeliest to have an effect first.
+fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
+    let number = |v: f64| {
+        let [min, max] = setting.range.unwrap_or([v - v.abs() - 1.0, v + v.abs() + 1.0]);
+        let near = [1.3 * v + 0.1 * (max.min(1.0) - v.min(1.0)), 1.01 * v, min, max];
+        let usable = move |x: &f64| *x != v && (min..=max).contains(x) && x.abs() < 1e7;
+        near.into_iter().filter(usable).collect::<Vec<f64>>()
+    };
+    match (key, setting.shape, value) {
+        ("word", ..) => vec!["\"L\"".into()],
+        ("letters.font", ..) => {
+            vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()]
+        }
+        ("plan.lights", ..) => vec!["[\"ring\"]".into()],
+        ("floor.steps", ..) => {
+            vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
+        }
+        // Eight drones make commands late by more than a tick.
+        ("radio.drones", ..) => vec!["8".into()],
+        ("sensors.lighthouse.people_m", ..) => vec!["[[-1.2, -1.1, 0.5]]".into()],
+        ("sensors.lighthouse.silent", ..) => vec!["[[0.0, 0.0, 100.0]]".into()],
+        ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
+        ("camera.white_balance", ..) => vec!["3200.0".into()],
+        ("light.letters_wrgb", ..) => vec!["[[0, 0, 255, 0]]".into()],
+        ("light.led_bitmask", ..) => vec!["128".into(), "255".into()],
+        (_, shape @ (Shape::Names(_) | Shape::Tagged(_)), value) => {
+            let now = value.and_then(|v| v.as_str().or_else(|| v.get("kind")?.as_str()));
+            names(shape)
+                .filter(|name| Some(*name) != now)
+                .map(|name| format!("\"{name}\""))
+                .collect()
+        }
+        (_, _, None) => match setting.range {
+            Some(range) if key.ends_with("_wxyz") || key.ends_with("canvas_m") => {
+                let _ = range;
+                let n = if key.ends_with("_wxyz") { "[0.7, 0.7, 0.0, 0.0]" } else { "[0.2, 0.2]" };
+                vec![n.into()]
+            }
+            Some(_) => vec!["2.5".into()],
+            None => vec!["[]".into()],
+        },
+        (_, _, Some(Value::Boolean(on))) => vec![(!on).to_string()],
+        (_, _, Some(Value::String(_))) => vec!["\"no such file\"".into()],
+        (_, _, Some(Value::Float(v))) => number(*v).iter().map(|v| format!("{v:?}")).collect(),
+        (_, _, Some(Value::Integer(v))) => {
+            let [min, max] = setting.range.unwrap_or([0.0, 1e3]);
+            [v + 1, 2 * v, v / 2]
+                .into_iter()
+                .filter(|x| x != v && (min..=max).contains(&(*x as f64)))
+                .map(|v| v.to_string())
+                .collect()
+        }
+        (_, _, Some(Value::Array(items))) => {
+            let changed = |item: &Value| match item {
+                Value::Float(v) => Value::Float(number(*v).first().copied().unwrap_or(*v)),
+                Value::Integer(v) => Value::Integer(if *v > 0 { v / 2 } else { 99 }),
+                Value::Array(parts) => Value::Array(
+                    parts.iter().map(|p| Value::Float(p.as_float().unwrap_or(0.0) + 0.3)).collect(),
+                ),
+                other => other.clone(),
+            };
+            vec![Value::Array(items.iter().map(changed).collect()).to_string(), "[]".into()]
+        }
+        (_, _, Some(_)) => Vec::new(),
+    }
+}
+
+/// Calls `visit` with every key of a scene that the printed file has.
+fn walk(
+    path: &str,
+    settings: &[Setting],
+    values: &Table,
+    visit: &mut dyn FnMut(&str, &Setting, Option<&Value>),
+) {
+    for setting in settings {
+        let path = joined(path, setting.key);
+        let value = values.get(setting.key);
+        match (setting.shape, value) {
+            (Shape::Group(settings), Some(Value::Table(values))) => {
+                walk(&path, settings, values, visit);
+            }
+            (Shape::Tagged(variants), Some(Value::Table(inner))) => {
+                visit(&path, setting, value);
+                walk(&path, of_kind(variants, inner), inner, visit);
+            }
+            _ => visit(&path, setting, value),
+        }
+    }
+}
+
+/// Keys of a scene without effect, refusal or reason, and keys with a reason that have an effect.
+fn faults(settings: &[(&str, &str)]) -> Vec<String> {
+    let small = [("camera.width_px", "320"), ("camera.height_px", "180"), ("word", "EO")];
+    let settings: Vec<(&str, &str)> = small.iter().chain(settings).copied().collect();
+    let base = Case::new("", &settings).unwrap();
+    base.shot().as_ref().unwrap();
+    let text = base.scene.to_toml();
+    let values = Table::try_from(&base.scene).unwrap();
+    let mut faults = Vec::new();
+    walk("", Scene::SHAPE.settings(), &values, &mut |key, setting, value| {
+        if ELSEWHERE.iter().any(|(elsewhere, _)| *elsewhere == key) {
+            return;
+        }
+        let others = others(key, setting, value);
+        let changed = |other: &String| Case::new(&text, &[(key, other)]);
+        let cases = || others.iter().map(changed);
+        // A scene that is refused before it is flown is the cheapest answer.
+        let idle = |case: &Case| reason(&case.scene, key).is_some();
+        let (mut idles, mut refused, mut silent) = (0, 0, 0);
+        for case in cases() {
+            match case {
+                Err(_) => refused += 1,
+                Ok(case) if idle(&case) => {
+                    idles += 1;
+                    if idles == 1 && case.differs(&base) {
+                        faults.push(format!("{key}: said to have no effect, but has one"));
+                    }
+                }
+                Ok(case) if case.differs(&base) => return,
+                Ok(_) => silent += 1,
+            }
+        }
+        if idles + refused == 0 {
+            faults.push(format!("{key}: no effect and no reason, {silent} values of {others:?}"));
+        }
+    });
+    faults
+}
+
+#[test]
+fn every_key_of_the_default_scene_has_an_effect_or_a_reason() {
+    assert_eq!(faults(&[]), [""; 0]);
+}
+
+#[test]
+fn every_key_of_a_scene_with_all_parts_on_has_an_effect_or_a_reason() {
+    let heights: Vec<_> = HeightSensor::ALL.iter().map(|sensor| sensor.name()).collect();
+    let heights = format!("{heights:?}");
+    let on = [
+        ("preset", "cf21"),
+        ("plan.style", "even"),
+        ("controller.kind", "pid"),
+        ("observer.kind", "ekf"),
+        ("sensors.positioning", "sweeps"),
+        ("sensors.heights", &heights),
+        ("air.gusts", "ornstein-uhlenbeck"),
+        ("air.wind_m_s", "[0.2, 0.1, 0.0]"),
+        ("light.deck", "color-led"),
+        ("camera.framing", "fixed"),
+    ];
+    assert_eq!(faults(&on), [""; 0]);
+}

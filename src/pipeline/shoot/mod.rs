@@ -1,0 +1,430 @@
+//! Shoot: the one place where the stages are chained, from a scene to its photograph and verdict.
+//!
+//! Product in: a [`Scene`]. Product out: a [`Shot`] with every product on the way.
+//!
+//! 1. [`Shoot::new`] writes the word and plans a flight for each drone. [`Shoot::with_plans`] and
+//!    [`Shoot::with_recordings`] begin later, with plans, flights or light from a file.
+//! 2. [`Shoot::take`] flies every plan with noise of its own, exposes the light of all drones on
+//!    one film, develops it and reads the word.
+//!
+//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields: the seed
+//! of the scene, the drones that truly fly, the plans that are sent, the size of the picture.
+//!
+//! Independent work runs side by side: the graphics device starts and the reader is prepared during
+//! the flight, and the photo is encoded while it is read.
+//!
+//! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
+//! side, each in the wakes of those above it. Not modeled: collisions.
+
+use std::num::NonZero;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use rayon::prelude::*;
+
+use crate::scene::Scene;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_letters::Strokes;
+use noctograph_logs::{self as logs, ImportOptions};
+use noctograph_picture::expose::{BackendChoice, Developer};
+use noctograph_picture::light::csv::{is_light_trace, read as read_light};
+use noctograph_picture::light::{LightOptions, LightTrace};
+use noctograph_plan::{Approach, Plan, wake};
+use noctograph_score::{Reader, is_judged};
+use noctograph_sim::vehicle::Downwash;
+use noctograph_sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
+
+mod exported;
+mod file;
+#[cfg(test)]
+mod keys;
+mod lighting;
+mod metering;
+mod moments;
+mod planned;
+mod problems;
+mod response;
+mod shot;
+
+pub use file::Format;
+pub use lighting::Lighting;
+pub use metering::{Metered, in_stops, recommended};
+pub use planned::{Planned, aim, ends, plan, rehearse};
+pub use problems::{CHECK_LIGHT, Problem, writing};
+pub use response::step_responses;
+pub use shot::{Shot, flight_sha256, known};
+
+/// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
+/// compared, and an hour of flight takes seconds.
+const MAX_TOGETHER_S: f64 = 21_600.0;
+/// Most samples of recordings together, 250 bytes each: over two hours at 100 Hz.
+const MAX_SAMPLES: usize = 800_000;
+
+/// A scene that was checked, made ready to be flown and photographed.
+#[derive(Clone, Debug)]
+pub struct Shoot {
+    /// Word, lamps, camera and seed; planner and controllers believe its drone.
+    pub scene: Scene,
+    /// Strokes of the word or drawing; `None` where recordings are photographed without one.
+    pub strokes: Option<Strokes>,
+    /// Plans that are sent, one for each drone.
+    pub plans: Vec<Planned>,
+    /// Whether they were planned from the scene, so that a change of it plans anew.
+    pub is_planned: bool,
+    /// Designs of the plans where these are flights of exported trajectories
+    /// ([`Self::as_exported`]); empty: the plans are their own design.
+    pub designs: Vec<Plan>,
+    /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
+    pub recordings: Vec<Recording>,
+    /// True drones where they differ from the scene's, in the order of the plans.
+    pub actual: Vec<Actual>,
+    /// Seed of what is wrong with the room; `None`: the scene's.
+    pub room_seed: Option<u64>,
+    /// How the photo is read.
+    pub judging: Judging,
+    /// Format in which the photo is encoded, while it is read; `None`: not encoded.
+    pub format: Option<Format>,
+    /// Whether the shot has its film; else its memory is given back before the photo is read.
+    pub keeps_film: bool,
+    /// Reader of the strokes; `None`: one is prepared during the flight.
+    pub reader: Option<Arc<Reader>>,
+    /// Backend that exposes the film.
+    pub backend: BackendChoice,
+    /// Cores that expose the film, on this processor; `None`: those of the backend.
+    pub cores: Option<NonZero<usize>>,
+    /// Ends [`Self::take`] between two stages.
+    pub stop: Stop,
+}
+
+/// A switch by which another thread stops work; clones are the same switch.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Stops the work.
+    pub fn now(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the work goes on.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Stopped`] after [`Self::now`].
+    pub fn check(&self) -> Result<()> {
+        if self.0.load(Ordering::Relaxed) { Err(Error::Stopped) } else { Ok(()) }
+    }
+}
+
+/// The drone that flies, in contrast to the one that the scene describes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actual {
+    /// Its body, battery, air and sensors. Controller and estimator are the scene's.
+    pub sim: SimOptions,
+    /// Its lamps.
+    pub light: LightOptions,
+}
+
+/// The flight of one drone from a file, or its light alone.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Recording {
+    /// A flight, simulated or real; it carries the scene's lamps.
+    Flight(Flight),
+    /// Lamps moving through the world.
+    Light(LightTrace),
+}
+
+impl Recording {
+    /// Reads a flight, a log or a light trace, and what one should know of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`logs::import`] and [`read_light`].
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<(Self, Vec<String>)> {
+        let flight = if path.is_dir() {
+            logs::import(path, options)?
+        } else {
+            let (bytes, file) = (logs::read(path)?, path.display().to_string());
+            if is_light_trace(&bytes) {
+                let (trace, warnings) = read_light(&bytes, &file)?;
+                return Ok((Self::Light(trace), warnings));
+            }
+            logs::import_bytes(&bytes, &file, options)?
+        };
+        let warnings = flight.warnings.iter().map(ToString::to_string).collect();
+        Ok((Self::Flight(flight), warnings))
+    }
+}
+
+/// How a photo is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Judging {
+    /// Verdict with causes and advice.
+    #[default]
+    Explained,
+    /// Verdict alone.
+    Scored,
+    /// Not at all.
+    Skipped,
+}
+
+/// A stage that takes long enough to report progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// The drones fly.
+    Flying,
+    /// The film is exposed and developed.
+    Exposing,
+}
+
+/// Receives a stage and the fraction of it that is done, 0 to 1, from any thread.
+pub type Watch<'a> = dyn Fn(Stage, f64) + Sync + 'a;
+
+impl Shoot {
+    /// Writes and plans the word or drawing of a scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::check`], [`Scene::strokes`] and [`plan`].
+    pub fn new(scene: Scene) -> Result<Self> {
+        let strokes = scene.strokes()?;
+        Self::of_strokes(scene, strokes)
+    }
+
+    /// The same of the scene's strokes, which were drawn already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::check`] and [`plan`].
+    pub fn of_strokes(scene: Scene, strokes: Strokes) -> Result<Self> {
+        scene.check()?;
+        let mut shoot = Self::bare(scene, Some(strokes));
+        shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"))?;
+        shoot.is_planned = true;
+        Ok(shoot)
+    }
+
+    /// Flies plans, one for each drone. Without a word in the scene the photo is not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::check`] and [`Scene::strokes`]; [`Error::Input`] for plans that last too long
+    /// together.
+    pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
+        scene.check()?;
+        let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
+        if whole_s > MAX_TOGETHER_S {
+            let found = format!("{} that last {whole_s:.0} s together", plans.len());
+            let wanted = format!("at most {MAX_TOGETHER_S} s");
+            return Err(Error::input("plans", found, wanted, "name fewer plans at a time"));
+        }
+        let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+        let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
+        Ok(Self { plans, ..Self::bare(scene, strokes) })
+    }
+
+    /// Photographs recorded flights or light, one for each drone. Without a word in the scene the
+    /// photo is not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::with_plans`].
+    pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
+        Self::check_recordings(&recordings)?;
+        Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
+    }
+
+    /// Checks that recordings have no more samples than one picture may be made of.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with their number.
+    pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
+        let samples = |recording: &Recording| match recording {
+            Recording::Flight(flight) => flight.samples.len(),
+            // A fourth of a flight's sample in memory.
+            Recording::Light(trace) => {
+                trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
+            }
+        };
+        let n: usize = recordings.iter().map(samples).sum();
+        if n <= MAX_SAMPLES {
+            return Ok(());
+        }
+        let hint = "thin the flights out, or cut them to the time of the picture";
+        Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
+    }
+
+    fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
+        Self {
+            scene,
+            strokes,
+            plans: Vec::new(),
+            is_planned: false,
+            designs: Vec::new(),
+            recordings: Vec::new(),
+            actual: Vec::new(),
+            room_seed: None,
+            judging: Judging::default(),
+            format: None,
+            keeps_film: true,
+            reader: None,
+            backend: BackendChoice::default(),
+            cores: None,
+            stop: Stop::default(),
+        }
+    }
+
+    /// Flies every plan.
+    ///
+    /// # Errors
+    ///
+    /// As [`noctograph_sim::fly`], of the first drone that fails.
+    pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let n = self.plans.len();
+        if self.in_step() {
+            return self.fly_in_step(watch);
+        }
+        let done = Mutex::new(vec![0.0; n]);
+        let one = |drone: usize| {
+            self.fly_drone(drone, &mut |share| {
+                let Ok(mut done) = done.lock() else { return };
+                done[drone] = share;
+                let mean = done.iter().sum::<f64>() / n as f64;
+                drop(done);
+                watch(Stage::Flying, mean);
+            })
+        };
+        // Results are collected in order, so that the same drone's error is reported every time.
+        let flights: Vec<Result<Flight>> = (0..n).into_par_iter().map(one).collect();
+        flights.into_iter().collect()
+    }
+
+    /// Whether the drones hear each other, or fly through each other's wakes.
+    #[must_use]
+    pub fn in_step(&self) -> bool {
+        self.plans.len() > 1
+            && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
+    }
+
+    /// Pairs of drones, counted from 0, of which the second is planned into the wake of the first,
+    /// where it is nearest below it.
+    #[must_use]
+    pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
+        if self.scene.air.downwash == Downwash::None {
+            return Vec::new();
+        }
+        let n = self.plans.len();
+        let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
+        let wakes = pairs.filter_map(|[a, b]| {
+            let nearest = wake(&self.plans[a].plan, &self.plans[b].plan)?;
+            Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
+        });
+        wakes.collect()
+    }
+
+    /// Flies all plans with drones that act on each other.
+    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let believed = self.scene.sim();
+        let mut fleet = Vec::new();
+        for (drone, planned) in self.plans.iter().enumerate() {
+            fleet.push((&planned.plan, self.drone(drone, &believed)));
+        }
+        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
+    }
+
+    /// A drone of the fleet, which its controller believes to be the scene's.
+    fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
+        let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
+        let seed = self.scene.seed;
+        let room_seed = self.room_seed.unwrap_or(seed);
+        Drone { believed, actual, seed, room_seed, index: drone as u64 }
+    }
+
+    /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.
+    ///
+    /// # Errors
+    ///
+    /// As [`noctograph_sim::fly`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no such plan.
+    pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+        let believed = self.scene.sim();
+        fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
+    }
+
+    /// The flight of the first plan by a controller of one's own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::new`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no plan.
+    pub fn session(&self) -> Result<Session> {
+        let believed = self.scene.sim();
+        Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed))
+    }
+
+    /// The same, whose flight has the filter's covariance ([`Session::with_covariance`]).
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::new`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no plan.
+    pub fn session_with_covariance(&self) -> Result<Session> {
+        let believed = self.scene.sim();
+        Session::with_covariance(self.plans[0].plan.clone(), &self.drone(0, &believed))
+    }
+
+    /// Flies, exposes, develops and reads.
+    ///
+    /// # Errors
+    ///
+    /// Those of the stages, and [`Error::Stopped`]. [`noctograph_core::error::Error::Input`] for a
+    /// camera behind the word, where it reads mirrored, and for one among the lamps.
+    pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
+        let developer = Developer::start(match self.cores {
+            Some(_) => BackendChoice::Cpu,
+            None => self.backend,
+        });
+        let recordings = std::mem::take(&mut self.recordings);
+        let (recordings, reader) = rayon::join(
+            || match recordings.is_empty() {
+                true => self.record(watch),
+                false => Ok(recordings),
+            },
+            || self.reader(),
+        );
+        let (recordings, reader) = (recordings?, reader?);
+        self.stop.check()?;
+        let lighting = self.light(recordings)?;
+        watch(Stage::Exposing, 0.0);
+        let shot = self.expose(lighting, developer, reader.as_deref())?;
+        watch(Stage::Exposing, 1.0);
+        Ok(shot)
+    }
+
+    fn record(&self, watch: &Watch<'_>) -> Result<Vec<Recording>> {
+        Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
+    }
+
+    /// A reader of the strokes, where the photo is read and shows a word that can be judged.
+    fn reader(&self) -> Result<Option<Arc<Reader>>> {
+        let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
+        match (&self.reader, word) {
+            (_, None) => Ok(None),
+            _ if self.judging == Judging::Skipped => Ok(None),
+            (Some(reader), _) => Ok(Some(reader.clone())),
+            (None, Some(strokes)) => Ok(Some(Arc::new(Reader::new(strokes, &self.scene.score)?))),
+        }
+    }
+}

@@ -1,0 +1,417 @@
+//! The plans of a scene: its word as its drone, controller and lamps will fly it.
+//!
+//! [`noctograph_plan`] knows neither simulator nor lamps. Here it is given the
+//! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::lighting::in_ink;
+use super::step_responses;
+use crate::scene::Scene;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, Warning};
+use noctograph_letters::Strokes;
+use noctograph_picture::light::{COLOR_LED, LightOptions, RING};
+use noctograph_plan::feedforward::{corrected, feedforward, inverse};
+use noctograph_plan::response::StepResponse;
+use noctograph_plan::{
+    Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
+    stroke_ends, time_lights,
+};
+use noctograph_sim::{Drone, SimOptions, fly};
+
+/// The plan of one drone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// The plan that is sent.
+    pub plan: Plan,
+    /// Errors of the light at the strokes' ends, where lights follow the light's own clock.
+    pub ends: Vec<StrokeEnd>,
+}
+
+/// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says:
+/// [`fleet`], then the reference through the inverse of the scene's loop, corrected by the tracking
+/// error of one rehearsal (take-off, integrators and saturation are not linear), then the lights on
+/// their own clock.
+///
+/// # Errors
+///
+/// As [`fleet`], [`step_responses`] and [`fly`].
+pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
+    let lamps = in_ink(&scene.light, scene, Some(strokes));
+    let trajectory_clock = Some(scene.trajectory_clock());
+    let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
+    let follows_design = scene.controller.kind.follows_design();
+    let inverted = scene.plan.reference == ReferenceKind::Inverse;
+    let responses = if inverted { Some(step_responses(&scene.sim())?) } else { None };
+    let planned = plans.into_par_iter().map(|plan| {
+        responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
+        let plan = match &responses {
+            None => plan,
+            Some(responses) => {
+                let inverse = inverse(&plan, responses);
+                let led = if follows_design { plan } else { feedforward(&plan, &inverse) };
+                let mut flight = rehearse(scene, &led)?;
+                // The plan is off by the mean error of real flights, which the rehearsal does not
+                // have.
+                let mean_error_m = Vector3::from(scene.plan.mean_error_m);
+                flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
+                corrected(&led, &flight, &inverse)
+            }
+        };
+        match scene.plan.light_clock {
+            LightClock::Setpoint => Ok(Planned { plan: in_colors(plan, &lamps), ends: Vec::new() }),
+            LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
+        }
+    });
+    // The first drone's error is reported every time.
+    let planned: Vec<Result<Planned>> = planned.collect();
+    planned.into_iter().collect()
+}
+
+/// Adds the channels of the colors of a lamp that writes letters in different colors.
+pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+    if light.letters_wrgb.is_empty() {
+        return plan;
+    }
+    let letters = noctograph_plan::light_letters(&plan);
+    let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
+    let mut add = |lamp: &str, channels: &[&str], color: &dyn Fn(Option<usize>, usize) -> u8| {
+        if !plan.lights.contains_key(lamp) {
+            return;
+        }
+        for (k, channel) in channels.iter().enumerate() {
+            let rows = letters.iter().zip(&lit);
+            let level = |(letter, lit): (&Option<usize>, &bool)| match lit {
+                true => f64::from(color(*letter, k)) / 255.0,
+                false => 0.0,
+            };
+            plan.lights.insert((*channel).to_owned(), rows.map(level).collect());
+        }
+    };
+    add(RING.name, RING.colors, &|letter, k| light.ring_rgb_of(letter)[k]);
+    add(COLOR_LED.name, COLOR_LED.colors, &|letter, k| light.wrgb_of(letter)[k]);
+    plan
+}
+
+/// Most multiplications of the inverse of a loop: some seconds.
+const MAX_INVERSE: f64 = 4e9;
+
+/// Refuses a plan of so many setpoints within the loop's response that its inverse takes minutes.
+fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
+    let n = plan.setpoints.len();
+    let interval_s = plan.duration_s() / n.max(1) as f64;
+    let cost: f64 = responses.iter().map(|response| response.inverse_cost(n, interval_s)).sum();
+    if cost <= MAX_INVERSE {
+        return Ok(());
+    }
+    Err(Error::Infeasible {
+        what: format!(
+            "the inverse of the loop over {n} setpoints {interval_s:.4} s apart takes {cost:.1e} \
+             multiplications, more than {MAX_INVERSE:.0e}"
+        ),
+        hint: "raise plan.setpoint_interval_s, split the word, or set plan.reference = \
+               \"design\""
+            .into(),
+    })
+}
+
+/// Flies a plan undisturbed: [`SimOptions::rehearsal_by_filter`], or [`SimOptions::rehearsal`] for
+/// other drones, and where the stations do not see the whole flight, so that chance decides what
+/// the filter makes of it.
+///
+/// # Errors
+///
+/// As [`fly`].
+pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
+    let fly = |options: &SimOptions| fly(plan, &Drone::new(options, REHEARSED), &mut |_| {});
+    let by_filter = scene.sim().rehearsal_by_filter().map(|options| fly(&options));
+    let is_seen = |flight: &Flight| {
+        !flight.warnings.iter().any(|warning| matches!(warning, Warning::Unseen(_)))
+    };
+    match by_filter {
+        Some(Ok(flight)) if is_seen(&flight) => Ok(flight),
+        _ => fly(&scene.sim().rehearsal()),
+    }
+}
+
+/// Seed of a rehearsal, the same for all flights of a plan: of the rotations that the deck drops.
+const REHEARSED: u64 = 0;
+
+/// Moves a plan's light commands so that the light begins and ends with the strokes of a flight of
+/// this plan, rehearsed or real.
+///
+/// # Errors
+///
+/// As [`time_lights`].
+pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
+    let between = match scene.controller.kind.follows_design() {
+        true => Between::Design,
+        false => Between::Held,
+    };
+    let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
+    Ok(Planned { plan: in_colors(plan, lamps), ends })
+}
+
+/// Errors of the light at the strokes' ends in a flight of a plan.
+///
+/// # Errors
+///
+/// As [`stroke_ends`].
+pub fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
+    stroke_ends(plan, flight, &lamp_timing(&scene.light))
+}
+
+/// The mean delay between a command and its light.
+fn lamp_timing(options: &LightOptions) -> LampTiming {
+    LampTiming {
+        delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
+        tick_s: options.tick_s,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Preset;
+    use crate::shoot::Shoot;
+    use noctograph_core::crazyflie::Release;
+    use noctograph_export::lights::{Command, commands};
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_picture::light::{Deck, RingColor, RingEffect};
+    use noctograph_plan::tracking::{Part, track};
+    use noctograph_sim::sensors::SensorOptions;
+    use noctograph_sim::vehicle::Gusts;
+    use noctograph_sim::{ControllerKind, EstimatorKind, Setpoints};
+
+    fn noor() -> Strokes {
+        write("NOOR", &LetterOptions::default()).unwrap()
+    }
+
+    fn scene(options: PlanOptions, kind: ControllerKind) -> Scene {
+        let mut scene = Scene { plan: options, ..Scene::preset(Preset::Ae4832022) };
+        scene.controller.kind = kind;
+        scene
+    }
+
+    /// Root mean square of the distance from the path, undisturbed, and the largest streak.
+    fn flown(scene: &Scene) -> (f64, f64) {
+        let planned = plan(scene, &noor()).unwrap().swap_remove(0);
+        let flight = rehearse(scene, &planned.plan).unwrap();
+        let tracking = track(&flight, Part::Letters).unwrap();
+        let contour_m = tracking.contour.rms_m;
+        let streak_m = planned.ends.iter().map(|end| end.streak_m.abs()).fold(0.0, f64::max);
+        (contour_m, streak_m)
+    }
+
+    #[test]
+    fn a_ring_writes_each_letter_in_its_color() {
+        let mut scene = scene(PlanOptions::even(), ControllerKind::LqrFeedforward);
+        scene.plan.lights = vec!["ring".to_owned()];
+        let white = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 51, 255], [255, 0, 0, 0]];
+        let colored = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        assert_eq!((colored.lit(), &colored.setpoints), (white.lit(), &white.setpoints));
+        let own = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
+        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], own, [1.0, 0.0, 0.0]];
+        for (row, level) in white.lights["ring"].iter().enumerate() {
+            let letter = noctograph_plan::light_letters(&colored)[row];
+            let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
+            assert!(RING.colors.iter().map(|it| colored.lights[*it][row]).eq(wanted));
+        }
+    }
+
+    /// A lit stretch of commands, begun ahead of its stroke and ended behind it, has one color.
+    #[test]
+    fn no_stroke_ends_in_the_color_of_the_next() {
+        for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            scene.plan.lights = vec![lamp.to_owned()];
+            // The drone trails positions by some 0.3 s: so does the light.
+            scene.plan.reference = ReferenceKind::Design;
+            scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 255, 0], [0, 0, 0, 255]];
+            let plan = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+            let colors = |row: usize| -> Vec<f64> {
+                channels.iter().map(|channel| plan.lights[*channel][row]).collect()
+            };
+            let lit = &plan.lights[lamp];
+            let (mut strokes, mut turns) = (0, 0);
+            for row in 1..lit.len() {
+                strokes += usize::from(lit[row] > 0.0 && lit[row - 1] == 0.0);
+                turns += usize::from(
+                    lit[row] > 0.0 && lit[row - 1] > 0.0 && colors(row) != colors(row - 1),
+                );
+            }
+            assert_eq!((strokes, turns), (strokes, 0), "{lamp}");
+            assert!(strokes >= 4, "{lamp}: {strokes}");
+        }
+    }
+
+    #[test]
+    fn the_light_of_a_gradient_is_sent_step_by_step_without_a_break() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
+        // The color LED deck has few bytes for a light that does not bleach in the photograph.
+        for (lamp, deck, least) in [("ring", Deck::LedRing, 16), ("color-led", Deck::ColorLed, 8)] {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            (scene.plan.lights, scene.light.deck) = (vec![lamp.to_owned()], deck);
+            scene.light.ring = RingEffect::Solid(RingColor::default());
+            scene.letters.drawing = path.to_owned();
+            scene.word.clear();
+            let shoot = Shoot::new(scene).unwrap();
+            let sent = commands(&shoot.plans[0].plan, &shoot.scene.light).unwrap();
+            assert!(sent.len() >= least, "{lamp}: {} steps", sent.len());
+            let (last, lit) = sent.split_last().unwrap();
+            assert!(last.value == 0 && lit.iter().all(|step| step.value != 0), "{lamp}: a break");
+            let least_s = sent.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
+            let least_s = least_s.fold(f64::INFINITY, f64::min);
+            assert!(least_s > 0.04, "{lamp}: a tick is 50 ms, {least_s} s");
+            let red = |step: &Command| {
+                let [_, red, _, blue] = step.value.to_be_bytes().map(f64::from);
+                red / (red + blue)
+            };
+            let mut reds: Vec<f64> = lit.iter().map(red).collect();
+            if reds[0] < reds[reds.len() - 1] {
+                reds.reverse();
+            }
+            assert!(reds.windows(2).all(|pair| pair[0] > pair[1]), "{lamp}: {reds:?}");
+        }
+    }
+
+    #[test]
+    fn a_trajectory_on_board_is_paced_by_the_clock_of_the_drones_firmware() {
+        let lasts_s = |setpoints, firmware, trajectory_clock| {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            (scene.radio.drones, scene.radio.setpoints) = (1, setpoints);
+            (scene.vehicle.firmware, scene.plan.trajectory_clock) = (firmware, trajectory_clock);
+            plan(&scene, &noor()).unwrap().swap_remove(0).plan.duration_s()
+        };
+        let sent_s = lasts_s(Setpoints::Streamed, Release::R2026_08, None);
+        for (firmware, told, rate) in [
+            (Release::R2026_04, None, 84.0 / 85.0),
+            (Release::R2026_08, None, 84.0 / 85.0),
+            (Release::After2026_08, None, 1.0),
+            (Release::R2026_08, Some(1.0), 1.0),
+            (Release::R2026_08, Some(0.95), 0.95),
+        ] {
+            let on_board_s = lasts_s(Setpoints::OnBoard, firmware, told);
+            assert!((on_board_s * rate - sent_s).abs() < 1e-3, "{firmware:?}: {on_board_s} s");
+        }
+    }
+
+    /// What the firmware's filter makes of the drone's drag is the same in every flight.
+    #[test]
+    fn a_rehearsal_by_the_drones_own_filter_leads_its_bias_away() {
+        let rmse_m = |rehearsed: EstimatorKind| {
+            let mut scene = Scene::preset(Preset::default());
+            "NO".clone_into(&mut scene.word);
+            scene.observer.kind = rehearsed;
+            let strokes = scene.strokes().unwrap();
+            let plan = plan(&scene, &strokes).unwrap().swap_remove(0).plan;
+            scene.observer.kind = EstimatorKind::Ekf;
+            let sim = scene.sim().rehearsal_by_filter().unwrap();
+            let flight = fly(&plan, &Drone::new(&sim, 7), &mut |_| {}).unwrap();
+            track(&flight, Part::Letters).unwrap().rmse_m.x
+        };
+        let [by_truth_m, by_filter_m] =
+            [EstimatorKind::EkfImproved, EstimatorKind::Ekf].map(rmse_m);
+        println!("x: {by_truth_m} m rehearsed at the truth, {by_filter_m} m by the filter");
+        assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
+    }
+
+    /// In still air: what is left is the drone's settling, and what the sensors' errors change
+    /// meanwhile.
+    #[test]
+    fn curves_close_within_a_centimeter() {
+        for word in ["pool", "Quartz", "2027"] {
+            let mut scene = Scene::preset(Preset::default());
+            word.clone_into(&mut scene.word);
+            scene.air.gusts = Gusts::None;
+            let shoot = Shoot::new(scene).unwrap();
+            let flight = shoot.fly(&|_, _| {}).unwrap().swap_remove(0);
+            let at_m = |time_s: f64| {
+                let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
+                flight.samples[row].position_m
+            };
+            let ends = ends(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
+            let is_loop = |pair: &&[StrokeEnd]| {
+                let lasts_s = pair[1].time_s - pair[0].time_s;
+                lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
+            };
+            let gaps_m = ends.chunks(2).filter(is_loop).map(|pair| {
+                // Its end draws on over its beginning.
+                let late = (0..200).map(|k| at_m(pair[1].time_s - 0.005 * f64::from(k)));
+                let begun_m = at_m(pair[0].time_s);
+                late.map(|late_m| (late_m - begun_m).xz().norm()).fold(1.0, f64::min)
+            });
+            let gaps_m: Vec<f64> = gaps_m.collect();
+            assert!(
+                !gaps_m.is_empty() && gaps_m.iter().all(|gap_m| *gap_m < 0.01),
+                "{word}: {gaps_m:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_default_scene_is_planned_as_the_team_planned() {
+        let scene = Scene::preset(Preset::Ae4832022);
+        let planned = plan(&scene, &noor()).unwrap();
+        assert_eq!(planned.len(), 1);
+        assert_eq!(planned[0].plan, noctograph_plan::plan(&noor(), &scene.plan).unwrap());
+    }
+
+    #[test]
+    fn with_its_loop_inverted_the_teams_controller_flies_the_letters() {
+        let (team_m, _) = flown(&scene(PlanOptions::default(), ControllerKind::Lqr));
+        let (even_m, streak_m) = flown(&scene(PlanOptions::even(), ControllerKind::Lqr));
+        assert!(even_m <= 0.02 && even_m < team_m, "{even_m} m against {team_m} m");
+        assert!(streak_m <= 0.01, "{streak_m} m");
+    }
+
+    #[test]
+    fn with_feed_forward_the_letters_are_flown_within_fifteen_millimeters() {
+        for kind in [
+            ControllerKind::LqrFeedforward,
+            ControllerKind::LqrIntegral,
+            ControllerKind::Geometric,
+            ControllerKind::Pid,
+        ] {
+            let (contour_m, streak_m) = flown(&scene(PlanOptions::even(), kind));
+            assert!(contour_m <= 0.015, "{kind:?}: {contour_m} m");
+            assert!(streak_m <= 0.01, "{kind:?}: {streak_m} m");
+        }
+    }
+
+    #[test]
+    fn the_teams_own_lights_leave_streaks_of_a_decimeter() {
+        let team = scene(PlanOptions::default(), ControllerKind::Lqr);
+        let plan = plan(&team, &noor()).unwrap().swap_remove(0).plan;
+        let ends = ends(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
+        assert_eq!(ends.len(), 8, "four letters of one stroke each");
+        let first_m = ends[0].streak_m;
+        assert!((0.2..0.25).contains(&first_m), "the lit tail of the first letter: {first_m} m");
+        let others = ends[1..].iter().map(|end| end.streak_m.abs());
+        let worst_m = others.fold(0.0, f64::max);
+        assert!((0.07..0.12).contains(&worst_m), "0.2 m/s for half a second: {worst_m} m");
+    }
+
+    #[test]
+    fn a_known_mean_error_is_taken_off() {
+        for kind in [ControllerKind::Lqr, ControllerKind::LqrFeedforward] {
+            let mut tipped = scene(PlanOptions::even(), kind);
+            let fly_tipped = |scene: &Scene| {
+                let plan = plan(scene, &noor()).unwrap().swap_remove(0).plan;
+                let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
+                fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
+            };
+            let before = fly_tipped(&tipped);
+            let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;
+            assert!(mean_m.x < -0.05, "the center of mass is off: {mean_m}");
+            tipped.plan.mean_error_m = mean_m.into();
+            let after = fly_tipped(&tipped);
+            let tracking = track(&after, Part::Letters).unwrap();
+            assert!(tracking.mean_error_m.norm() < 0.01, "{}", tracking.mean_error_m);
+            assert!(tracking.contour.rms_m <= 0.02, "{}", tracking.contour.rms_m);
+        }
+    }
+}

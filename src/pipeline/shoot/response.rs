@@ -1,0 +1,95 @@
+//! Predictions for a plan: the step response of the closed loop, and the undisturbed drone.
+//!
+//! The response is the difference of two simulated flights, with and without a small step of the
+//! setpoint: offsets and noise common to both cancel, and the linear response of controller,
+//! observer, rotors and sampling remains.
+
+use nalgebra::Vector3;
+
+use noctograph_core::error::{Error, Result};
+use noctograph_plan::response::StepResponse;
+use noctograph_plan::{Plan, Setpoint};
+use noctograph_sim::{Drone, SimOptions, fly};
+
+/// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
+/// for a flight's grid of a micrometer.
+const STEP_M: f64 = 0.05;
+/// The drone comes to rest before the step, and after it. Loops settle in two to four seconds.
+const BEFORE_S: f64 = 4.0;
+const AFTER_S: f64 = 6.0;
+/// High enough to be out of the floor's reach.
+const HEIGHT_M: f64 = 1.5;
+/// Largest remaining error of a loop that follows positions, as a share of the step.
+const LEFT_FRAC: f64 = 0.05;
+
+/// How the drone's position answers a step of the setpoint, along world x, y and z.
+///
+/// # Errors
+///
+/// Those of [`fly`], and [`Error::Infeasible`] for a loop that has not come to the setpoint after
+/// six seconds.
+pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
+    let options = options.rehearsal();
+    let after = |step_m: f64| {
+        let at = |time_s: f64, off_m: f64| Setpoint {
+            time_s,
+            position_m: Vector3::new(off_m, off_m, HEIGHT_M + off_m),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: None,
+        };
+        let end_s = BEFORE_S + AFTER_S;
+        let setpoints = vec![at(0.0, 0.0), at(BEFORE_S, step_m), at(end_s, step_m)];
+        fly(&Plan { setpoints, ..Plan::default() }, &Drone::new(&options, 0), &mut |_| {})
+    };
+    let (still, stepped) = rayon::join(|| after(0.0), || after(STEP_M));
+    let (still, stepped) = (still?, stepped?);
+    let moved = still.samples.iter().zip(&stepped.samples);
+    let moved: Vec<Vector3<f64>> = moved
+        .filter(|(sample, _)| sample.time_s >= BEFORE_S)
+        .map(|(a, b)| (b.position_m - a.position_m) / STEP_M)
+        .collect();
+    let interval_s = 1.0 / f64::from(options.rates.log_hz);
+    let axis = |axis: usize| {
+        let values: Vec<f64> = moved.iter().map(|moved| moved[axis]).collect();
+        let end = values.last().copied().unwrap_or_default();
+        if (end - 1.0).abs() > LEFT_FRAC {
+            let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
+            return Err(Error::Infeasible {
+                what: format!("{after} the drone has gone {:.0} % of it", 100.0 * end),
+                hint: "set plan.reference = \"design\", or choose gains that follow".into(),
+            });
+        }
+        Ok(StepResponse { interval_s, values })
+    };
+    Ok([axis(0)?, axis(1)?, axis(2)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_sim::ControllerKind;
+
+    #[test]
+    fn the_reference_loop_answers_as_its_linear_model_does() {
+        // Trailing a ramp by K_v / K_p: the area above the step response.
+        let responses = step_responses(&SimOptions::default()).unwrap();
+        for (response, lag_s) in responses.iter().zip([0.461, 0.495, 0.454]) {
+            let area_s: f64 = response.values.iter().map(|v| (1.0 - v) * response.interval_s).sum();
+            assert!((area_s - lag_s).abs() < 0.03, "{area_s} s instead of {lag_s} s");
+            assert!((1.0..4.0).contains(&response.settled_s()), "{}", response.settled_s());
+        }
+    }
+
+    #[test]
+    fn every_controller_comes_to_its_setpoint() {
+        for kind in [ControllerKind::Pid, ControllerKind::LqrIntegral, ControllerKind::Geometric] {
+            let mut options = SimOptions::default();
+            options.controller.kind = kind;
+            for response in step_responses(&options).unwrap() {
+                let most = response.values.iter().copied().fold(0.0, f64::max);
+                assert!((1.0..1.6).contains(&most), "{kind:?} overshoots to {most}");
+            }
+        }
+    }
+}

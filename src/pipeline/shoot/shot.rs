@@ -1,0 +1,246 @@
+//! The photograph with every product on the way to it.
+
+use std::sync::OnceLock;
+
+use super::file::{Format, Shown, encode};
+use super::problems::{self, Problem};
+use super::{Judging, Lighting, Metered, Planned, Shoot};
+use crate::scene::Scene;
+use noctograph_core::camera::Camera;
+use noctograph_core::error::Result;
+use noctograph_core::flight::Flight;
+use noctograph_letters::Strokes;
+use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
+use noctograph_picture::light::LightTrace;
+use noctograph_picture::light::gaps::{Gap, dark};
+use noctograph_picture::photo::{Photo, develop};
+use noctograph_plan::PlanOptions;
+use noctograph_plan::tracking::{Part, Tracking, track};
+use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
+
+/// A photograph with every product on the way to it.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// The scene.
+    pub scene: Scene,
+    /// Strokes of the word or drawing; `None` for recordings without one.
+    pub strokes: Option<Strokes>,
+    /// Plans that were sent, one for each drone; empty for recordings.
+    pub plans: Vec<Planned>,
+    /// Flights, one for each drone; none for light that was recorded alone.
+    pub flights: Vec<Flight>,
+    /// Lamps of all drones.
+    pub trace: LightTrace,
+    /// The camera.
+    pub camera: Camera,
+    /// What the light meter set; `None`: the scene's own exposure.
+    pub metered: Option<Metered>,
+    /// The film ([`Shoot::keeps_film`]).
+    pub film: Option<Film>,
+    /// The backend that exposed it.
+    pub backend: Backend,
+    /// Name and driver of the graphics device; `CPU` without one.
+    pub adapter: String,
+    /// The photo.
+    pub photo: Photo,
+    /// The photo's file in [`Shoot::format`].
+    pub file: Option<Vec<u8>>,
+    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that
+    /// the reader does not know.
+    pub verdict: Option<Verdict>,
+    /// Where the reader saw what, where faults were looked for ([`Judging::Explained`]).
+    pub marks: Option<Marks>,
+    /// What is wrong with flights and picture; first what keeps the word from being read whatever
+    /// its letters are: the shutter, the exposure, lamps that face away.
+    pub problems: Vec<Problem>,
+    /// Those of [`Self::digests`], once they were asked for.
+    digests: OnceLock<Vec<String>>,
+    /// The same of [`Self::tracking`].
+    tracking: OnceLock<Vec<Option<Tracking>>>,
+}
+
+impl Shot {
+    /// SHA-256 of each flight.
+    pub fn digests(&self) -> &[String] {
+        self.digests.get_or_init(|| digests(&self.flights))
+    }
+
+    /// Tracking errors of each flight; `None` where it has none.
+    pub fn tracking(&self) -> &[Option<Tracking>] {
+        self.tracking.get_or_init(|| tracking(&self.flights))
+    }
+
+    /// SHA-256 of the flights, separated by spaces; `None` where there are none.
+    #[must_use]
+    pub fn flight_sha256(&self) -> Option<String> {
+        joined(self.digests())
+    }
+}
+
+/// SHA-256 of flights, separated by spaces; `None` where there are none.
+#[must_use]
+pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
+    joined(&digests(flights))
+}
+
+fn digests(flights: &[Flight]) -> Vec<String> {
+    flights.iter().map(Flight::sha256).collect()
+}
+
+fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
+    flights.iter().map(|flight| track(flight, Part::from_flight(flight)).ok()).collect()
+}
+
+fn joined(digests: &[String]) -> Option<String> {
+    (!digests.is_empty()).then(|| digests.join(" "))
+}
+
+impl Shoot {
+    /// Exposes and develops the film, encodes the photo and reads it.
+    pub(super) fn expose(
+        self,
+        lighting: Lighting,
+        developer: Developer,
+        reader: Option<&Reader>,
+    ) -> Result<Shot> {
+        let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
+        let scene = &self.scene;
+        if let Some(format) = self.format {
+            format.check([camera.width_px, camera.height_px])?;
+        }
+        let latent = project(&trace, &camera, &scene.expose)?;
+        let Exposure { film, backend, adapter } = match self.cores {
+            None => developer.develop(&latent)?,
+            Some(cores) => Exposure {
+                film: latent.develop_on(cores),
+                backend: Backend::Cpu,
+                adapter: "CPU".to_owned(),
+            },
+        };
+        let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
+        let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
+        let film = Some(film).filter(|_| self.keeps_film || is_read_out);
+        self.stop.check()?;
+        photo.scene_toml = self.format.map(|_| scene.to_toml());
+        let tracked = OnceLock::new();
+        let read = || match reader {
+            None => Ok(None),
+            Some(reader) => self.read(reader, &photo, &camera, &flights, &tracked).map(Some),
+        };
+        let known = OnceLock::new();
+        let encode = || match self.format {
+            None => Ok(None),
+            Some(format) => {
+                let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
+                encode(format, scene, &photo, film.as_ref(), &camera, shown).map(Some)
+            }
+        };
+        let (verdict, file) = rayon::join(read, encode);
+        let (read, file) = (verdict?, file?);
+        let (mut verdict, marks) =
+            read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
+        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        if let Some(exposed) = problems::of_photo(&photo, &camera) {
+            // A reader that raises faint light to full light may find letters in noise.
+            let is_dark = matches!(exposed, Problem::Underexposed(_));
+            if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
+                verdict.refuse(Reason::NoLight);
+            }
+            // A missing trail has its cause before the exposure where one was found.
+            problems.insert(usize::from(is_hidden), exposed);
+        }
+        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        if let Some(verdict) = verdict.as_mut().filter(|verdict| !verdict.legible && is_hidden) {
+            // Advice on letters would be beside the point.
+            verdict.advice.clear();
+        }
+        let Self { scene, strokes, plans, keeps_film, .. } = self;
+        Ok(Shot {
+            scene,
+            strokes,
+            plans,
+            flights,
+            trace,
+            camera,
+            metered,
+            film: film.filter(|_| keeps_film),
+            backend,
+            adapter,
+            photo,
+            file,
+            verdict,
+            marks,
+            problems,
+            digests: known,
+            tracking: tracked,
+        })
+    }
+
+    /// Digests of the flights, and of strokes that a font or drawing outside the scene made, and
+    /// the gaps of logs.
+    fn shown(&self, flights: &[Flight], digests: &[String]) -> Shown {
+        let from_file = self.scene.letters.files().next().is_some();
+        let strokes = self.strokes.as_ref().filter(|_| from_file);
+        Shown {
+            flight_sha256: joined(digests),
+            strokes_sha256: strokes.map(Strokes::sha256),
+            log_gaps: flights.iter().flat_map(log_gaps).collect(),
+        }
+    }
+
+    fn read(
+        &self,
+        reader: &Reader,
+        photo: &Photo,
+        camera: &Camera,
+        flights: &[Flight],
+        tracked: &OnceLock<Vec<Option<Tracking>>>,
+    ) -> Result<(Verdict, Option<Marks>)> {
+        let view = View::from(camera);
+        match self.judging {
+            Judging::Explained => {
+                let tracked = tracked.get_or_init(|| tracking(flights));
+                let known = known_of(flights, tracked, &self.scene.plan);
+                let (verdict, marks) = reader.explain(photo, &view, &known)?;
+                Ok((verdict, Some(marks)))
+            }
+            Judging::Scored | Judging::Skipped => Ok((reader.score(photo, &view)?, None)),
+        }
+    }
+}
+
+/// Facts from flights that explain their photo: speed along the strokes, the means over the drones
+/// of the distance from the path and of the lag, and the gaps of their logs.
+#[must_use]
+pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
+    known_of(flights, &tracking(flights), plan)
+}
+
+fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
+    let mean = |value: fn(&Tracking) -> f64| {
+        let n = tracked.iter().flatten().count();
+        (n > 0).then(|| tracked.iter().flatten().map(value).sum::<f64>() / n as f64)
+    };
+    Known {
+        speed_m_s: (!flights.is_empty()).then_some(plan.stroke_speed_m_s),
+        contour_m: mean(|tracking| tracking.contour.mean_m),
+        lag_s: mean(|tracking| tracking.lag_s),
+        gaps: flights.iter().flat_map(log_gaps).collect(),
+    }
+}
+
+/// Most gaps of a log that a photo names: the reference flight has three.
+const MAX_LOG_GAPS: usize = 1000;
+
+/// The gaps of a real flight's log that its photo leaves dark.
+pub(super) fn log_gaps(flight: &Flight) -> Vec<LogGap> {
+    let at_m = |time_s: f64| {
+        let index = flight.samples.partition_point(|sample| sample.time_s < time_s);
+        flight.samples.get(index).map(|sample| [sample.position_m.x, sample.position_m.z])
+    };
+    let gap = |(Gap { span_s, .. }, way_m): (Gap, f64)| {
+        let ends_m = [at_m(span_s[0])?, at_m(span_s[1])?];
+        Some(LogGap { span_s, ends_m, way_m })
+    };
+    dark(flight).into_iter().filter_map(gap).take(MAX_LOG_GAPS).collect()
+}

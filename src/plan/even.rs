@@ -1,0 +1,381 @@
+//! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
+//!
+//! The drone takes off below the first stroke, hovers at its beginning while the height settles,
+//! draws, and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms,
+//! the lamps' timer, so that light commands can meet its ends. All setpoints lie on one grid in
+//! time, so that a controller that holds positions is a linear filter of them.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::motion::{Motion, State};
+use super::order::SHORTER;
+use super::pen::{PenStroke, dot_s};
+use super::transit::Transit;
+use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
+use noctograph_core::crazyflie::RING_TICK_S;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
+
+/// Steps of a dimmed light: finer ones are not visible, and each one is a command.
+const LEVEL_STEPS: f64 = 50.0;
+/// Least level, so that a slow corner does not go dark.
+const LEAST_LEVEL: f64 = 0.04;
+/// Height above its home at which a drone of several begins and ends its way to the strokes.
+const OVER_HOME_M: f64 = 0.3;
+/// Take-off acceleration over that of other transits. A climb that saturates the motors winds up
+/// the integrators of a PID controller, and the first letter is written too high.
+const TAKE_OFF_SHARE: f64 = 0.5;
+/// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
+const RUN_IN_S: f64 = 0.3;
+/// Run-in of a loop: its light goes on so long after its beginning, when the drone is as far off
+/// the curve as at its end, and goes off so much later. Longer than three of these, it is a loop.
+const LEAD_S: f64 = 0.4;
+/// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
+/// lamps' timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
+const OVERLAP_M: f64 = 0.015;
+/// Hover at a dot before its light goes on, in which the drone comes to rest.
+const SETTLE_S: f64 = 0.2;
+
+/// One part of the flight.
+#[derive(Debug)]
+struct Segment {
+    start_s: f64,
+    letter: Option<usize>,
+    path: Path,
+}
+
+impl Segment {
+    fn is_lit(&self) -> bool {
+        matches!(self.path, Path::Lit(_) | Path::Dot(_))
+    }
+
+    /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the
+    /// lamps.
+    fn letter_at(&self, time_s: f64) -> Option<usize> {
+        let Path::Lit(motion) = &self.path else { return self.letter };
+        let tick = ((time_s - self.start_s) / RING_TICK_S + 1e-3).floor();
+        Some(motion.letter((tick + 0.5) * RING_TICK_S))
+    }
+}
+
+#[derive(Debug)]
+enum Path {
+    Still(Vector2<f64>),
+    /// The beginning of a motion before its light.
+    RunIn(Motion),
+    Lit(Motion),
+    Dot(Vector2<f64>),
+    Dark(Transit),
+}
+
+impl Path {
+    fn at(&self, time_s: f64) -> State {
+        match self {
+            Self::Still(place) | Self::Dot(place) => {
+                State { position_m: *place, ..State::default() }
+            }
+            Self::RunIn(motion) | Self::Lit(motion) => motion.at(time_s),
+            Self::Dark(transit) => transit.at(time_s),
+        }
+    }
+}
+
+/// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or below its first
+/// and last stroke where there is none.
+pub(super) fn plan(
+    drawn: &[PenStroke],
+    options: &PlanOptions,
+    style: &EvenStyle,
+    home_x_m: Option<f64>,
+) -> Result<Plan> {
+    let home_x_m = home_x_m.filter(|_| options.extent == Extent::Whole);
+    let mut course = Course {
+        options,
+        style,
+        home_x_m,
+        n_strokes: drawn.len(),
+        segments: Vec::new(),
+        end_s: 0.0,
+        at: State::default(),
+    };
+    course.begin(drawn)?;
+    for stroke in drawn {
+        course.draw(stroke)?;
+    }
+    course.finish()?;
+    Ok(course.sampled())
+}
+
+/// A flight under construction.
+struct Course<'a> {
+    options: &'a PlanOptions,
+    style: &'a EvenStyle,
+    home_x_m: Option<f64>,
+    n_strokes: usize,
+    segments: Vec<Segment>,
+    end_s: f64,
+    at: State,
+}
+
+impl Course<'_> {
+    fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
+        let first = match drawn[0].dot_m() {
+            Some(at_m) => rest(at_m.x, at_m.y),
+            None => self.motion(&drawn[0]).at(0.0),
+        };
+        let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
+        match self.options.extent {
+            Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s)?,
+            Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5)?,
+        }
+        let acceleration_m_s2 = TAKE_OFF_SHARE * self.style.acceleration_m_s2;
+        let gentle = EvenStyle { acceleration_m_s2, ..self.style.clone() };
+        if let Some(home_x_m) = self.home_x_m {
+            self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
+        }
+        if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
+            let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
+            self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
+            self.push(None, Path::Still(before_m), self.style.hover_s)?;
+        }
+        Ok(())
+    }
+
+    fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
+        let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
+        if let Some(at_m) = stroke.dot_m() {
+            self.go(letter, &rest(at_m.x, at_m.y))?;
+            self.push(letter, Path::Still(at_m), SETTLE_S)?;
+            let lit_s = dot_s(self.options.stroke_speed_m_s);
+            return self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
+        }
+        let mut motion = self.motion(stroke);
+        self.go(letter, &motion.at(0.0))?;
+        if self.lead_m(stroke) > 0.0 {
+            self.push(letter, Path::RunIn(motion.clone()), LEAD_S)?;
+            motion = motion.after(LEAD_S);
+        }
+        let duration_s = motion.duration_s();
+        self.push(Some(stroke.letter), Path::Lit(motion), duration_s)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        let (x, y) = (self.at.position_m.x, self.at.position_m.y);
+        if self.options.extent == Extent::Letters {
+            return self.go(None, &rest(x, y));
+        }
+        if let Some(home_x_m) = self.home_x_m {
+            self.go(None, &rest(home_x_m, OVER_HOME_M))?;
+        }
+        let home = Vector2::new(self.home_x_m.unwrap_or(x), 0.0);
+        self.go(None, &rest(home.x, self.options.landing_height_m))?;
+        self.push(None, Path::Still(home), self.options.floor_wait_s)
+    }
+
+    fn motion(&self, stroke: &PenStroke) -> Motion {
+        let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
+        let stroke = stroke.overlapped(more_m);
+        Motion::new(&stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
+    }
+
+    /// Length of the run-in of a loop.
+    fn lead_m(&self, stroke: &PenStroke) -> f64 {
+        let lead_m = LEAD_S * self.options.stroke_speed_m_s;
+        if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
+    }
+
+    /// A transit to a state.
+    fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
+        self.go_by(self.style, letter, to)
+    }
+
+    /// A transit to a state in a style.
+    fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
+        let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
+        let transit = Transit::new(&self.at, to, style, RING_TICK_S)
+            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), style, RING_TICK_S));
+        let transit = transit.ok_or_else(|| Error::Infeasible {
+            what: format!("no transit was found after {:.2} s", self.end_s),
+            hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
+        })?;
+        let duration_s = transit.duration_s();
+        self.push(letter, Path::Dark(transit), duration_s)
+    }
+
+    fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
+        let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
+        self.at = path.at(lasts_s);
+        self.segments.push(Segment { start_s: self.end_s, letter, path });
+        self.end_s += lasts_s;
+        // Refused before more of it is planned, sampled or flown.
+        if self.end_s <= MAX_DURATION_S {
+            return Ok(());
+        }
+        let (n, n_drawn) =
+            (self.n_strokes, self.segments.iter().filter(|segment| segment.is_lit()).count());
+        Err(Error::Infeasible {
+            what: format!(
+                "{n_drawn} of {n} strokes take more than {MAX_DURATION_S} s, the longest flight"
+            ),
+            hint: SHORTER.into(),
+        })
+    }
+
+    /// Setpoints on the grid, and where a stroke begins or ends.
+    fn sampled(&self) -> Plan {
+        let interval_s = self.options.setpoint_interval_s;
+        let starts_s = self.segments.iter().map(|segment| segment.start_s);
+        let on_grid_s = (0..).map(|n| f64::from(n) * interval_s);
+        let on_grid_s = on_grid_s.take_while(|time_s| *time_s < self.end_s);
+        let mut times_s: Vec<f64> = starts_s.chain([self.end_s]).chain(on_grid_s).collect();
+        times_s.sort_unstable_by(f64::total_cmp);
+        times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
+        let mut plan = Plan::with_channels(&self.options.lights);
+        let mut index = 0;
+        for (row, time_s) in times_s.iter().enumerate() {
+            while self.segments.get(index + 1).is_some_and(|next| next.start_s <= time_s + 1e-6) {
+                index += 1;
+            }
+            let segment = &self.segments[index];
+            let until_s = times_s.get(row + 1).copied();
+            let State { position_m: p, velocity_m_s: v, acceleration_m_s2: a } =
+                segment.path.at(time_s - segment.start_s);
+            let world = |v: Vector2<f64>| Vector3::new(v.x, 0.0, v.y).map(on_grid);
+            let setpoint = Setpoint {
+                time_s: on_grid(*time_s),
+                position_m: world(p),
+                velocity_m_s: world(v),
+                acceleration_m_s2: world(a),
+                letter: segment.letter_at(*time_s).filter(|_| until_s.is_some()),
+            };
+            let level = until_s.map_or(0.0, |until_s| self.level(segment, *time_s, until_s));
+            plan.push(setpoint, level);
+        }
+        plan
+    }
+
+    /// Light level from a setpoint to the next: the mean speed over the nominal one.
+    fn level(&self, segment: &Segment, from_s: f64, until_s: f64) -> f64 {
+        let motion = match &segment.path {
+            Path::Lit(motion) => motion,
+            Path::Dot(_) => return 1.0,
+            Path::Still(_) | Path::RunIn(_) | Path::Dark(_) => return 0.0,
+        };
+        if self.style.exposure == LightLevel::Switched {
+            return 1.0;
+        }
+        let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
+            let time_s = from_s + (until_s - from_s) * eighth / 8.0 - segment.start_s;
+            motion.at(time_s).velocity_m_s.norm()
+        });
+        let level = speeds.iter().sum::<f64>() / 4.0 / self.options.stroke_speed_m_s;
+        ((level * LEVEL_STEPS).round() / LEVEL_STEPS).clamp(LEAST_LEVEL, 1.0)
+    }
+}
+
+/// At rest at a place.
+fn rest(x_m: f64, height_m: f64) -> State {
+    State { position_m: Vector2::new(x_m, height_m), ..State::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::tests::written;
+    use crate::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
+    use noctograph_letters::{Ink, LetterOptions, draw, write};
+
+    fn noor(options: &PlanOptions) -> Plan {
+        written("NOOR", options)
+    }
+
+    #[test]
+    fn noor_at_the_reference_speed_takes_less_than_seven_tenths_of_the_time() {
+        // The reference flight had setpoints for 56.9 s; as planned it takes 58.2 s.
+        let even_s = noor(&PlanOptions::even()).duration_s();
+        assert!(even_s < 0.7 * 56.9, "{even_s} s");
+    }
+
+    #[test]
+    fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
+        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. With the hover
+        // before the first stroke it takes longer.
+        let fast = PlanOptions {
+            stroke_speed_m_s: 0.5,
+            ..PlanOptions::even_with(EvenStyle {
+                dark_speed_m_s: 0.5,
+                corner_error_m: 0.03,
+                hover_s: 0.0,
+                ..EvenStyle::default()
+            })
+        };
+        let fast_s = noor(&fast).duration_s();
+        assert!(fast_s < 0.4 * 56.9, "{fast_s} s");
+    }
+
+    #[test]
+    fn the_design_is_smooth_and_within_the_limits() {
+        let plan = noor(&PlanOptions::even());
+        for pair in plan.setpoints.windows(2) {
+            let [now, next] = [&pair[0], &pair[1]];
+            assert!((next.time_s - now.time_s - 0.05).abs() < 2e-6, "one grid: {}", now.time_s);
+            assert!(now.velocity_m_s.norm() < 1.0 + 1e-5, "{now:?}");
+            assert!(now.acceleration_m_s2.norm() < 2.0 * 1.04, "{now:?}");
+            if next.position_m.z > 0.0 && now.position_m.z > 0.0 {
+                // Within a setpoint's time the jerk moves the design by j t³ / 6.
+                let jump_m = (next.position_m - now.design_m(next.time_s)).norm();
+                assert!(jump_m < 30.0 * 0.05 * 0.05 * 0.05 / 6.0 * 1.5, "{jump_m} m at {now:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dot_is_a_lit_hover() {
+        let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let roboto = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fonts/Roboto-Thin.ttf");
+        for (font, word, dots) in [("simplex", "Äi:", 5), (roboto, "ij", 2)] {
+            let options = LetterOptions { font: font.into(), ..simplex.clone() };
+            let even = plan(&write(word, &options).unwrap(), &PlanOptions::even()).unwrap();
+            let rows = even.setpoints.windows(2).zip(&even.lights["headlights"]);
+            let still = rows.filter(|(pair, level)| {
+                **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
+            });
+            let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
+            // The first of the dark setpoints after it is at rest as well: the whole of it counts.
+            let wanted_s = 0.2 * f64::from(dots);
+            assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");
+        }
+        let team = plan(&write("i", &simplex).unwrap(), &PlanOptions::default()).unwrap();
+        let stem_s = 14.0 / 21.0 * 0.5 / 0.2;
+        let lit_s = team.full_light_s();
+        assert!((lit_s - stem_s - 0.2).abs() < 1e-3, "in style team, too: {lit_s} s");
+    }
+
+    #[test]
+    fn the_light_covers_the_length_of_the_word() {
+        let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
+        let plan = noor(&PlanOptions::even_with(style));
+        let painted_m = 0.2 * plan.full_light_s();
+        assert!((painted_m - (1.583_095 + 3.2 + 1.740_512)).abs() < 0.12, "{painted_m} m");
+        let lit = plan.lights["headlights"].iter().zip(&plan.setpoints);
+        for (_, setpoint) in lit.filter(|(level, _)| **level > 0.0) {
+            assert!(setpoint.velocity_m_s.norm() > 0.03, "no lit dwell: {setpoint:?}");
+        }
+    }
+
+    #[test]
+    fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
+        let strokes = draw(path.as_ref(), &LetterOptions::default(), Ink::ByColor).unwrap();
+        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
+        let begun = lit.windows(2).filter(|pair| pair[1] && !pair[0]).count();
+        assert_eq!(begun, 1, "without a break");
+        let rows = plan.setpoints.iter().zip(&lit).filter(|(_, lit)| **lit);
+        let letters: Vec<usize> = rows.filter_map(|(row, _)| row.letter).collect();
+        let falls = letters.windows(2).all(|pair| pair[0] >= pair[1]);
+        let rises = letters.windows(2).all(|pair| pair[0] <= pair[1]);
+        let mut seen = letters.clone();
+        seen.dedup();
+        assert!((rises || falls) && seen.len() == strokes.colors.len(), "{letters:?}");
+    }
+}

@@ -1,0 +1,119 @@
+//! Feedforward: setpoints sent ahead of the design, so that a drone that lags flies the design.
+//!
+//! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
+//! positions to send. Method: the zero-phase [`Inverse`] of the loop over the flight, per axis.
+//! A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight is sent
+//! through the inverse once more ([`corrected`]).
+
+use nalgebra::Vector3;
+
+use super::{Plan, Setpoint};
+use crate::response::{Inverse, StepResponse};
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
+
+/// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
+const RIDGE: f64 = 0.02;
+
+/// The inverse of a loop for a plan, per axis.
+///
+/// # Panics
+///
+/// If the plan's times do not rise.
+pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a>; 3] {
+    axes(|axis| {
+        let times_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s);
+        responses[axis].inverse(times_s.collect(), RIDGE)
+    })
+}
+
+/// Sends the inputs for which the loop's output is the design, per axis; `inverse` is the plan's.
+///
+/// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
+#[must_use]
+pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
+    let inputs = axes(|axis| {
+        let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
+        if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
+            return vec![first; plan.setpoints.len()];
+        }
+        inverse[axis].inputs(|time_s| plan.design_m(time_s)[axis])
+    });
+    sending(plan, |row| {
+        let input = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row].max(0.0));
+        input + (plan.sent_m(row) - plan.setpoints[row].position_m)
+    })
+}
+
+/// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
+/// iterative learning, the correction that a controller with feedforward of its own still
+/// needs.
+#[must_use]
+pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
+    let inputs = axes(|axis| {
+        inverse[axis].inputs(|time_s| {
+            let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
+            let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
+            let sample = flight.samples.get(next.max(1) - 1).filter(|_| !on_floor);
+            sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
+        })
+    });
+    sending(plan, |row| {
+        plan.sent_m(row) + Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row])
+    })
+}
+
+/// Moves the positions that are sent against a mean error `flown − design` of earlier flights.
+#[must_use]
+pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
+    sending(plan, |row| plan.sent_m(row) - mean_error_m)
+}
+
+/// Of each of the three axes, which are independent.
+fn axes<T: Send>(of: impl Fn(usize) -> T + Sync) -> [T; 3] {
+    let (x, (y, z)) = rayon::join(|| of(0), || rayon::join(|| of(1), || of(2)));
+    [x, y, z]
+}
+
+/// The plan with other positions to send in the air.
+fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
+    let sent = |(row, setpoint): (usize, &Setpoint)| match setpoint.on_floor() {
+        true => plan.sent_m(row),
+        false => sent_m(row).map(on_grid),
+    };
+    Plan { sent_m: plan.setpoints.iter().enumerate().map(sent).collect(), ..plan.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PlanOptions;
+    use crate::tests::written;
+
+    fn noor() -> Plan {
+        written("NO", &PlanOptions::even())
+    }
+
+    #[test]
+    fn a_loop_without_lag_is_sent_the_design() {
+        // A held setpoint is exact in its middle: half an interval of lead remains.
+        let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
+        let responses = [at_once.clone(), at_once.clone(), at_once];
+        let sent = feedforward(&noor(), &inverse(&noor(), &responses));
+        for (row, setpoint) in sent.setpoints.iter().enumerate() {
+            assert!((sent.sent_m(row) - setpoint.position_m).norm() < 0.06, "row {row}");
+        }
+    }
+
+    #[test]
+    fn an_offset_leaves_the_floor_and_the_design_alone() {
+        let plan = noor();
+        let moved = offset(&plan, Vector3::new(-0.07, 0.02, 0.0));
+        assert_eq!(moved.setpoints, plan.setpoints);
+        for (row, setpoint) in plan.setpoints.iter().enumerate() {
+            let shift = moved.sent_m(row) - setpoint.position_m;
+            let want = if setpoint.on_floor() { 0.0 } else { 0.07 };
+            assert!((shift.x - want).abs() < 2e-6, "row {row}: {shift}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Planning: strokes become setpoints with time stamps and a light schedule.
+//!
+//! Product in: [`Strokes`]. Product out: [`Plan`], everything that is sent to one drone. The plane
+//! of the word is the world's x-z plane at y = 0.
+//!
+//! Method: the strokes are shared out among the drones ([`fleet`]), and each share becomes a design
+//! path ([`plan()`]). For a known drone, setpoints are then fed through the inverse of its position
+//! loop ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
+//!
+//! There are two styles of flying. `team`: letter by letter with waits, as the reference flight of
+//! 2022 went. `even`: strokes in the order with the least dark time (Held–Karp, 2-opt), corners
+//! rounded within a stated error, constant speed where the limits permit, light dimmed with the
+//! speed where they do not, and time-optimal jerk-limited transits in the dark (Ruckig).
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+use nalgebra::Vector3;
+
+use noctograph_core::error::Result;
+use noctograph_core::strokes::Strokes;
+
+mod even;
+pub mod feedforward;
+mod fleet;
+mod lamp;
+mod light_letters;
+mod light_timing;
+mod motion;
+mod options;
+mod order;
+mod pen;
+mod relight;
+mod replay;
+pub mod response;
+mod smoothing;
+mod speed;
+mod stroke_ends;
+mod team;
+pub mod tracking;
+mod transit;
+
+pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
+pub use lamp::LampTiming;
+pub use light_letters::light_letters;
+pub use light_timing::{Between, time_lights};
+pub use noctograph_core::lamps::HEADLIGHTS;
+pub use noctograph_core::plan::{Plan, Setpoint, csv};
+pub use options::{
+    EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
+};
+pub use relight::relight;
+pub use replay::{Replay, replay};
+pub use stroke_ends::{StrokeEnd, stroke_ends};
+
+/// Plans the flight of one drone that writes all strokes, in the style of the options.
+///
+/// # Errors
+///
+/// [`Input`](noctograph_core::error::Error::Input) for an option out of range or a drawing without
+/// light, [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight longer than an
+/// hour and a drawing of more than 10 000 strokes.
+pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
+    options.check()?;
+    let plan = match &options.style {
+        Style::Team(style) => team::plan(strokes, options, style)?,
+        Style::Even(style) => {
+            let strokes = order::in_order(strokes, options.stroke_speed_m_s, style)?;
+            even::plan(&strokes, options, style, None)?
+        }
+    };
+    Ok(adjusted(plan, options))
+}
+
+/// The plan with its heading, on the clock that will pace it, moved against the mean error of
+/// earlier flights.
+fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
+    let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
+    let plan = match options.trajectory_clock {
+        None | Some(1.0) => plan,
+        Some(rate) => light_timing::on_trajectory_clock(plan, rate),
+    };
+    match Vector3::from(options.mean_error_m) {
+        none if none == Vector3::zeros() => plan,
+        mean_error_m => feedforward::offset(&plan, mean_error_m),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_core::error::Error;
+    use noctograph_letters::{LetterOptions, write};
+
+    /// The plan of a word in the reference team's letters.
+    pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
+        plan(&write(word, &LetterOptions::default()).unwrap(), options).unwrap()
+    }
+
+    fn noor(extent: Extent) -> Plan {
+        written("NOOR", &PlanOptions { extent, ..PlanOptions::default() })
+    }
+
+    #[test]
+    fn the_letters_of_noor_take_as_long_as_in_the_reference_flight() {
+        let duration_s = noor(Extent::Letters).duration_s();
+        assert!((duration_s - 46.118_038).abs() < 1e-5, "{duration_s} s instead of 46.118 s");
+    }
+
+    #[test]
+    fn the_whole_flight_starts_and_ends_on_the_floor_in_the_dark() {
+        let plan = noor(Extent::Whole);
+        let (first, last) = (plan.setpoints[0], plan.setpoints[plan.setpoints.len() - 1]);
+        assert_eq!((first.position_m, last.position_m), (Vector3::zeros(), Vector3::zeros()));
+        let lit = &plan.lights["headlights"];
+        assert_eq!((lit[0], lit[lit.len() - 1]), (0.0, 0.0), "dark at both ends");
+        assert!(plan.setpoints.windows(2).all(|p| p[0].time_s < p[1].time_s), "time rises");
+    }
+
+    #[test]
+    fn the_design_is_continuous_within_a_leg_and_steps_between_letters() {
+        let plan = noor(Extent::Letters);
+        let jumps: Vec<f64> = plan
+            .setpoints
+            .windows(2)
+            .map(|p| (p[1].position_m - p[0].design_m(p[1].time_s)).norm())
+            .filter(|jump| *jump > 1e-5)
+            .collect();
+        assert_eq!(jumps.len(), 4, "one step after each letter: {jumps:?}");
+        assert!(jumps.iter().all(|jump| (jump - 0.1).abs() < 1e-5), "of 0.1 m: {jumps:?}");
+    }
+
+    #[test]
+    fn headlights_are_lit_along_lit_strokes_only() {
+        let plan = noor(Extent::Letters);
+        let lit_s = plan.full_light_s();
+        // N 1.583 m, O 1.6 m twice, R 0.5 + 0.3 + 0.25 + 0.3 + 0.391 m, at 0.2 m/s.
+        let wanted_s = (1.583_095 + 2.0 * 1.6 + 1.740_512) / 0.2;
+        assert!((lit_s - wanted_s).abs() < 1e-3, "{lit_s} s lit instead of {wanted_s} s");
+    }
+
+    #[test]
+    fn an_endless_flight_is_refused() {
+        let options = LetterOptions { cap_height_m: 100.0, ..LetterOptions::default() };
+        let strokes = write("NOOR", &options).unwrap();
+        let error = plan(&strokes, &PlanOptions { stroke_speed_m_s: 0.01, ..Default::default() });
+        assert!(matches!(error, Err(Error::Infeasible { .. })), "{error:?}");
+    }
+}

@@ -1,0 +1,101 @@
+//! Light letters: the letter to which commanded light belongs.
+//!
+//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond it where the
+//! drone lags. It keeps the color of that stroke.
+
+use std::ops::Range;
+
+use super::Plan;
+
+/// The letter whose stroke the light that is commanded at each setpoint draws; `None` in the dark,
+/// and of light that no letter follows.
+pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
+    let letter = |row: usize| plan.setpoints[row].letter;
+    let of_rows = |rows: Range<usize>| {
+        let after = || (rows.end..plan.setpoints.len()).find_map(letter);
+        rows.clone().rev().find_map(letter).or_else(after)
+    };
+    let drawn = drawn((plan, &plan.commanded()), (plan, &plan.lit()));
+    drawn.into_iter().map(|rows| rows.and_then(of_rows)).collect()
+}
+
+/// For each setpoint of `sent` at which light is commanded, the rows of `design` from the beginning
+/// of that lit stretch up to the one that is drawn; `None` in the dark. Both are plans of the same
+/// strokes with a light level for each setpoint.
+///
+/// The lit stretches belong together in their order. Within a stretch a row is drawn as long after
+/// its beginning as in the design.
+pub(super) fn drawn(
+    (sent, commanded): (&Plan, &[f64]),
+    (design, lit): (&Plan, &[f64]),
+) -> Vec<Option<Range<usize>>> {
+    let mut rows = vec![None; commanded.len()];
+    let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
+    if strokes.len() != commanded.len() {
+        // Not of the same strokes: what is drawn is where the setpoint is.
+        strokes = vec![0..design.setpoints.len(); commanded.len()];
+    }
+    for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
+        let whole = stroke.len() == design.setpoints.len();
+        let (begun, drawn) = (&sent.setpoints[sent_rows.start], &design.setpoints[stroke.start]);
+        let later_s = if whole { 0.0 } else { begun.time_s - drawn.time_s };
+        for row in sent_rows {
+            let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
+            let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
+            rows[row] = Some(stroke.start..stroke.start + passed.max(1));
+        }
+    }
+    rows
+}
+
+/// The stretches of rows at which light is on.
+fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
+    let mut stretches: Vec<Range<usize>> = Vec::new();
+    for row in (0..levels.len()).filter(|row| levels[*row] > 0.0) {
+        match stretches.last_mut().filter(|last| last.end == row) {
+            Some(last) => last.end += 1,
+            None => stretches.push(row..row + 1),
+        }
+    }
+    stretches
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::Setpoint;
+
+    #[test]
+    fn light_that_lags_its_stroke_keeps_the_strokes_letter() {
+        // Two strokes with a dark way to the second one, whose letter the way has; then a third one
+        // that follows without a gap. Light is commanded two rows late.
+        let letters = [None, Some(0), Some(0), Some(0), Some(1), Some(1), Some(2), Some(2), None];
+        let lit = [0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0];
+        let late = |rows: usize, values: &[f64]| {
+            let dark = std::iter::repeat_n(0.0, rows);
+            dark.chain(values.iter().copied()).take(values.len() + 2).collect::<Vec<f64>>()
+        };
+        let letters = letters.into_iter().chain([None, None]);
+        let setpoint = |(row, letter): (u32, Option<usize>)| Setpoint {
+            time_s: 0.1 * f64::from(row),
+            position_m: Vector3::z(),
+            letter,
+            ..Setpoint::default()
+        };
+        let mut plan = Plan {
+            setpoints: (0..).zip(letters).map(setpoint).collect(),
+            lights: [("color-led".to_owned(), late(2, &lit))].into(),
+            lit: [&lit[..], &[0.0, 0.0]].concat(),
+            ..Plan::default()
+        };
+        let (n, a, b, c) = (None, Some(0), Some(1), Some(2));
+        assert_eq!(light_letters(&plan), [n, n, n, a, a, a, n, b, c, c, n]);
+        plan.lit.clear();
+        let by_command = light_letters(&plan);
+        assert_eq!(by_command[3..6], [a, b, b], "without the design's light, that of the setpoint");
+        plan.lit = lit.iter().map(|_| 0.0).chain([0.0, 0.0]).collect();
+        assert_eq!(light_letters(&plan), by_command, "the design of another plan");
+    }
+}

@@ -1,0 +1,251 @@
+//! Light timing: light commands sent early enough for the light to change at the strokes' ends.
+//!
+//! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
+//! out: the plan with its commands moved, and the errors left at each stroke's end. A command waits
+//! for the radio, then for the lamps' timer (50 ms), then for the ramp, while the drone lags behind
+//! the design. For each edge of the design's light, the time at which the drone was there is sought
+//! in the flight. The light changes at the nearest tick to that time, and the command is sent so
+//! that it arrives in the middle between two ticks.
+
+use std::ops::Range;
+
+use nalgebra::Vector3;
+
+use super::lamp::LampTiming;
+use super::light_letters::drawn;
+use super::stroke_ends::{Aligned, Edge, StrokeEnd};
+use super::{Plan, Setpoint};
+use noctograph_core::error::Result;
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
+
+/// Reference that a controller follows between two setpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Between {
+    /// The position that was sent, held.
+    Held,
+    /// The design, which moves on.
+    Design,
+}
+
+/// Least time between two light commands.
+const LEAST_APART_S: f64 = 0.001;
+
+/// Moves the light commands of a plan so that light begins and ends at the strokes' ends in
+/// `flight`. The design's light is kept in [`Plan::lit`].
+///
+/// # Errors
+///
+/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
+pub fn time_lights(
+    plan: &Plan,
+    flight: &Flight,
+    lamp: &LampTiming,
+    between: Between,
+) -> Result<(Plan, Vec<StrokeEnd>)> {
+    let flown = Aligned::new(flight)?;
+    let lit = plan.lit();
+    let mut commands: Vec<(f64, f64)> = Vec::new();
+    let mut last_tick = f64::NEG_INFINITY;
+    let mut lag_s = flown.lag_s;
+    for row in 0..lit.len() {
+        let before = row.checked_sub(1).map_or(0.0, |row| lit[row]);
+        if lit[row] == before {
+            continue;
+        }
+        let [was, is] = [before > 0.0, lit[row] > 0.0];
+        let edge = Edge::new(plan, row, is);
+        // The drone is at a dot all along: its light ends as late as it begins.
+        if was != is && (is || edge.moves()) {
+            lag_s = flown.lag_at_s(&edge, lag_s);
+        }
+        let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
+        // Of two levels on one tick the later one counts, but an edge is never dropped.
+        if tick == last_tick && was == is {
+            commands.pop();
+        }
+        last_tick = tick;
+        let earliest_s = commands.last().map_or(0.0, |last| last.0 + LEAST_APART_S);
+        commands.push((lamp.sent_s(light_s).max(earliest_s), lit[row]));
+    }
+    let timed = with_commands(plan, lit, &commands, between);
+    let ends = flown.stroke_ends(&timed, lamp);
+    Ok((timed, ends))
+}
+
+/// The plan as the clock of a trajectory on board paces it, `rate` true seconds a second, while
+/// light commands keep true time.
+pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
+    let lit = plan.lit();
+    let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
+    let commands: Vec<(f64, f64)> =
+        changes.map(|row| (plan.setpoints[row].time_s, lit[row])).collect();
+    with_commands(&plan.paced(rate), lit, &commands, Between::Design)
+}
+
+/// The plan with other light commands: `(sent at, level)` in rising order. Rows are added where a
+/// command is sent between two setpoints.
+fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
+    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
+    let has_sent = !plan.sent_m.is_empty();
+    let (mut level, mut next) = (0.0, 0);
+    let mut levels: Vec<f64> = Vec::new();
+    for (row, setpoint) in plan.setpoints.iter().enumerate() {
+        let until_s = plan.setpoints.get(row + 1).map_or(f64::INFINITY, |s| s.time_s);
+        while commands.get(next).is_some_and(|c| c.0 <= setpoint.time_s + 1e-4) {
+            level = commands[next].1;
+            next += 1;
+        }
+        let mut push = |setpoint: Setpoint, sent_m: Vector3<f64>, level: f64| {
+            out.setpoints.push(setpoint);
+            out.lit.push(lit[row]);
+            levels.push(level);
+            if has_sent {
+                out.sent_m.push(sent_m);
+            }
+        };
+        let last = row + 1 == plan.setpoints.len();
+        push(*setpoint, plan.sent_m(row), if last { 0.0 } else { level });
+        while !last && commands.get(next).is_some_and(|c| c.0 < until_s - 1e-4) {
+            let time_s = on_grid(commands[next].0);
+            level = commands[next].1;
+            next += 1;
+            let later = moved_on(setpoint, time_s);
+            let sent_m = match between {
+                Between::Held => plan.sent_m(row),
+                Between::Design => later.position_m + plan.sent_m(row) - setpoint.position_m,
+            };
+            push(later, sent_m.map(on_grid), level);
+        }
+    }
+    // Colors go with the stroke, lamps with the command.
+    let drawn = drawn((&out, &levels), (plan, &plan.commanded()));
+    let lamps: Vec<&String> = plan.lamps().map(|(lamp, _)| lamp).collect();
+    let sent = plan.lights.iter().map(|(channel, before)| {
+        let color = |rows: &Option<Range<usize>>| rows.as_ref().map_or(0.0, |r| before[r.end - 1]);
+        let is_lamp = lamps.contains(&channel);
+        let levels = if is_lamp { levels.clone() } else { drawn.iter().map(color).collect() };
+        (channel.clone(), levels)
+    });
+    out.lights = sent.collect();
+    out
+}
+
+/// The setpoint of the same design from a later time on.
+fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
+    let since_s = time_s - setpoint.time_s;
+    let velocity_m_s = setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s;
+    Setpoint {
+        time_s,
+        position_m: setpoint.design_m(time_s).map(on_grid),
+        velocity_m_s: velocity_m_s.map(on_grid),
+        ..*setpoint
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::written;
+    use crate::{PlanOptions, plan};
+    use noctograph_core::flight::FlightSample;
+    use noctograph_letters::{LetterOptions, write};
+
+    const LAMP: LampTiming = LampTiming { delay_s: 0.025, tick_s: 0.05 };
+
+    fn noor() -> Plan {
+        written("NOE", &PlanOptions::even())
+    }
+
+    /// A flight that follows the design exactly, late by `lag_s` and 0.1 m to the left.
+    fn late(plan: &Plan, lag_s: f64) -> Flight {
+        #[expect(clippy::cast_possible_truncation, reason = "a flight")]
+        let n = (plan.duration_s() * 250.0) as u32;
+        let sample = |k: u32| {
+            let time_s = f64::from(k) / 250.0;
+            FlightSample {
+                time_s,
+                position_m: plan.design_m((time_s - lag_s).max(0.0)) - Vector3::x() * 0.1,
+                design_m: plan.design_m(time_s),
+                letter: plan.setpoint_at(time_s).and_then(|setpoint| setpoint.letter),
+                ..FlightSample::default()
+            }
+        };
+        Flight { samples: (0..=n).map(sample).collect(), ..Flight::default() }
+    }
+
+    #[test]
+    fn light_ends_with_the_strokes_at_any_lag() {
+        let plan = noor();
+        // Half a tick is left: 25 ms at 0.2 m/s are 5 mm.
+        for (lag_s, most_m) in [(0.0, 0.0016), (0.5, 0.0016), (0.533, 0.0066)] {
+            let flight = late(&plan, lag_s);
+            let (_, ends) = time_lights(&plan, &flight, &LAMP, Between::Held).unwrap();
+            assert_eq!(ends.len(), 8, "N, O and the two strokes of E");
+            for end in ends {
+                assert!(end.streak_m.abs() < most_m, "lag {lag_s} s: {end:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dot_is_lit_for_as_long_as_planned_at_any_lag() {
+        let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let plan = plan(&write("i", &options).unwrap(), &PlanOptions::even()).unwrap();
+        for lag_s in [0.0, 0.11, 0.533] {
+            let (_, ends) = time_lights(&plan, &late(&plan, lag_s), &LAMP, Between::Held).unwrap();
+            let lit_s: Vec<f64> =
+                ends.chunks(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
+            assert!(lit_s.iter().any(|lit_s| (lit_s - 0.2).abs() < 1e-6), "{lag_s} s: {lit_s:?}");
+        }
+    }
+
+    #[test]
+    fn commands_go_out_ahead_of_the_tick_by_the_radio_and_half_a_tick() {
+        let plan = noor();
+        let flight = late(&plan, 0.5);
+        let (timed, ends) = time_lights(&plan, &flight, &LAMP, Between::Held).unwrap();
+        let lights = &timed.lights["headlights"];
+        let on = (1..lights.len()).find(|row| lights[*row] > 0.0).unwrap();
+        assert!((timed.setpoints[on].time_s - (ends[0].time_s - 0.05)).abs() < 1e-5);
+        assert!(timed.setpoints.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
+        let (kept, wanted) = (timed.full_light_s(), plan.full_light_s());
+        assert!((kept - wanted).abs() < 0.005, "the design's light: {kept} s of {wanted} s");
+    }
+
+    #[test]
+    fn colors_move_with_their_strokes() {
+        let mut plan = noor();
+        let lit = plan.lights["headlights"].clone();
+        let letters = crate::light_letters(&plan);
+        let color = |letter: &Option<usize>| letter.map_or(0.0, |letter| 0.1 * (letter + 1) as f64);
+        plan.lights = [
+            ("ring".to_owned(), lit),
+            ("ring.red".to_owned(), letters.iter().map(color).collect()),
+        ]
+        .into();
+        let (timed, _) = time_lights(&plan, &late(&plan, 0.5), &LAMP, Between::Held).unwrap();
+        let letters = crate::light_letters(&timed);
+        let colors: Vec<f64> = letters.iter().map(color).collect();
+        assert_eq!(timed.lights["ring.red"], colors);
+        assert!(colors.iter().any(|color| *color > 0.0));
+        let dark = timed.lights["ring"].iter().zip(&colors).all(|(l, c)| (*l > 0.0) == (*c > 0.0));
+        assert!(dark, "no color without light, and no light without color");
+    }
+
+    #[test]
+    fn with_an_old_clock_on_board_the_lights_run_ahead() {
+        let clock = 84.0 / 85.0;
+        let plan = noor();
+        let paced = on_trajectory_clock(plan.clone(), clock);
+        let late_s = paced.duration_s() - plan.duration_s();
+        assert!((late_s - plan.duration_s() / 84.0).abs() < 1e-5, "0.71 s a minute: {late_s}");
+        let last_lit = |plan: &Plan| {
+            let lights = &plan.lights["headlights"];
+            plan.setpoints[lights.iter().rposition(|l| *l > 0.0).unwrap() + 1].time_s
+        };
+        assert!((last_lit(&paced) - last_lit(&plan)).abs() < 1e-5, "the host's clock is right");
+        let (_, ends) = time_lights(&paced, &late(&paced, 0.0), &LAMP, Between::Design).unwrap();
+        assert!(ends.iter().all(|end| end.streak_m.abs() < 0.006), "{ends:?}");
+    }
+}

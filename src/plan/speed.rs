@@ -1,0 +1,192 @@
+//! Speed of the pen along a polyline: the stroke speed or each leg's share of it, and less before
+//! and in corners that turn too far for it.
+//!
+//! Method: where the velocity would turn by more than the smoothing allows within its time, all
+//! corners of that window are slowed by 5 %, repeatedly; a forward and a backward pass along the
+//! path then respect the acceleration limit.
+
+use nalgebra::Vector2;
+
+use super::pen::PenStroke;
+use super::smoothing::Smoothing;
+
+/// A point of the path and the speed there; between two of them the acceleration is constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Node {
+    pub(super) position_m: Vector2<f64>,
+    pub(super) speed_m_s: f64,
+    /// Index of the letter of the leg from here on.
+    pub(super) letter: usize,
+}
+
+/// Largest distance of nodes on a path whose speed changes, and most nodes of a stroke.
+const STEP_M: f64 = 0.005;
+const MAX_NODES: f64 = 100_000.0;
+/// A corner's speed is held for this many times the longer average before and after it: within
+/// the average, only the corner may change the velocity.
+const NEAR: f64 = 1.05;
+/// Factor by which corners are slowed, and most steps of it, which leave 1 % of the speed.
+const SLOWER: f64 = 0.95;
+const MAX_SLOWER: usize = 90;
+
+/// The stroke with its speeds: as fast as its pace, the smoothing and the acceleration allow.
+pub(super) fn profile(
+    stroke: &PenStroke,
+    smoothing: &Smoothing,
+    stroke_speed_m_s: f64,
+) -> Vec<Node> {
+    let PenStroke { points_m, legs, .. } = stroke;
+    let fastest_m_s = stroke_speed_m_s;
+    let corners = Corners::new(points_m);
+    let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
+    let last_leg = legs.len() - 1;
+    let node = |position_m, pace: f64, leg: usize| {
+        let letter = legs[leg.min(last_leg)].letter;
+        Node { position_m, speed_m_s: pace * fastest_m_s, letter }
+    };
+    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && legs.iter().all(|leg| leg.pace == 1.0) {
+        let points = points_m.iter().enumerate();
+        return points.map(|(index, point)| node(*point, 1.0, index)).collect();
+    }
+    // Nodes are close enough for a slow corner to be slow alone.
+    let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
+    let near_s = NEAR * smoothing.long_s;
+    let whole_m = corners.at_m[corners.at_m.len() - 1];
+    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(whole_m / MAX_NODES);
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut at_m: Vec<f64> = Vec::new();
+    for (index, leg) in points_m.windows(2).enumerate() {
+        let length_m = corners.at_m[index + 1] - corners.at_m[index];
+        let n = (length_m / step_m).ceil().max(1.0);
+        for k in (0..).map(f64::from).take_while(|k| *k < n) {
+            nodes.push(node(leg[0].lerp(&leg[1], k / n), legs[index].pace, index));
+            at_m.push(corners.at_m[index] + length_m * k / n);
+        }
+    }
+    nodes.push(node(points_m[points_m.len() - 1], legs[last_leg].pace, last_leg));
+    at_m.push(corners.at_m[points_m.len() - 1]);
+    corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
+    limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
+    nodes
+}
+
+/// Corners of a path: their distances along it, and how far each turns.
+struct Corners {
+    at_m: Vec<f64>,
+    /// Change of the unit tangent, 0 to 2; 0 at the ends.
+    turn: Vec<f64>,
+}
+
+impl Corners {
+    fn new(points_m: &[Vector2<f64>]) -> Self {
+        let along = |leg: &[Vector2<f64>]| (leg[1] - leg[0]).normalize();
+        let (mut at_m, mut turn) = (vec![0.0], vec![0.0]);
+        for leg in points_m.windows(2) {
+            at_m.push(at_m[at_m.len() - 1] + (leg[1] - leg[0]).norm());
+        }
+        let corners = points_m.windows(3);
+        turn.extend(corners.map(|three| (along(&three[1..]) - along(three)).norm()));
+        turn.push(0.0);
+        Self { at_m, turn }
+    }
+
+    /// Greatest speed at each corner.
+    fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
+        let mut caps_m_s = vec![fastest_m_s; self.at_m.len()];
+        for _ in 0..MAX_SLOWER {
+            let mut slower = false;
+            let mut marked = vec![false; caps_m_s.len()];
+            for first in 1..self.at_m.len() {
+                let speed_m_s = caps_m_s[first];
+                let until_m = self.at_m[first] + speed_m_s * smoothing.long_s;
+                let window = self.at_m[first..].partition_point(|at| *at <= until_m);
+                let turn: f64 = self.turn[first..first + window].iter().sum();
+                if turn * speed_m_s > smoothing.turn_m_s * (1.0 + 1e-9) {
+                    marked[first..first + window].fill(true);
+                    slower = true;
+                }
+            }
+            for (cap, _) in caps_m_s.iter_mut().zip(&marked).filter(|(_, marked)| **marked) {
+                *cap *= SLOWER;
+            }
+            if !slower {
+                break;
+            }
+        }
+        caps_m_s
+    }
+
+    /// Limits each node within the smoothing's time of a corner to the corner's speed.
+    fn slow_down(&self, nodes: &mut [Node], at_m: &[f64], caps_m_s: &[f64], near_s: f64) {
+        for ((corner_m, cap_m_s), _) in
+            self.at_m.iter().zip(caps_m_s).zip(&self.turn).filter(|(_, turn)| **turn > 0.0)
+        {
+            let reach_m = cap_m_s * near_s;
+            let first = at_m.partition_point(|at| *at < corner_m - reach_m);
+            for (node, at) in nodes[first..].iter_mut().zip(&at_m[first..]) {
+                if *at > corner_m + reach_m {
+                    break;
+                }
+                node.speed_m_s = node.speed_m_s.min(*cap_m_s);
+            }
+        }
+    }
+}
+
+/// Limits the change of speed along the path, forward and backward, to the acceleration.
+fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
+    let reach = |from_m_s: f64, length_m: f64| {
+        (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt()
+    };
+    for i in 1..nodes.len() {
+        let most = reach(nodes[i - 1].speed_m_s, at_m[i] - at_m[i - 1]);
+        nodes[i].speed_m_s = nodes[i].speed_m_s.min(most);
+    }
+    for i in (1..nodes.len()).rev() {
+        let most = reach(nodes[i].speed_m_s, at_m[i] - at_m[i - 1]);
+        nodes[i - 1].speed_m_s = nodes[i - 1].speed_m_s.min(most);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::EvenStyle;
+
+    #[test]
+    fn only_a_corner_that_turns_too_far_is_slowed_and_no_more_than_needed() {
+        let smoothing = Smoothing::new(0.5, &EvenStyle::default());
+        let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.01], [0.0, 0.02]].map(Vector2::from);
+        let caps = Corners::new(&points).caps_m_s(0.5, &smoothing);
+        assert_eq!(caps[1], 0.5, "a degree and a half is no corner");
+        let ideal = smoothing.turn_m_s / 2.0;
+        assert!(caps[2] <= ideal && caps[2] > SLOWER * ideal * 0.99, "{caps:?}, ideal {ideal}");
+    }
+
+    #[test]
+    fn speeds_rise_and_fall_with_the_acceleration() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]].map(Vector2::from);
+        let stroke = PenStroke::even(0, points.to_vec());
+        let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
+        let mut fastest = 0.0_f64;
+        for pair in nodes.windows(2) {
+            let length_m = (pair[1].position_m - pair[0].position_m).norm();
+            let [from, to] = [pair[0], pair[1]].map(|node| node.speed_m_s * node.speed_m_s);
+            assert!((to - from).abs() <= 2.0 * 2.0 * length_m + 1e-12, "{pair:?}");
+            fastest = fastest.max(pair[0].speed_m_s);
+        }
+        assert_eq!(fastest, 0.5);
+    }
+
+    #[test]
+    fn legs_keep_their_pace_but_for_the_way_to_speed_up() {
+        let points = [0.0, 1.0, 2.0].map(|x| Vector2::new(x, 0.0)).to_vec();
+        let mut stroke = PenStroke::even(0, points);
+        stroke.legs[1].pace = 0.5;
+        let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
+        // From 0.25 to 0.5 m/s at 2 m/s² takes 47 mm.
+        let speed_at = |x| nodes.iter().find(|node| node.position_m.x >= x).unwrap().speed_m_s;
+        assert_eq!([0.0, 0.95, 1.0, 1.9].map(speed_at), [0.5, 0.5, 0.25, 0.25]);
+        assert!(speed_at(0.98) < 0.4, "braked before the slow leg: {}", speed_at(0.98));
+    }
+}

@@ -1,0 +1,162 @@
+//! Stroke ends: errors of the light at the beginnings and ends of strokes, in a flight.
+//!
+//! The flight is first aligned with its design: its lag and its mean error are taken out, so that
+//! only the error between light and drone is left.
+
+use nalgebra::Vector3;
+
+use super::Plan;
+use super::lamp::LampTiming;
+use crate::tracking::{Part, designed};
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, FlightSample};
+
+/// Error of the light at one end of a stroke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrokeEnd {
+    /// When the light changes, in the middle of its ramp.
+    pub time_s: f64,
+    /// Where the design changes it.
+    pub at_m: Vector3<f64>,
+    /// Whether the light goes on.
+    pub on: bool,
+    /// Light beyond the end of the stroke, along it; negative where the stroke falls short.
+    pub streak_m: f64,
+}
+
+/// Range around the flight's lag in which the drone's lag at an edge is sought.
+const SEARCH_S: f64 = 0.3;
+/// Cost of a second away from the flight's lag, m/s: the drone may wait at an edge.
+const LAG_COST_M_S: f64 = 0.03;
+/// Most samples of a flight that are used for its lag.
+const MAX_SAMPLES: usize = 2000;
+
+/// Errors of a plan's light commands at the ends of its strokes, in a flight of it.
+///
+/// # Errors
+///
+/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
+pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Vec<StrokeEnd>> {
+    Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
+}
+
+/// The rows at which the light goes on or off.
+fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
+    (0..levels.len()).filter_map(|row| {
+        let was = row > 0 && levels[row - 1] > 0.0;
+        let is = levels[row] > 0.0;
+        (was != is).then_some((row, is))
+    })
+}
+
+/// State of the design at an end of a stroke.
+pub(super) struct Edge {
+    pub(super) time_s: f64,
+    pub(super) at_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+}
+
+impl Edge {
+    /// The beginning of a stroke is that of its first setpoint; its end that of the setpoint before
+    /// the first dark one, which may go elsewhere or be elsewhere already.
+    pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
+        let time_s = plan.setpoints[row].time_s;
+        let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
+        Self { time_s, at_m: drawing.design_m(time_s), velocity_m_s: drawing.velocity_m_s }
+    }
+
+    /// Whether it is the end of a stroke, not of a dot.
+    pub(super) fn moves(&self) -> bool {
+        self.velocity_m_s != Vector3::zeros()
+    }
+}
+
+/// A flight aligned with its design.
+pub(super) struct Aligned<'a> {
+    samples: &'a [FlightSample],
+    pub(super) lag_s: f64,
+    /// Mean of `flown − design` after the lag: it moves the whole picture.
+    offset_m: Vector3<f64>,
+}
+
+impl<'a> Aligned<'a> {
+    pub(super) fn new(flight: &'a Flight) -> Result<Self> {
+        designed(flight, Part::Letters)?;
+        let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
+        let writing: Vec<&FlightSample> =
+            flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
+        let some = || writing.iter().step_by(writing.len().div_ceil(MAX_SAMPLES)).copied();
+        let best = |aligned: &Self, lags_s: &mut dyn Iterator<Item = f64>| {
+            let spread = |lag_s: f64| aligned.offset_and_variance(some(), lag_s).1;
+            lags_s.map(|lag_s| (spread(lag_s), lag_s)).min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut coarse = (-5..=60).map(|step| f64::from(step) * 0.025);
+        let about_s = best(&aligned, &mut coarse).map_or(0.0, |(_, lag_s)| lag_s);
+        let mut fine = (-25..=25).map(|step| about_s + f64::from(step) * 0.001);
+        aligned.lag_s = best(&aligned, &mut fine).map_or(about_s, |(_, lag_s)| lag_s);
+        aligned.offset_m = aligned.offset_and_variance(some(), aligned.lag_s).0;
+        Ok(aligned)
+    }
+
+    /// Mean of `flown − design` after a lag, and its variance in the word's plane, over samples in
+    /// the order of time.
+    fn offset_and_variance<'s>(
+        &self,
+        samples: impl Iterator<Item = &'s FlightSample>,
+        lag_s: f64,
+    ) -> (Vector3<f64>, f64) {
+        let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
+        let mut next = 0;
+        for sample in samples {
+            let time_s = sample.time_s + lag_s;
+            let passed = |later: &&FlightSample| later.time_s <= time_s;
+            next += self.samples[next..].iter().take_while(passed).count();
+            let error_m = self.before_m(next, time_s) - sample.design_m;
+            n += 1.0;
+            sum += error_m;
+            squares += error_m.xz().norm_squared();
+        }
+        let mean_m = sum / f64::max(n, 1.0);
+        (mean_m, squares / f64::max(n, 1.0) - mean_m.xz().norm_squared())
+    }
+
+    /// Position of the drone without the mean error.
+    fn at_m(&self, time_s: f64) -> Vector3<f64> {
+        self.before_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
+    }
+
+    /// The same at a time before the sample `next` and not before the one before that.
+    fn before_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
+        let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
+        let [a, b] = [&self.samples[before], &self.samples[after]];
+        let span_s = b.time_s - a.time_s;
+        let part = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 0.0 };
+        a.position_m.lerp(&b.position_m, part) - self.offset_m
+    }
+
+    /// Lag of the drone at a point of the design, near to the lag at the edge before.
+    pub(super) fn lag_at_s(&self, edge: &Edge, about_s: f64) -> f64 {
+        let cost = |lag_s: f64| {
+            let error = (self.at_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
+            let away_m = LAG_COST_M_S * (lag_s - self.lag_s);
+            error + away_m * away_m
+        };
+        let around_s = 0.5 * (about_s + self.lag_s);
+        let steps = (-75..=75).map(|step| around_s + f64::from(step) / 75.0 * SEARCH_S);
+        steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(about_s)
+    }
+
+    pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
+        let (wanted, commanded) = (plan.lit(), plan.commanded());
+        let pairs = switches(&wanted).zip(switches(&commanded));
+        let end = |((row, on), (sent, _)): ((usize, bool), (usize, bool))| {
+            let time_s = lamp.light_s(plan.setpoints[sent].time_s);
+            let edge = Edge::new(plan, row, on);
+            let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            let beyond_m = (self.at_m(time_s) - edge.at_m).dot(&along);
+            let streak_m = if on { -beyond_m } else { beyond_m };
+            StrokeEnd { time_s, at_m: edge.at_m, on, streak_m }
+        };
+        pairs.map(end).collect()
+    }
+}

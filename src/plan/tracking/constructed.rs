@@ -1,0 +1,49 @@
+//! Flights from formulas, for tests.
+
+use nalgebra::Vector3;
+
+use noctograph_core::flight::{Flight, FlightSample};
+
+/// A flight whose position and design are functions of time, sampled every `step_s` from 0 to
+/// `end_s`, with all motors carrying and the estimate at the position.
+pub(crate) fn flight(
+    step_s: f64,
+    end_s: f64,
+    position_m: impl Fn(f64) -> Vector3<f64>,
+    design_m: impl Fn(f64) -> Vector3<f64>,
+) -> Flight {
+    #[expect(clippy::cast_possible_truncation, reason = "a few hundred")]
+    let n = (end_s / step_s).round() as u32;
+    let samples = (0..=n).map(|k| {
+        // Through a division, so that 0.3 is 0.3 and not 0.30000000000000004.
+        let time_s = f64::from(k) / (1.0 / step_s).round();
+        FlightSample {
+            time_s,
+            position_m: position_m(time_s),
+            estimate_m: position_m(time_s),
+            design_m: design_m(time_s),
+            motors: [44_000.0; 4],
+            letter: Some(0),
+            ..FlightSample::default()
+        }
+    });
+    Flight { samples: samples.collect(), ..Flight::default() }
+}
+
+/// The origin at all times.
+pub(crate) fn still(_time_s: f64) -> Vector3<f64> {
+    Vector3::zeros()
+}
+
+/// A square of 0.4 m, its sides flown at 0.2 m/s, round and round, 0.5 m above the floor.
+pub(crate) fn square(time_s: f64) -> Vector3<f64> {
+    let side = time_s.max(0.0) / 2.0;
+    let (whole, part) = (side.floor(), 0.4 * (side - side.floor()));
+    let (x, z) = match whole % 4.0 {
+        0.0 => (part, 0.0),
+        1.0 => (0.4, part),
+        2.0 => (0.4 - part, 0.4),
+        _ => (0.0, 0.4 - part),
+    };
+    Vector3::new(x, 0.0, 0.5 + z)
+}

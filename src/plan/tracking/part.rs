@@ -1,0 +1,60 @@
+//! Parts of a flight: letters, in the air, all.
+
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
+use noctograph_core::settings::settings;
+
+settings! {
+    /// Part of a flight.
+    pub enum Part {
+        /// From take-off to landing.
+        ///
+        /// As [`airborne`] finds them: the part of the reference flight's figures.
+        "airborne" => Airborne,
+        /// Samples that write letters.
+        "letters" => Letters,
+        /// Every sample, the floor included.
+        "all" => All,
+    }
+}
+
+impl Part {
+    /// The letters of a flight, or its time in the air where it writes none.
+    #[must_use]
+    pub fn from_flight(flight: &Flight) -> Self {
+        let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
+        if writes { Self::Letters } else { Self::Airborne }
+    }
+
+    /// The samples of this part, in order of time.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there are none, or no position in them.
+    pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
+        if flight.unlogged.contains(&Quantity::Position) {
+            let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
+            return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
+        }
+        let all = flight.samples.iter().copied();
+        let (samples, found, hint): (Vec<FlightSample>, _, _) = match self {
+            Self::All => (all.collect(), "no sample", "name a file that holds a flight"),
+            Self::Letters => {
+                let letters = all.filter(|sample| sample.letter.is_some()).collect();
+                (letters, "no sample that writes a letter", "compare the airborne part instead")
+            }
+            Self::Airborne => {
+                let air = airborne(flight).unwrap_or_default();
+                (
+                    flight.samples[air].to_vec(),
+                    "no sample in the air",
+                    "compare all samples instead",
+                )
+            }
+        };
+        if samples.is_empty() {
+            return Err(Error::input("flight", found, "at least one", hint));
+        }
+        Ok(samples)
+    }
+}

@@ -1,0 +1,236 @@
+//! The design as a path in time: straight legs, each flown evenly.
+
+use std::ops::Range;
+
+use nalgebra::{Vector2, Vector3};
+
+use noctograph_core::flight::Flight;
+use noctograph_core::geometry::Chords;
+
+/// Largest distance of a left-out sample from its leg, per axis: twice the grid of the flight's
+/// file, so that a straight stroke is one leg.
+const TOLERANCE_M: f64 = 2e-6;
+
+/// Position of the design over time. Before the first and after the last sample it does not move.
+#[derive(Clone, Debug)]
+pub struct DesignPath {
+    corners: Vec<Corner>,
+    /// From the end of the leg before each corner to that of its own.
+    legs: Legs,
+}
+
+/// Whole legs, by the five numbers of [`plane_leg`].
+#[derive(Clone, Debug, Default)]
+struct Legs([Vec<f64>; 5]);
+
+/// Legs whose distances are taken at once.
+const LANES: usize = 8;
+
+impl Legs {
+    fn push(&mut self, leg: [f64; 5]) {
+        self.0.iter_mut().zip(leg).for_each(|(column, value)| column.push(value));
+    }
+
+    /// Square of the distance of a point from the nearest of some legs.
+    #[inline(always)]
+    fn square_m2(&self, point_m: Vector2<f64>, legs: Range<usize>) -> f64 {
+        let columns = self.0.each_ref().map(|column| column[legs.clone()].as_chunks::<LANES>());
+        let mut least = [f64::INFINITY; LANES];
+        for at in 0..columns[0].0.len() {
+            let columns = columns.map(|column| &column.0[at]);
+            for lane in 0..LANES {
+                let square = square_m2(point_m, columns.map(|column| column[lane]));
+                least[lane] = if square < least[lane] { square } else { least[lane] };
+            }
+        }
+        let rest = 0..columns[0].1.len();
+        let rest = rest.map(|at| square_m2(point_m, columns.map(|column| column.1[at])));
+        rest.chain(least).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// A leg in the x-z plane: where it begins, its vector, and the square of that.
+fn plane_leg(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
+    let leg_m = (to_m - from_m).xz();
+    [from_m.x, from_m.z, leg_m.x, leg_m.y, leg_m.norm_squared()]
+}
+
+/// Square of the distance of a point from a leg.
+#[inline(always)]
+fn square_m2(point_m: Vector2<f64>, [from_x, from_z, leg_x, leg_z, square]: [f64; 5]) -> f64 {
+    let (x, z) = (point_m.x - from_x, point_m.y - from_z);
+    let along = (x * leg_x + z * leg_z) / square;
+    let along = if square > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
+    let (x, z) = (x - leg_x * along, z - leg_z * along);
+    x * x + z * z
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    time_s: f64,
+    at_m: Vector3<f64>,
+}
+
+impl DesignPath {
+    /// The design of a flight; `None` where the flight has no samples, or a design of zeros
+    /// throughout, as a log without setpoints has.
+    pub fn new(flight: &Flight) -> Option<Self> {
+        let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
+        let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
+        designed.then(|| Self::of(corners))
+    }
+
+    /// The path through points in the order of their times, of which there is at least one.
+    pub fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
+        let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
+        let corners = without_even_corners(corners);
+        let mut path = Self { corners, legs: Legs::default() };
+        let mut from_m = path.corners[0].at_m;
+        for leg in 0..path.corners.len() {
+            let to_m = path.end_m(leg);
+            path.legs.push(plane_leg(from_m, to_m));
+            from_m = to_m;
+        }
+        path
+    }
+
+    /// The stretch of time that the design covers.
+    pub fn span_s(&self) -> [f64; 2] {
+        [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
+    }
+
+    /// When the design first moves, or begins where it never does.
+    pub fn first_move_s(&self) -> f64 {
+        let away = |pair: &[Corner]| pair[1].at_m != self.corners[0].at_m;
+        let last = self.corners.windows(2).position(away).unwrap_or(0);
+        self.corners[last].time_s
+    }
+
+    /// A reader that starts at the beginning.
+    pub fn walk(&self) -> Walk<'_> {
+        Walk { path: self, leg: 0 }
+    }
+}
+
+/// Reads a path at times that do not fall, without searching.
+#[derive(Debug)]
+pub struct Walk<'a> {
+    path: &'a DesignPath,
+    leg: usize,
+}
+
+impl Walk<'_> {
+    /// Position of the design at `time_s`.
+    pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
+        let corners = &self.path.corners;
+        while corners.get(self.leg + 1).is_some_and(|next| next.time_s <= time_s) {
+            self.leg += 1;
+        }
+        self.path.on_leg(self.leg, time_s)
+    }
+
+    /// Distance in the x-z plane from a point to the path of the design between two times.
+    pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
+        let from_m = self.at_m(from_s);
+        let (path, first, point_m) = (self.path, self.leg, point_m.xz());
+        let later = &path.corners[first + 1..];
+        let last = first + later.partition_point(|corner| corner.time_s < to_s);
+        let to_m = path.on_leg(last, to_s);
+        let near = |from_m, to_m| square_m2(point_m, plane_leg(from_m, to_m));
+        if first == last {
+            return near(from_m, to_m).sqrt();
+        }
+        let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
+        let whole = || path.legs.square_m2(point_m, first + 1..last);
+        ends_m2.min(pulp::Arch::new().dispatch(whole)).sqrt()
+    }
+}
+
+impl DesignPath {
+    /// Where a leg ends.
+    fn end_m(&self, leg: usize) -> Vector3<f64> {
+        let end_s = self.corners.get(leg + 1).map_or(f64::INFINITY, |end| end.time_s);
+        self.on_leg(leg, end_s)
+    }
+
+    /// Position on the leg that begins at corner `leg`, held before its start and after its end.
+    fn on_leg(&self, leg: usize, time_s: f64) -> Vector3<f64> {
+        let start = self.corners[leg];
+        let Some(end) = self.corners.get(leg + 1) else { return start.at_m };
+        let lasts_s = end.time_s - start.time_s;
+        let done = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
+        start.at_m + (end.at_m - start.at_m) * done.clamp(0.0, 1.0)
+    }
+}
+
+/// Leaves out corners that lie on an even, straight leg between their neighbors.
+///
+/// Swinging door: as long as one velocity from the leg's start passes all its samples within the
+/// tolerance, the leg goes on.
+fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
+    let mut kept: Vec<Corner> = Vec::new();
+    let mut last: Option<Corner> = None;
+    let mut chords = Chords::ALL;
+    for corner in corners {
+        let Some(before) = last.replace(corner) else {
+            kept.push(corner);
+            continue;
+        };
+        let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
+        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
+        if corner.time_s <= before.time_s || !chords.contain(way_m.into(), lasts_s) {
+            kept.push(before);
+            chords = Chords::ALL;
+        }
+        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
+        if lasts_s > 0.0 {
+            let slack_m = Vector3::repeat(TOLERANCE_M);
+            chords.keep_between((way_m - slack_m).into(), (way_m + slack_m).into(), lasts_s);
+        }
+    }
+    kept.extend(last);
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracking::constructed::{flight, still};
+
+    #[test]
+    fn a_straight_stroke_is_one_leg_and_a_step_is_another() {
+        // Right for a second, a step up, then a wait.
+        let design = |t: f64| match t {
+            t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
+            _ => Vector3::new(0.2, 0.0, 0.6),
+        };
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
+        let times_s: Vec<f64> = path.corners.iter().map(|corner| corner.time_s).collect();
+        assert_eq!(times_s, [0.0, 1.0, 1.01, 2.0]);
+        let mut walk = path.walk();
+        for k in 0..=400 {
+            let t = f64::from(k) * 0.005;
+            let expected = if t <= 1.0 { design(t) } else { walk.at_m(t) };
+            assert!((walk.at_m(t) - expected).norm() < 1e-12, "at {t} s");
+        }
+        assert_eq!(walk.at_m(9.0), Vector3::new(0.2, 0.0, 0.6), "held after its end");
+    }
+
+    #[test]
+    fn distance_is_to_the_named_stretch_alone() {
+        // Right at z = 0.5 for a second, up for a second.
+        let design = |t: f64| Vector3::new(t.min(1.0), 0.0, 0.5 + (t - 1.0).max(0.0));
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
+        let point = Vector3::new(0.9, 7.0, 1.0);
+        let near = |span| path.walk().distance_m(point, span);
+        assert!((near([0.0, 2.0]) - 0.1).abs() < 1e-9, "to the upright: {}", near([0.0, 2.0]));
+        assert!((near([0.0, 1.0]) - 0.5).abs() < 1e-9, "to the base: {}", near([0.0, 1.0]));
+        assert!((near([0.2, 0.2]) - libm::hypot(0.7, 0.5)).abs() < 1e-9, "to a point");
+    }
+
+    #[test]
+    fn a_design_of_zeros_is_none() {
+        assert!(DesignPath::new(&flight(0.01, 1.0, |_| Vector3::x(), still)).is_none());
+        assert!(DesignPath::new(&Flight::default()).is_none());
+    }
+}

@@ -1,0 +1,415 @@
+//! Avionics: a drone's sensors, estimator and controller, from tick to tick.
+
+use nalgebra::Vector3;
+
+use super::controller::{Command, Controller, Reference, controller};
+use super::estimator::{AltitudeFilter, Estimator, estimator};
+use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
+use super::radio::Link;
+use super::recorder::Snapshot;
+use crate::sensors::{Fleet, Message, Readings, Sensors};
+use crate::vehicle::{Plant, RigidBody, State, attitude, velocity};
+use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Warning;
+use noctograph_core::geometry::turned;
+use noctograph_core::plan::Plan;
+
+/// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
+pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
+/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone is lost. A flight stays
+/// within a few meters and a few rad/s.
+pub(super) const LOST: f64 = 1e4;
+
+/// The onboard system of one drone: everything that changes from tick to tick but its motion.
+#[derive(Debug)]
+pub struct Avionics {
+    controller: Box<dyn Controller>,
+    estimator: Box<dyn Estimator>,
+    sensors: Sensors,
+    motor_max: f64,
+    tick_s: f64,
+    kinds: (ControllerKind, EstimatorKind),
+    /// Heading that is held, from world x toward y.
+    yaw_rad: f64,
+    estimate: State,
+    /// Whether `estimate` is that of the present tick.
+    fresh: bool,
+    /// Held between two runs of the controller.
+    command: Command,
+    ticks: u32,
+    ticks_per_command: u32,
+    /// The setpoint that is due, and the one that was heard last.
+    setpoint: usize,
+    heard: usize,
+    link: Option<Link>,
+    /// Whether setpoints come over the link.
+    streamed: bool,
+    /// When the motors stopped for good, because the host was silent.
+    stopped_s: Option<f64>,
+    /// The setpoint from which the firmware lands by itself, where those before are of another
+    /// kind.
+    lands_from: Option<usize>,
+    kind: Kind,
+    short_steps: u32,
+    /// Ticks with a motor at its limit, and those of them during which a letter was written.
+    saturated_ticks: u32,
+    saturated_writing_ticks: u32,
+    /// Whether the filter logs its covariance, as a fleet's always does.
+    pub(super) logs_covariance: bool,
+}
+
+/// Kinds of setpoints that the firmware tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Those of the host.
+    Sent,
+    /// The firmware's own since the host is silent.
+    Level,
+    /// The firmware's own landing, after those of another kind.
+    Landing,
+}
+
+/// Time after the last letter at which an exported script tells the firmware to land, s: a run-out,
+/// and the lamps are dark.
+const LANDS_AFTER_S: f64 = 0.5;
+
+impl Avionics {
+    /// The onboard system of a drone that starts at rest, where the fleet says, with a plan.
+    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
+        let yaw_rad = plan.yaw_rad;
+        let Drone { believed, actual, seed, room_seed, .. } = *drone;
+        let rate_hz = actual.rates.control_hz;
+        let seeds = [seed, room_seed];
+        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
+        let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
+        let mut estimator = estimator(believed, settled_m, fleet, seed)?;
+        estimator.set_yaw(yaw_rad);
+        Ok(Self {
+            controller: controller(believed)?,
+            estimator,
+            yaw_rad,
+            sensors,
+            motor_max: believed.vehicle.motor_max,
+            tick_s: 1.0 / f64::from(rate_hz),
+            kinds: (believed.controller.kind, believed.observer.kind),
+            estimate: State::zeros(),
+            fresh: false,
+            command: Command::default(),
+            ticks: 0,
+            ticks_per_command: rate_hz / actual.rates.attitude_hz(),
+            setpoint: 0,
+            heard: 0,
+            link: Link::new(&actual.radio, seed, drone.index),
+            streamed: actual.radio.setpoints == Setpoints::Streamed,
+            stopped_s: None,
+            lands_from: match believed.controller.setpoints {
+                SetpointKind::FullState => landing(plan),
+                SetpointKind::Position => None,
+            },
+            kind: Kind::Sent,
+            short_steps: 0,
+            saturated_ticks: 0,
+            saturated_writing_ticks: 0,
+            logs_covariance: believed.observer.kind == EstimatorKind::Cooperative,
+        })
+    }
+
+    /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
+    /// of the fleet, between which ranges are measured. Whether the motors are to be commanded.
+    pub(super) fn sense(
+        &mut self,
+        plan: &Plan,
+        time_s: f64,
+        plant: &Plant,
+        fleet_m: &[Vector3<f64>],
+    ) -> bool {
+        let short = plant.short_steps() > self.short_steps;
+        self.short_steps = plant.short_steps();
+        self.saturated_ticks += u32::from(self.command.saturated || short);
+        let due = |next: usize| {
+            plan.setpoints.get(next).is_some_and(|s| s.time_s <= time_s + TIME_TOLERANCE_S)
+        };
+        while due(self.setpoint + 1) {
+            self.setpoint += 1;
+        }
+        self.heard = match &mut self.link {
+            None => self.setpoint,
+            Some(link) => link.hear(time_s, self.setpoint),
+        };
+        let setpoint = &plan.setpoints[self.flown()];
+
+        let body = plant.body();
+        let throttle = self.command.motors.mean() / self.motor_max;
+        let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
+        self.estimator.update(&Readings { throttle, ..readings }, self.tick_s);
+        self.fresh = false;
+
+        let place_m = &setpoint.position_m;
+        let stands = place_m.z <= plant.floor_m(place_m.x, place_m.y);
+        if !stands && self.silent_s(time_s) > MOTORS_STOP_S {
+            self.stopped_s.get_or_insert(time_s);
+        }
+        if stands || self.stopped_s.is_some() {
+            if let Some(filter) = self.estimator.fleet_filter() {
+                filter.rest();
+            }
+            self.refresh_estimate();
+            self.controller.rest(&ahead(&self.estimate, self.yaw_rad));
+            self.command = Command::default();
+            return false;
+        }
+        let due = self.ticks.is_multiple_of(self.ticks_per_command);
+        if due {
+            self.refresh_estimate();
+        }
+        due
+    }
+
+    /// Commands the motors by the drone's controller.
+    pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
+        let flown = self.flown();
+        let setpoint = &plan.setpoints[flown];
+        // A late setpoint says where to go from when it is heard on, until the next one is due.
+        let design_s = match self.link.as_ref().filter(|_| self.streamed) {
+            None => time_s,
+            Some(link) => {
+                let next_s = plan.setpoints.get(flown + 1).map_or(setpoint.time_s, |s| s.time_s);
+                (setpoint.time_s + (time_s - link.since_s())).min(next_s).max(setpoint.time_s)
+            }
+        };
+        let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
+        let mut estimate = self.estimate;
+        let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
+            true => Kind::Level,
+            false if self.lands_from.is_some_and(|row| flown >= row) => Kind::Landing,
+            false => Kind::Sent,
+        };
+        if std::mem::replace(&mut self.kind, kind) != kind {
+            self.controller.change_mode(&ahead(&estimate, self.yaw_rad));
+        }
+        if kind == Kind::Level {
+            level_out(&mut estimate, &mut reference);
+        }
+        if let Some(filter) = self.estimator.altitude() {
+            self.controller.set_thrust_map(filter.thrust_map());
+        }
+        let reference = reference.turned(-self.yaw_rad);
+        self.command = self.controller.command(&ahead(&estimate, self.yaw_rad), &reference);
+    }
+
+    /// Commands the motors m1…m4, which are held within their range; one that is no number stops.
+    pub(super) fn command(&mut self, wanted: [f64; 4]) {
+        let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
+        self.command = Command { motors: motors.into(), saturated: motors != wanted };
+    }
+
+    /// Index of the setpoint that the drone follows.
+    fn flown(&self) -> usize {
+        if self.streamed { self.heard } else { self.setpoint }
+    }
+
+    /// Time since a setpoint was heard; 0 for a trajectory on board.
+    fn silent_s(&self, time_s: f64) -> f64 {
+        let streamed = self.link.as_ref().filter(|_| self.streamed);
+        streamed.map_or(0.0, |link| link.silent_s(time_s))
+    }
+
+    /// Ends a tick.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for a flight that the controller has lost.
+    pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
+        self.ticks += 1;
+        let writes = plan.setpoints[self.setpoint].letter.is_some();
+        self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
+        let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
+        Err(Error::Infeasible {
+            what: format!("the drone {fault} after {time_s:.3} s"),
+            hint: format!(
+                "check {} against the vehicle, and that the plan makes no large jump",
+                tuned_by(self.kinds)
+            ),
+        })
+    }
+
+    /// The estimated state.
+    pub(super) fn estimate(&self) -> &State {
+        &self.estimate
+    }
+
+    /// The design at this instant, without what is added for the drone's own controller.
+    pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
+        let setpoint = &plan.setpoints[self.setpoint];
+        Reference::at(setpoint, setpoint.position_m, time_s)
+    }
+
+    /// A message to the fleet.
+    pub(super) fn message(&mut self) -> Option<Message> {
+        self.estimator.fleet_filter()?.message()
+    }
+
+    /// Receives a message of the fleet.
+    pub(super) fn receive(&mut self, message: &Message) {
+        if let Some(filter) = self.estimator.fleet_filter() {
+            filter.receive(message);
+            self.fresh = false;
+        }
+    }
+
+    /// Commands of the motors m1…m4.
+    pub fn motors(&self) -> [f64; 4] {
+        self.command.motors.into()
+    }
+
+    /// The altitude filter, where the estimator has one.
+    pub fn altitude(&self) -> Option<&AltitudeFilter> {
+        self.estimator.altitude()
+    }
+
+    /// The sensors.
+    pub fn sensors(&self) -> &Sensors {
+        &self.sensors
+    }
+
+    /// The log entry of this tick.
+    pub(super) fn snapshot(&mut self, time_s: f64, plant: &Plant) -> Snapshot {
+        self.refresh_estimate();
+        Snapshot {
+            time_s,
+            state: plant.body().state(),
+            estimate: self.estimate,
+            motors: self.motors(),
+            setpoint: self.setpoint,
+            heard: self.heard,
+            saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
+            battery: plant.battery(),
+            covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
+        }
+    }
+
+    /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at
+    /// which they are used.
+    fn refresh_estimate(&mut self) {
+        if !self.fresh {
+            self.estimate = self.estimator.state();
+            self.fresh = true;
+        }
+    }
+
+    /// Warnings about saturated motors and about the sensors, with those of the plant between them.
+    pub(super) fn warnings(&self, plant: &Plant) -> Vec<Warning> {
+        let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
+        let saturated = (saturated_s > 0.0).then_some(Warning::MotorAtLimit(saturated_s));
+        let silent = self.stopped_s.map(Warning::HostSilent);
+        saturated
+            .into_iter()
+            .chain(silent)
+            .chain(plant.warnings())
+            .chain(self.sensors.warning())
+            .collect()
+    }
+}
+
+/// The setpoint of a plan at which an exported script hands over to the firmware's own landing.
+fn landing(plan: &Plan) -> Option<usize> {
+    let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
+    let written_s = plan.setpoints.get(last + 1)?.time_s;
+    let lands_s = written_s + LANDS_AFTER_S - TIME_TOLERANCE_S;
+    Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
+}
+
+/// A state as if the heading that is held were that of world x, for which controllers are designed.
+fn ahead(state: &State, yaw_rad: f64) -> State {
+    if yaw_rad == 0.0 {
+        return *state;
+    }
+    let mut ahead = *state;
+    ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
+    let (sin, cos) = libm::sincos(state[3] - yaw_rad);
+    ahead[3] = libm::atan2(sin, cos);
+    ahead
+}
+
+/// What the firmware flies without setpoints: level, at the height of the last one, wherever that
+/// takes it. To the controller it looks as if the drone stood at its place in x and y.
+fn level_out(estimate: &mut State, reference: &mut Reference) {
+    let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
+    *reference = Reference::holding(held_m);
+    let world_from_body = attitude(estimate).world_from_body();
+    let rising_m_s = Vector3::z() * (world_from_body * velocity(estimate)).z;
+    estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
+}
+
+/// Keys of the gains and weights of the controller and the estimator that fly.
+fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String {
+    let controller = match controller {
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+            "controller.lqr"
+        }
+        ControllerKind::Pid => "controller.pid",
+        ControllerKind::Geometric => "controller.geometric",
+        ControllerKind::Altitude => "controller.lqr and controller.altitude",
+    };
+    let estimator = match estimator {
+        EstimatorKind::Luenberger => " and observer.luenberger",
+        EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
+            " and observer.ekf"
+        }
+        EstimatorKind::Altitude => " and observer.altitude",
+        EstimatorKind::Truth => "",
+    };
+    format!("{controller}{estimator}")
+}
+
+/// How a drone, or the belief of its estimator, is lost.
+fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {
+    let RigidBody { position_m, velocity_m_s, rate_rad_s, .. } = body;
+    // Without a branch per value, which a processor would have to predict.
+    let near = |values: &[f64]| values.iter().fold(true, |near, x| near & (x.abs() < LOST));
+    let near = near(position_m.as_slice())
+        & near(velocity_m_s.as_slice())
+        & near(rate_rad_s.as_slice())
+        & near(estimate.as_slice());
+    if !near {
+        Some("flies away")
+    } else if body.is_on_its_back() {
+        Some("turns over")
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    #[test]
+    fn a_lost_drone_and_a_lost_observer_are_both_found() {
+        let (body, estimate) = (RigidBody::at(Vector3::z()), State::zeros());
+        assert_eq!(lost(&body, &estimate), None, "at the start");
+        let away = RigidBody { position_m: Vector3::new(f64::NAN, 0.0, 0.0), ..body };
+        assert_eq!(lost(&away, &estimate), Some("flies away"));
+        let mut astray = estimate;
+        astray[6] = -1e5;
+        assert_eq!(lost(&body, &astray), Some("flies away"));
+        for (axis, angle_rad, want) in [
+            (Vector3::x_axis(), -2.0, Some("turns over")),
+            (Vector3::x_axis(), 1.57, None),
+            (Vector3::x_axis(), 1.58, Some("turns over")),
+            (Vector3::y_axis(), -1.57, None),
+            (Vector3::y_axis(), 1.58, Some("turns over")),
+            (Vector3::z_axis(), 3.0, None),
+        ] {
+            let world_from_body = UnitQuaternion::from_axis_angle(&axis, angle_rad);
+            assert_eq!(
+                lost(&RigidBody { world_from_body, ..body }, &estimate),
+                want,
+                "{angle_rad}"
+            );
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Altitude hold: the collective thrust from an estimated thrust map, all else from the regulator
+//! about the moving design.
+//!
+//! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed:
+//! α⁰ and α¹ follow the battery and the load.
+
+use nalgebra::{Vector3, dmatrix};
+
+use super::lqr::Lqr;
+use super::{Command, Controller, Reference};
+use crate::control::lqr;
+use crate::options::{AltitudeHoldOptions, SimOptions};
+use crate::vehicle::{State, attitude, position, velocity};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::Result;
+
+/// Least lift per throttle, m/s²: a gain near zero or below would turn the loop around.
+const LEAST_GAIN_M_S2: f64 = 1.0;
+/// Error of the vertical velocity that weighs as much as `controller.altitude.error_m`.
+const ERROR_M_S: f64 = 1.0;
+/// Cosine of the largest tilt that the throttle makes up for.
+const LEAST_COS_TILT: f64 = 0.5;
+/// Horizontal distance from the design that the regulator sees at most, m. Satellites that are back
+/// after 10 s of silence move the estimate by meters, for which the regulator would turn the drone
+/// over.
+const REACH_M: f64 = 0.5;
+
+/// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThrustMap {
+    /// α⁰, without throttle.
+    pub(crate) offset_m_s2: f64,
+    /// α¹, per unit of throttle.
+    pub(crate) gain_m_s2: f64,
+}
+
+impl ThrustMap {
+    /// Throttle, 0 to 1, for a vertical acceleration.
+    pub fn throttle(&self, acceleration_m_s2: f64) -> f64 {
+        let gain = self.gain_m_s2.max(LEAST_GAIN_M_S2);
+        ((acceleration_m_s2 - self.offset_m_s2) / gain).clamp(0.0, 1.0)
+    }
+}
+
+/// Gains of altitude (1/s²) and vertical velocity (1/s).
+///
+/// # Errors
+///
+/// None that weights within their ranges can meet.
+pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
+    let weight = |scale: f64| 1.0 / (scale * scale);
+    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(ERROR_M_S)];
+    let r = dmatrix![weight(options.acceleration_m_s2)];
+    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &r)?;
+    Ok([k[0], k[1]])
+}
+
+/// The controller.
+#[derive(Debug)]
+pub(super) struct AltitudeHold {
+    regulator: Lqr,
+    gains: [f64; 2],
+    map: ThrustMap,
+    full_thrust_n: f64,
+}
+
+impl AltitudeHold {
+    /// The controller of the options, with the vehicle's own thrust map until another is given.
+    ///
+    /// # Errors
+    ///
+    /// [`noctograph_core::error::Error::Infeasible`] where a regulator's weights have no gain.
+    pub(super) fn new(options: &SimOptions) -> Result<Self> {
+        let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
+        Ok(Self {
+            regulator: Lqr::new(options)?,
+            gains: altitude_gains(&options.controller.altitude)?,
+            map: ThrustMap { offset_m_s2: -GRAVITY_M_S2, gain_m_s2 },
+            full_thrust_n: 4.0 * options.vehicle.full_thrust_n(),
+        })
+    }
+}
+
+/// The estimate, no farther from the design horizontally than the regulator bears.
+fn within_reach(estimate: &State, design_m: &Vector3<f64>) -> State {
+    let off_m = (position(estimate) - design_m).xy();
+    let mut near = *estimate;
+    if off_m.norm() > REACH_M {
+        let at_m = design_m.xy() + off_m * (REACH_M / off_m.norm());
+        near.fixed_rows_mut::<2>(0).copy_from(&at_m);
+    }
+    near
+}
+
+impl Controller for AltitudeHold {
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        let up = attitude(estimate).world_from_body().row(2).into_owned();
+        let velocity_m_s = (up * velocity(estimate))[0];
+        let error_m = position(estimate).z - reference.position_m.z;
+        let [k_z, k_v] = self.gains;
+        let acceleration_m_s2 = reference.acceleration_m_s2.z
+            - k_z * error_m
+            - k_v * (velocity_m_s - reference.velocity_m_s.z);
+        let cos_tilt = up[2].max(LEAST_COS_TILT);
+        let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);
+        let bounded = within_reach(estimate, &reference.position_m);
+        self.regulator.command_lifting(&bounded, reference, Some(throttle * self.full_thrust_n))
+    }
+
+    fn rest(&mut self, estimate: &State) {
+        self.regulator.rest(estimate);
+    }
+
+    fn set_thrust_map(&mut self, map: ThrustMap) {
+        self.map = map;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::at;
+
+    #[test]
+    fn gains_are_those_of_the_double_integrator() {
+        // k_z = √(q_z/r), k_v = √(q_v/r + 2 k_z).
+        let [k_z, k_v] = altitude_gains(&AltitudeHoldOptions::default()).unwrap();
+        assert!((k_z - 8.0).abs() < 1e-9 && (k_v - f64::sqrt(2.56 + 16.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_motors_carry_the_drone_by_the_map_that_was_estimated() {
+        let options = SimOptions::bzzz();
+        let mut controller = AltitudeHold::new(&options).unwrap();
+        let place_m = Vector3::new(0.0, 0.0, 1.5);
+        let reference = Reference::holding(place_m);
+        let share = |controller: &mut AltitudeHold| {
+            controller.rest(&at(place_m, 0.0));
+            let motors = controller.command(&at(place_m, 0.0), &reference).motors;
+            motors.mean() / options.vehicle.motor_max
+        };
+        let hover = options.vehicle.hover_throttle();
+        assert!((share(&mut controller) - hover).abs() < 1e-12, "the vehicle's own");
+        controller.set_thrust_map(ThrustMap { offset_m_s2: -9.0, gain_m_s2: 30.0 });
+        assert!((share(&mut controller) - 0.3).abs() < 1e-12, "the estimated one");
+    }
+    #[test]
+    fn a_position_that_jumps_by_meters_tilts_no_more_than_half_a_meter_does() {
+        let design_m = Vector3::new(1.0, 2.0, 1.5);
+        let seen = |x_m: f64| within_reach(&at(design_m + Vector3::x() * x_m, 0.0), &design_m);
+        assert_eq!(seen(0.3), at(design_m + Vector3::x() * 0.3, 0.0));
+        assert_eq!(seen(-8.0), at(design_m - Vector3::x() * 0.5, 0.0));
+    }
+}

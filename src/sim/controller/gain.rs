@@ -1,0 +1,155 @@
+//! Gains of the linear-quadratic regulators.
+//!
+//! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
+//! second. Where the rotors lag, this one is designed on the model to which the four lagging inputs
+//! are added as states, and where the position is integrated, the three integrals as well
+//! (Anderson, Moore, "Optimal Control", 1990, chapters 3 and 4).
+
+use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
+
+use crate::control::{dynamic, lqr, with_input_lag};
+use crate::options::{ControllerKind, LqrOptions, MotorLag, SimOptions};
+use noctograph_core::error::{Error, Result};
+
+/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
+#[derive(Clone, Debug)]
+pub(crate) struct Gain {
+    /// 4×12; 4×15 where the position is integrated.
+    pub(crate) k: DMatrix<f64>,
+    /// Zero for immediate rotors.
+    pub(crate) k_rotor: Matrix4<f64>,
+}
+
+impl Gain {
+    /// The gain for the model `ẋ = A x + B u`, from [`with_integrals`] where the position is
+    /// integrated.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the weights have no gain.
+    pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
+        let weights = &options.controller.lqr;
+        let n = a.nrows();
+        if let Some(k) = &weights.k {
+            let k = DMatrix::from_row_iterator(4, n, k.iter().flatten().copied());
+            return Ok(Self { k, k_rotor: Matrix4::zeros() });
+        }
+        let q = weights.q.iter().chain(&weights.q_integral).copied().take(n);
+        let r = Vector4::from(weights.r);
+        let Some(lag_s) = modeled_lag_s(options) else {
+            let q = DMatrix::from_diagonal(&DVector::from_iterator(n, q));
+            let r = dynamic(&Matrix4::from_diagonal(&r));
+            let k = lqr(a, b, &q, &r).map_err(without_gain)?;
+            return Ok(Self { k, k_rotor: Matrix4::zeros() });
+        };
+        // Inputs in units that cost 1, so that newtons and millinewton meters are of one size.
+        let size = Matrix4::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
+        let per_size = Matrix4::from_diagonal(&r.map(f64::sqrt));
+        let b = b * dynamic(&size);
+        let [a, b, _] = with_input_lag(a, &b, &DMatrix::zeros(4, n), lag_s);
+        let q = DVector::from_iterator(n + 4, q.chain([0.0; 4]));
+        let k = lqr(&a, &b, &DMatrix::from_diagonal(&q), &DMatrix::identity(4, 4));
+        let k = k.map_err(without_gain)?;
+        let k_rotor = size * k.fixed_view::<4, 4>(0, n) * per_size;
+        Ok(Self { k: dynamic(&size) * k.columns(0, n), k_rotor })
+    }
+}
+
+/// The model at hover, with the integrals of its position as states 12 to 14 where the controller
+/// integrates it.
+pub(crate) fn with_integrals(
+    options: &SimOptions,
+    a: &SMatrix<f64, 12, 12>,
+    b: &SMatrix<f64, 12, 4>,
+) -> [DMatrix<f64>; 2] {
+    if options.controller.kind != ControllerKind::LqrIntegral {
+        return [dynamic(a), dynamic(b)];
+    }
+    let mut a = a.fixed_resize::<15, 15>(0.0);
+    a.fixed_view_mut::<3, 3>(12, 0).fill_with_identity();
+    [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
+}
+
+/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate
+/// motors, and where the lag is ignored or the gain is given.
+pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
+    let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
+    let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
+    (lag_s > 0.0 && *motor_lag == MotorLag::Modeled && k.is_none()).then_some(lag_s)
+}
+
+/// Names the weights that have no gain.
+fn without_gain(error: Error) -> Error {
+    Error::Infeasible {
+        what: format!("controller.lqr.q and .r have no gain: {error}"),
+        hint: error.hint().into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::linearize;
+    use crate::vehicle::{State, Vehicle};
+
+    fn gain(options: &SimOptions) -> Gain {
+        let vehicle = Vehicle::new(&options.vehicle);
+        let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
+        Gain::new(options, &with_integrals(options, &a, &b)).unwrap()
+    }
+
+    #[test]
+    fn gain_is_the_published_one() {
+        let want = [
+            (0, [(1, -0.003982), (5, 0.004536), (7, -0.001970), (9, 0.000557)].as_slice()),
+            (1, &[(0, 0.004877), (4, 0.004880), (6, 0.002247), (10, 0.000568)]),
+            (2, &[(3, 0.001018), (11, 0.000306)]),
+            (3, &[(2, 0.364018), (8, 0.165290)]),
+        ];
+        let mut k = gain(&SimOptions::default()).k;
+        for (row, entries) in want {
+            for &(column, value) in entries {
+                let found = std::mem::replace(&mut k[(row, column)], 0.0);
+                assert!((found - value).abs() < 5.1e-7, "K[{row}, {column}] is {found}");
+            }
+        }
+        assert!(k.norm() < 1e-9, "all others are zero: {k}");
+    }
+
+    #[test]
+    fn gain_for_lagging_rotors_is_that_of_scipy() {
+        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121
+        // s, the team's weights.
+        let team = SimOptions::default().controller;
+        let found = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
+        for (found, want) in [
+            (found.k[(1, 0)], 0.004_876_789_371_787_908),
+            (found.k[(1, 4)], 0.006_612_203_428_033_52),
+            (found.k[(3, 2)], 0.364_017_628_587_216_3),
+            (found.k_rotor[(1, 1)], 2.885_381_350_569_77),
+            (found.k_rotor[(3, 3)], 0.568_869_269_857_286_6),
+        ] {
+            assert!((found / want - 1.0).abs() < 1e-8, "{found} against {want}");
+        }
+    }
+
+    #[test]
+    fn a_given_gain_is_flown_as_it_is() {
+        let mut options = SimOptions::cf21();
+        let row = |row| (0..12).map(|i| f64::from(12 * row + i)).collect();
+        options.controller.lqr.k = Some((0..4).map(row).collect());
+        let found = gain(&options);
+        assert_eq!((found.k[(1, 0)], found.k[(3, 11)]), (12.0, 47.0));
+        assert_eq!(found.k_rotor, Matrix4::zeros());
+        assert_eq!(modeled_lag_s(&options), None);
+    }
+
+    #[test]
+    fn an_ignored_lag_leaves_the_plain_gain() {
+        let mut options = SimOptions::cf21();
+        options.controller.lqr.motor_lag = MotorLag::Ignored;
+        let plain = gain(&options);
+        assert_eq!(plain.k_rotor, Matrix4::zeros());
+        assert!((gain(&SimOptions::cf21()).k - plain.k).norm() > 1e-3);
+    }
+}

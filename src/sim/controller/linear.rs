@@ -1,0 +1,190 @@
+//! A controller with a memory as a linear system about hover, by differences of its own code.
+//!
+//! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
+//! (integrals, last measurements, filters) to motor commands and to the next memory. Central
+//! differences of that map give a discrete system; the inverse of Tustin's transform makes it a
+//! continuous one, which has the same integrals, and derivatives that are right far below the rate
+//! of the commands.
+//!
+//! Not modeled: saturation, and the time for which a command is held. The position loop of the
+//! cascade, which runs at a fifth of the rate, is taken at the full one.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::geometric::Geometric;
+use super::pid::PidCascade;
+use super::{Controller, Reference};
+use crate::options::{ControllerKind, SimOptions};
+use crate::vehicle::{Mixer, State};
+
+/// Step of the differences: 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the units of the
+/// memory. No loop saturates, and rounding stays below 1e-9 of a gain.
+const STEP: f64 = 1e-4;
+
+/// `u = K x + H m` and `dm/dt = F m + G x`: the wrench's deviation from hover for the state's
+/// deviation `x`, and the memory `m`.
+#[derive(Clone, Debug)]
+pub(crate) struct LinearController {
+    pub(crate) k: DMatrix<f64>,
+    pub(crate) h: DMatrix<f64>,
+    pub(crate) f: DMatrix<f64>,
+    pub(crate) g: DMatrix<f64>,
+}
+
+impl LinearController {
+    /// Linearizes the cascade or the geometric controller of the options.
+    pub(crate) fn new(options: &SimOptions) -> Self {
+        let mut options = options.clone();
+        options.rates.position_hz = options.rates.attitude_hz();
+        let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
+        let mixer = Mixer::new(&options.vehicle);
+        if options.controller.kind == ControllerKind::Geometric {
+            Self::of(&Geometric::new(&options), &mixer, tick_s)
+        } else {
+            Self::of(&PidCascade::new(&options), &mixer, tick_s)
+        }
+    }
+
+    fn of<C: Controller + Clone>(controller: &C, mixer: &Mixer, tick_s: f64) -> Self {
+        let at_rest = Reference::holding(Vector3::zeros());
+        let n = controller.clone().memory().len();
+        // Wrench and next memory, for the deviation of one state or one value of the memory.
+        let tick = |index: usize, step: f64| {
+            let mut deviation = vec![0.0; 12 + n];
+            deviation[index] = step;
+            let mut controller = controller.clone();
+            controller.rest(&State::zeros());
+            let memory = controller.memory().into_iter();
+            memory.zip(&deviation[12..]).for_each(|(to, from)| *to = *from);
+            let state = State::from_column_slice(&deviation[..12]);
+            let wrench = mixer.wrench(&controller.command(&state, &at_rest).motors);
+            let next = controller.memory().into_iter().map(|value| *value);
+            DVector::from_iterator(4 + n, wrench.iter().copied().chain(next))
+        };
+        let slopes: Vec<_> =
+            (0..12 + n).map(|i| (tick(i, STEP) - tick(i, -STEP)) / (2.0 * STEP)).collect();
+        let slopes = DMatrix::from_columns(&slopes);
+        let part = |at, size| slopes.view(at, size).into_owned();
+        let (k, h) = (part((0, 0), (4, 12)), part((0, 12), (4, n)));
+        Self { k, h, f: part((4, 12), (n, n)), g: part((4, 0), (n, 12)) }.continuous(tick_s)
+    }
+
+    /// The continuous system whose transform by Tustin, `s = 2 (z − 1) / (T (z + 1))`, is this.
+    fn continuous(self, tick_s: f64) -> Self {
+        let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
+        let inverse = (&one + &self.f).try_inverse().expect("no memory alternates for ever");
+        Self {
+            f: (self.f - one) * &inverse * (2.0 / tick_s),
+            k: self.k - &self.h * &inverse * &self.g,
+            h: self.h * &inverse * &inverse * (4.0 / tick_s),
+            g: self.g,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use super::super::controller;
+    use super::*;
+    use crate::design::design;
+    use crate::options::PidOptions;
+    use crate::vehicle::Vehicle;
+    use noctograph_core::crazyflie::GRAVITY_M_S2;
+
+    #[test]
+    fn the_geometric_law_is_linearized_to_its_own_gains() {
+        let mut options = SimOptions::default();
+        options.controller.kind = ControllerKind::Geometric;
+        let found = LinearController::new(&options);
+        let (gains, vehicle) = (&options.controller.geometric, &options.vehicle);
+        let [_, j_y, _] = vehicle.inertia_kg_m2;
+        let near = |found: f64, want: f64, what: &str| {
+            assert!((found / want - 1.0).abs() < 2e-3, "{what}: {found} instead of {want}");
+        };
+        assert_eq!(found.f.nrows(), 6);
+        near(found.k[(3, 2)], -vehicle.mass_kg * gains.k_position, "thrust per height");
+        near(found.k[(3, 8)], -vehicle.mass_kg * gains.k_velocity, "thrust per climb");
+        near(found.k[(1, 10)], -j_y * gains.k_rate[1], "torque per pitch rate");
+        let forward = -j_y * gains.k_attitude[1] * gains.k_position / GRAVITY_M_S2;
+        near(found.k[(1, 0)], forward, "torque per distance");
+        // An integral of the position error acts as k_position_integral per second.
+        let integral = found.h.row(3) * found.g.column(2);
+        near(integral[0], -vehicle.mass_kg * gains.k_position_integral, "thrust per integral");
+        assert!(found.f.diagonal().norm() < 1e-6, "integrals do not decay: {}", found.f);
+    }
+
+    #[test]
+    fn the_cascades_memory_is_what_its_gains_use() {
+        let mut options = SimOptions::cf21();
+        options.controller.kind = ControllerKind::Pid;
+        let of = |options: &SimOptions| LinearController::new(options).f.nrows();
+        assert_eq!(of(&options), 13, "ten integrals, three derivatives");
+        let pid = &mut options.controller.pid;
+        (pid.roll_rate[1], pid.pitch_rate[1]) = (0.0, 0.0);
+        assert_eq!(of(&options), 11, "no integral of the roll and pitch rate");
+        options.controller.pid = PidOptions::default();
+        options.vehicle.motor_rise_s = 0.0;
+        assert_eq!(of(&options), 21, "immediate motors need filters");
+    }
+
+    /// Whether a drone that hovers, tilted a little, comes to rest under the controller of the
+    /// options whose commands reach one input so many ticks later.
+    fn comes_to_rest(options: &SimOptions, input: usize, late_ticks: usize) -> bool {
+        let options = options.rehearsal();
+        let (vehicle, mixer) = (Vehicle::new(&options.vehicle), Mixer::new(&options.vehicle));
+        let mut controller = controller(&options).unwrap();
+        let at_rest = Reference::holding(Vector3::zeros());
+        let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
+        let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
+        let remaining = libm::exp(-0.1 * tick_s / lag_s);
+        let (mut state, hover) = (State::zeros(), vehicle.hover());
+        controller.rest(&state);
+        // What the cascade commands at rest is not hover: its integral makes up for that in flight.
+        let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
+        controller.rest(&state);
+        let mut rotors = hover;
+        let mut underway: VecDeque<f64> = vec![0.0; late_ticks].into();
+        state.fixed_rows_mut::<9>(3).fill(2e-4);
+        let mut sizes = Vec::new();
+        for _ in 0..5000 {
+            let mut wanted = mixer.wrench(&controller.command(&state, &at_rest).motors) - base;
+            underway.push_back(wanted[input]);
+            wanted[input] = underway.pop_front().unwrap();
+            for _ in 0..10 {
+                rotors = (hover + wanted) + (rotors - hover - wanted) * remaining;
+                state = vehicle.step(&state, &rotors, 0.1 * tick_s);
+            }
+            sizes.push(state.fixed_rows::<9>(3).norm());
+            if sizes[sizes.len() - 1] > 0.5 {
+                return false;
+            }
+        }
+        let most = |sizes: &[f64]| sizes.iter().copied().fold(0.0, f64::max);
+        most(&sizes[4500..]) < most(&sizes[2000..2500])
+    }
+
+    #[test]
+    fn the_delay_that_the_margins_allow_is_that_of_the_simulated_drone() {
+        for kind in [ControllerKind::Pid, ControllerKind::Geometric] {
+            let mut options = SimOptions::cf21();
+            options.controller.kind = kind;
+            let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
+            let design = design(&options, lag_s).unwrap();
+            assert!(design.k.is_none() && design.n_controller_states >= 6);
+            let margins = design.lagging_margins.expect("stable");
+            for (input, name) in [(1, "tau_y"), (3, "f_z")] {
+                let one = margins[input];
+                let delay_s = one.phase_rad.unwrap() / one.crossover_rad_s.unwrap();
+                println!("{kind:?} {name}: {delay_s:.4} s, {one:?}");
+                // Commands are held for 2 ms, which is 1 ms of delay.
+                #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
+                let ticks = |share: f64| (share * delay_s / 0.002 - 0.5).max(0.0) as usize;
+                let stays = |share: f64| comes_to_rest(&options, input, ticks(share));
+                assert!(stays(0.8), "{kind:?} {name}: 0.8 of {delay_s} s");
+                assert!(!stays(1.25), "{kind:?} {name}: 1.25 of {delay_s} s");
+            }
+        }
+    }
+}

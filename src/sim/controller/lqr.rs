@@ -1,0 +1,197 @@
+//! Linear-quadratic regulators: the reference flight's, one with the design fed forward, and one
+//! with integral action, which leaves no standing error under a constant disturbance.
+
+use nalgebra::{Matrix4, SMatrix, Vector3};
+
+use super::gain::{Gain, modeled_lag_s, with_integrals};
+use super::{Command, Controller, Reference};
+use crate::control::linearize;
+use crate::options::{ControllerKind, SimOptions};
+use crate::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
+use noctograph_core::error::Result;
+
+/// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
+/// needs 0.16; more than the bound would take seconds to undo.
+const MAX_SUM: f64 = 1.0;
+
+/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`; the last term where the
+/// rotors lag.
+///
+/// The reference is the held setpoint, at rest and level, which the drone trails by half a second;
+/// or the moving design with the attitude and the thrust that its acceleration needs. About held
+/// setpoints an integral would overshoot by as much as the drone trails, so that the regulator with
+/// integrals follows the design.
+#[derive(Clone, Debug)]
+pub(super) struct Lqr {
+    k: SMatrix<f64, 4, 12>,
+    /// Zero without integral action.
+    k_integral: SMatrix<f64, 4, 3>,
+    k_rotor: Matrix4<f64>,
+    follows_design: bool,
+    hover: Wrench,
+    mass_kg: f64,
+    mixer: Mixer,
+    tick_s: f64,
+    /// Output of the modeled rotors. Nothing measures it: the controller applies the lag to its own
+    /// commands.
+    rotors: Wrench,
+    /// Share of the rotors' old output that remains when the next command is sent; 0 for immediate
+    /// rotors.
+    remaining: f64,
+    /// Integral of the position error, m s.
+    sum: Vector3<f64>,
+}
+
+impl Lqr {
+    /// The regulator of the options, from the model at hover with the center of mass in the middle.
+    ///
+    /// # Errors
+    ///
+    /// [`noctograph_core::error::Error::Infeasible`] where the weights have no gain.
+    pub(super) fn new(options: &SimOptions) -> Result<Self> {
+        let vehicle = Vehicle::new(&options.vehicle);
+        let hover = vehicle.hover();
+        let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
+        let kind = options.controller.kind;
+        let Gain { k, k_rotor } = Gain::new(options, &with_integrals(options, &a, &b))?;
+        let is_integral = kind == ControllerKind::LqrIntegral;
+        let k_integral = is_integral.then(|| k.fixed_view::<4, 3>(0, 12).into_owned());
+        let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
+        Ok(Self {
+            k: k.fixed_view::<4, 12>(0, 0).into_owned(),
+            k_integral: k_integral.unwrap_or_default(),
+            k_rotor,
+            follows_design: kind.follows_design(),
+            hover,
+            mass_kg: options.vehicle.mass_kg,
+            mixer: Mixer::new(&options.vehicle),
+            tick_s,
+            rotors: hover,
+            remaining: modeled_lag_s(options).map_or(0.0, |lag_s| libm::exp(-tick_s / lag_s)),
+            sum: Vector3::zeros(),
+        })
+    }
+
+    /// Wanted wrench, and the error of the position.
+    fn wrench(&self, estimate: &State, reference: &Reference) -> (Wrench, Vector3<f64>) {
+        let (state, trim) = if self.follows_design {
+            let (state, thrust_m_s2) = reference.trim();
+            (state, Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2))
+        } else {
+            (at(reference.held_m, 0.0), self.hover)
+        };
+        let (error, rotors) = (estimate - state, self.rotors - trim);
+        let wrench = trim - self.k * error - self.k_integral * self.sum - self.k_rotor * rotors;
+        (wrench, position(&error))
+    }
+
+    /// Adds a tick's error to the integral, within its bound. While the motors cannot follow, the
+    /// integral only shrinks.
+    fn integrate(&mut self, error_m: &Vector3<f64>, saturated: bool) {
+        for (sum, error_m) in self.sum.iter_mut().zip(error_m) {
+            if !saturated || *sum * error_m < 0.0 {
+                *sum = (*sum + error_m * self.tick_s).clamp(-MAX_SUM, MAX_SUM);
+            }
+        }
+    }
+
+    /// Moves the modeled rotors on to the next command.
+    fn send(&mut self, wrench: &Wrench) {
+        self.rotors = wrench + (self.rotors - wrench) * self.remaining;
+    }
+
+    /// The command, with another collective thrust where one is given.
+    pub(super) fn command_lifting(
+        &mut self,
+        estimate: &State,
+        reference: &Reference,
+        thrust_n: Option<f64>,
+    ) -> Command {
+        let (mut wrench, error_m) = self.wrench(estimate, reference);
+        wrench[3] = thrust_n.unwrap_or(wrench[3]);
+        let (motors, saturated) = self.mixer.motors(&wrench);
+        self.send(&self.mixer.wrench(&motors));
+        self.integrate(&error_m, saturated);
+        Command { motors, saturated }
+    }
+}
+
+impl Controller for Lqr {
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        self.command_lifting(estimate, reference, None)
+    }
+
+    fn rest(&mut self, _: &State) {
+        self.sum = Vector3::zeros();
+        self.rotors = Wrench::zeros();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn regulator(kind: ControllerKind) -> Lqr {
+        let mut options = SimOptions::default();
+        options.controller.kind = kind;
+        Lqr::new(&options).unwrap()
+    }
+
+    #[test]
+    fn without_error_a_regulator_commands_its_trim() {
+        let reference = Reference {
+            held_m: Vector3::new(0.3, 0.1, 0.8),
+            position_m: Vector3::new(0.3, 0.2, 0.8),
+            velocity_m_s: Vector3::new(0.2, 0.1, -0.1),
+            acceleration_m_s2: Vector3::new(0.0, 0.0, 1.19),
+        };
+        let held = regulator(ControllerKind::Lqr);
+        assert_eq!(held.wrench(&at(reference.held_m, 0.0), &reference).0, held.hover);
+        let design = regulator(ControllerKind::LqrFeedforward);
+        let found = design.wrench(&reference.trim().0, &reference).0;
+        let want = Wrench::new(0.0, 0.0, 0.0, 0.0351 * 11.0);
+        assert!((found - want).norm() < 1e-15, "{found}");
+    }
+
+    #[test]
+    fn a_saturated_command_stops_the_integral_from_growing_but_not_from_shrinking() {
+        let mut controller = regulator(ControllerKind::LqrIntegral);
+        let error = Vector3::new(0.5, -0.5, 0.5);
+        controller.integrate(&error, true);
+        assert_eq!(controller.sum, Vector3::zeros(), "held");
+        (0..100_000).for_each(|_| controller.integrate(&error, false));
+        assert_eq!(controller.sum, Vector3::new(1.0, -1.0, 1.0), "bounded");
+        (0..500).for_each(|_| controller.integrate(&-error, true));
+        assert!((controller.sum - error).norm() < 1e-9, "unwound: {}", controller.sum);
+        controller.rest(&State::zeros());
+        assert_eq!(controller.sum, Vector3::zeros(), "forgotten");
+    }
+
+    #[test]
+    fn weights_without_a_gain_are_named() {
+        let refused = |kind, change: fn(&mut SimOptions)| {
+            let mut options = SimOptions::default();
+            options.controller.kind = kind;
+            change(&mut options);
+            Lqr::new(&options).unwrap_err().to_string()
+        };
+        let without = refused(ControllerKind::Lqr, |o| o.controller.lqr.q = [0.0; 12]);
+        assert!(without.starts_with("controller.lqr.q"), "{without}");
+        let without =
+            refused(ControllerKind::LqrIntegral, |o| o.controller.lqr.q_integral = [0.0; 3]);
+        assert!(without.contains("no gain"), "{without}");
+    }
+
+    #[test]
+    fn modeled_rotors_follow_as_the_lag_says() {
+        let mut options = SimOptions::cf21();
+        (options.vehicle.motor_rise_s, options.vehicle.motor_fall_s) = (0.1, 0.1);
+        let mut controller = Lqr::new(&options).unwrap();
+        controller.rest(&State::zeros());
+        (0..50).for_each(|_| controller.send(&Wrench::w()));
+        assert!((controller.rotors[3] - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
+        let mut immediate = regulator(ControllerKind::Lqr);
+        immediate.send(&Wrench::w());
+        assert_eq!(immediate.rotors, Wrench::w());
+    }
+}

@@ -1,0 +1,374 @@
+//! The firmware's default controller: a cascade of PID loops on held position setpoints.
+//!
+//! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second;
+//! attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
+//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
+//! are unchanged; pitch has our sign.
+//!
+//! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
+//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`; its own
+//! C, compiled, gave the numbers that a test here compares with. Derivatives are unfiltered, as on
+//! a Crazyflie 2.x by default: those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false,
+//! those of position and velocity because their gain is 0. Immediate motors need the rate's filter.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use nalgebra::{Vector3, Vector4};
+
+use super::{Command, Controller, Reference};
+use crate::options::{PidOptions, SimOptions};
+use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
+
+/// Full command of a motor in the firmware.
+const FULL: f64 = 65_535.0;
+/// Command of the vertical velocity loop's unit (`thrustScale`).
+const THRUST_SCALE: f64 = 1000.0;
+/// Smallest command in the air (`PID_VEL_THRUST_MIN`).
+const THRUST_MIN: f64 = 20_000.0;
+/// Largest roll and pitch, degrees (`PID_VEL_ROLL_MAX`, `PID_VEL_PITCH_MAX`).
+const TILT_MAX: f64 = 20.0;
+/// Largest wanted speed per axis, m/s (`PID_POS_VEL_X_MAX` …).
+const SPEED_MAX: f64 = 1.0;
+/// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
+const OVERHEAD: f64 = 1.1;
+/// Bound of an integral where the firmware names none (`DEFAULT_PID_INTEGRATION_LIMIT`).
+const INTEGRAL_MAX: f64 = 5000.0;
+/// Bound of a rate loop's output (`saturateSignedInt16`).
+const COMMAND_MAX: f64 = 32_767.0;
+
+/// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
+/// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
+/// needs it, or the derivative alone (1.6 times the change of the rate, every 2 ms) throws it over.
+const RATE_CUTOFF_HZ: f64 = 30.0;
+
+/// Butterworth low-pass filter of order 2 by the bilinear transform.
+#[derive(Clone, Debug)]
+struct LowPass {
+    /// Gain of the newest input; twice that of the one before, and once of the one before that.
+    b: f64,
+    /// Of the last two outputs, subtracted.
+    a: [f64; 2],
+    inputs: [f64; 2],
+    outputs: [f64; 2],
+}
+
+impl LowPass {
+    fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
+        let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
+        let scale = 1.0 + SQRT_2 * w + w * w;
+        let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
+        Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
+    }
+
+    fn update(&mut self, input: f64) -> f64 {
+        let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
+        let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
+        (self.inputs, self.outputs) = ([input, x1], [output, y1]);
+        output
+    }
+}
+
+/// One loop: proportional, integral and derivative gain, bound of the integral, bound of the
+/// output. The derivative is that of the measurement, so that a step of the setpoint gives no kick.
+#[derive(Clone, Debug)]
+struct Pid {
+    gains: [f64; 3],
+    integral_max: f64,
+    output_max: f64,
+    dt_s: f64,
+    filter: Option<LowPass>,
+    integral: f64,
+    measured: f64,
+}
+
+impl Pid {
+    fn new(gains: [f64; 3], integral_max: f64, output_max: f64, rate_hz: u32) -> Self {
+        let dt_s = 1.0 / f64::from(rate_hz);
+        let (filter, integral, measured) = (None, 0.0, 0.0);
+        Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
+    }
+
+    fn update(&mut self, error: f64, measured: f64) -> f64 {
+        let [kp, ki, kd] = self.gains;
+        let slope = (measured - self.measured) / self.dt_s;
+        let slope = self.filter.as_mut().map_or(slope, |filter| filter.update(slope));
+        self.measured = measured;
+        let integral = self.integral + error * self.dt_s;
+        self.integral = integral.clamp(-self.integral_max, self.integral_max);
+        let output = kp * error + ki * self.integral - kd * slope;
+        output.clamp(-self.output_max, self.output_max)
+    }
+
+    /// Integral, last measurement and filter, as far as the gains use them.
+    fn memory(&mut self) -> impl Iterator<Item = &mut f64> {
+        let [_, ki, kd] = self.gains;
+        let integral = (ki != 0.0).then_some(&mut self.integral);
+        let measured = (kd != 0.0).then_some(&mut self.measured);
+        let filter = self.filter.as_mut().filter(|_| kd != 0.0);
+        let filter = filter.map(|filter| filter.inputs.iter_mut().chain(&mut filter.outputs));
+        integral.into_iter().chain(measured).chain(filter.into_iter().flatten())
+    }
+
+    fn reset(&mut self, measured: f64) {
+        (self.integral, self.measured) = (0.0, measured);
+        if let Some(filter) = &mut self.filter {
+            (filter.inputs, filter.outputs) = ([0.0; 2], [0.0; 2]);
+        }
+    }
+}
+
+/// The cascade with the state of its twelve loops, each three in the order x y z or roll pitch yaw.
+#[derive(Clone, Debug)]
+pub(super) struct PidCascade {
+    position: [Pid; 3],
+    velocity: [Pid; 3],
+    attitude: [Pid; 3],
+    rate: [Pid; 3],
+    /// Largest command, if the battery's compensation does not cap the motors.
+    most: f64,
+    /// Motor command per unit of the firmware's.
+    scale: f64,
+    ticks_per_position: u32,
+    ticks: u32,
+    /// Wanted roll and pitch, degrees.
+    wanted: [f64; 2],
+    thrust: f64,
+    thrust_base: f64,
+    /// Whether all loops begin anew with another kind of setpoint.
+    resets: bool,
+}
+
+impl PidCascade {
+    pub(super) fn new(options: &SimOptions) -> Self {
+        let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
+        let slow = |gains, output_max| Pid::new(gains, INTEGRAL_MAX, output_max, slow_hz);
+        let fast = |gains, integral, output_max| Pid::new(gains, integral, output_max, fast_hz);
+        let speed_max = SPEED_MAX * OVERHEAD;
+        let tilt_max = TILT_MAX * OVERHEAD;
+        let vehicle = &options.vehicle;
+        let PidOptions { thrust_base, .. } = options.controller.pid;
+        let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
+        let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
+        let [position, velocity, attitude, rate] = options.controller.pid.gains();
+        let with_bounds = |loops: [[f64; 3]; 3], bounds: [f64; 3], output_max: f64| {
+            std::array::from_fn(|i| fast(loops[i], bounds[i], output_max))
+        };
+        let [vx, vy, vz] = velocity;
+        let mut rate: [Pid; 3] = with_bounds(rate, [33.3, 33.3, 166.7], COMMAND_MAX);
+        rate[..2].iter_mut().for_each(|of_tilt| of_tilt.filter.clone_from(&filter));
+        Self {
+            position: position.map(|gains| slow(gains, speed_max)),
+            velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
+            attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
+            rate,
+            most: if options.battery.is_compensated() { f64::INFINITY } else { vehicle.motor_max },
+            scale: options.vehicle.motor_max / FULL,
+            ticks_per_position: fast_hz / slow_hz,
+            ticks: 0,
+            wanted: [0.0; 2],
+            thrust: 0.0,
+            thrust_base,
+            resets: vehicle.firmware.resets_loops(),
+        }
+    }
+
+    /// Forgets integrals and derivatives (`controllerPidReinitialize`).
+    fn begin_anew(&mut self, estimate: &State) {
+        let (here, now) = (position(estimate), angles(estimate));
+        for i in 0..3 {
+            self.position[i].reset(here[i]);
+            self.velocity[i].reset(0.0);
+            self.attitude[i].reset(now[i]);
+            self.rate[i].reset(0.0);
+        }
+        self.wanted = [now[0], now[1]];
+    }
+
+    /// Position and velocity loops: wanted roll, pitch and thrust.
+    fn outer(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
+        let attitude = attitude(estimate);
+        let (sin, cos) = libm::sincos(attitude.yaw_rad);
+        let turned = |v: Vector3<f64>| [v.x * cos + v.y * sin, -v.x * sin + v.y * cos, v.z];
+        let there = turned(setpoint_m);
+        let here = turned(position(estimate));
+        let moving = turned(attitude.world_from_body() * velocity(estimate));
+        let mut out = [0.0; 3];
+        for i in 0..3 {
+            let wanted = self.position[i].update(there[i] - here[i], here[i]);
+            out[i] = self.velocity[i].update(wanted - moving[i], moving[i]);
+        }
+        let [ahead, left, up] = out;
+        self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
+        self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
+    }
+
+    /// Attitude and rate loops: roll, pitch and yaw commands. The yaw is held at 0.
+    fn inner(&mut self, estimate: &State) -> [f64; 3] {
+        let now = angles(estimate);
+        let turning = rate(estimate).map(f64::to_degrees);
+        let wanted = [self.wanted[0], self.wanted[1], 0.0];
+        let mut out = [0.0; 3];
+        for i in 0..3 {
+            let error = wanted[i] - now[i];
+            // The shorter way round, which only the yaw can need.
+            let error = error - 360.0 * (error / 360.0).round();
+            let wanted_rate = self.attitude[i].update(error, now[i]);
+            out[i] = self.rate[i].update(wanted_rate - turning[i], turning[i]);
+        }
+        out
+    }
+}
+
+impl Controller for PidCascade {
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        if self.ticks.is_multiple_of(self.ticks_per_position) {
+            self.outer(estimate, reference.held_m);
+        }
+        self.ticks += 1;
+        let [roll, pitch, yaw] = self.inner(estimate);
+        let commands = Vector4::new(roll / 2.0, pitch / 2.0, yaw, self.thrust) * self.scale;
+        let (motors, saturated) = Mixer::motors_from_commands(&commands, self.most);
+        Command { motors, saturated }
+    }
+
+    fn rest(&mut self, estimate: &State) {
+        self.begin_anew(estimate);
+        self.ticks = 0;
+    }
+
+    fn change_mode(&mut self, estimate: &State) {
+        if self.resets {
+            self.begin_anew(estimate);
+        }
+    }
+
+    fn memory(&mut self) -> Vec<&mut f64> {
+        let loops = [&mut self.position, &mut self.velocity, &mut self.attitude, &mut self.rate];
+        loops.into_iter().flatten().flat_map(Pid::memory).collect()
+    }
+}
+
+/// Roll, pitch and yaw in degrees.
+fn angles(state: &State) -> [f64; 3] {
+    let attitude = attitude(state);
+    [attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad].map(f64::to_degrees)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::at;
+    use noctograph_core::crazyflie::Release;
+
+    fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
+        let mut cascade = PidCascade::new(&SimOptions::default());
+        cascade.rest(estimate);
+        let motors = cascade.command(estimate, &Reference::holding(held_m)).motors;
+        (cascade, motors)
+    }
+
+    #[test]
+    fn a_drone_in_place_is_given_the_firmwares_base_thrust() {
+        let place = Vector3::new(0.3, 0.1, 0.8);
+        assert_eq!(asked(&at(place, 0.0), place).1, Vector4::repeat(36_000.0));
+        let brushless = PidCascade::new(&SimOptions::cf_brushless());
+        assert_eq!(brushless.thrust_base, 30_000.0, "platform_defaults_cf21bl.h");
+        assert_eq!(brushless.rate[1].gains, [200.0, 400.0, 2.5], "platform_defaults_cf21bl.h");
+    }
+
+    #[test]
+    fn a_setpoint_ahead_tips_the_nose_down_and_one_to_the_left_rolls_left() {
+        // 0.1 m × 2 /s × (25 + 1 × 10 ms) °/(m/s).
+        let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.1, 0.0, 0.0));
+        assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "pitch {}", cascade.wanted[1]);
+        assert!(motors[1] > motors[0] && motors[2] > motors[3], "the rear lifts: {motors}");
+        let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.0, 0.1, 0.0));
+        assert!((cascade.wanted[0] + 5.002).abs() < 1e-12, "roll {}", cascade.wanted[0]);
+        assert!(motors[0] > motors[3] && motors[1] > motors[2], "the right lifts: {motors}");
+        let turned = at(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
+        let (cascade, _) = asked(&turned, Vector3::new(0.0, 0.1, 0.0));
+        assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "ahead of a drone that looks along y");
+    }
+
+    #[test]
+    fn commands_are_those_of_the_firmwares_own_code() {
+        let recorded = include_str!("recorded/pid.txt");
+        let mut rows = recorded.lines().filter(|line| !line.starts_with('#'));
+        let mut cascade = PidCascade::new(&SimOptions::cf21());
+        let mut worst = [0.0_f64; 4];
+        for k in 0..2000_u32 {
+            let (t, grows) = (0.002 * f64::from(k), if k < 1000 { 1.0 } else { 4.0 });
+            let sin = |amplitude: f64, w: f64| amplitude * libm::sin(w * t);
+            let held_m = Vector3::new(sin(0.3, 1.3), sin(0.2, 0.9), 0.8 + sin(0.1, 0.7));
+            let off_m = Vector3::new(sin(0.03, 3.1), sin(-0.02, 2.3), sin(0.02, 1.9)) * grows;
+            let moving = Vector3::new(sin(0.2, 2.9), sin(0.15, 3.7), sin(0.1, 2.2)) * grows;
+            let attitude = noctograph_core::geometry::Attitude {
+                yaw_rad: sin(0.3, 1.1),
+                pitch_rad: sin(0.05, 5.3) * grows,
+                roll_rad: sin(0.06, 4.7) * grows,
+            };
+            let mut state = at(held_m + off_m, attitude.yaw_rad);
+            (state[4], state[5]) = (attitude.pitch_rad, attitude.roll_rad);
+            let in_body = attitude.world_from_body().tr_mul(&moving);
+            state.fixed_rows_mut::<3>(6).copy_from(&in_body);
+            let rate = Vector3::new(sin(0.5, 11.0), sin(0.4, 13.0), sin(0.2, 7.0)) * grows;
+            state.fixed_rows_mut::<3>(9).copy_from(&rate);
+            if k == 0 {
+                cascade.rest(&state);
+            }
+            if k.is_multiple_of(5) {
+                cascade.outer(&state, held_m);
+            }
+            let [roll, pitch, yaw] = cascade.inner(&state);
+            if k % 5 == 4 {
+                let row: Vec<f64> =
+                    rows.next().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
+                assert_eq!(row[0], f64::from(k));
+                let found = [roll, pitch, yaw, cascade.thrust];
+                for (i, worst) in worst.iter_mut().enumerate() {
+                    *worst = worst.max((found[i] - row[i + 1]).abs());
+                }
+            }
+        }
+        println!("roll, pitch, yaw and thrust off by {worst:?}");
+        assert!(worst[..3].iter().all(|worst| *worst < 1.2), "of 32,767: {worst:?}");
+        assert!(worst[3] < 0.1, "thrust {} of 65,535", worst[3]);
+    }
+
+    #[test]
+    fn another_kind_of_setpoint_empties_the_integrals_since_release_2026_08() {
+        let place = Vector3::new(0.3, 0.1, 0.8);
+        for (release, keeps) in [(Release::R2026_04, true), (Release::R2026_08, false)] {
+            let mut options = SimOptions::cf21();
+            options.vehicle.firmware = release;
+            let mut cascade = PidCascade::new(&options);
+            cascade.rest(&at(place, 0.0));
+            (0..50).for_each(|_| cascade.outer(&at(place, 0.0), place + Vector3::z() * 0.1));
+            cascade.change_mode(&at(place, 0.0));
+            assert_eq!(cascade.velocity[2].integral != 0.0, keeps, "{release:?}");
+        }
+    }
+
+    #[test]
+    fn the_filter_passes_what_is_slow_and_halves_the_power_at_its_cut_off() {
+        let amplitude = |frequency_hz: f64| {
+            let mut filter = LowPass::new(30.0, 500);
+            let w = 2.0 * PI * frequency_hz / 500.0;
+            let out = (0..1000).map(|i| filter.update(libm::sin(w * f64::from(i))));
+            out.skip(500).fold(0.0, f64::max)
+        };
+        assert!((amplitude(1.0) - 1.0).abs() < 1e-3, "{}", amplitude(1.0));
+        assert!((amplitude(30.0) - 0.5_f64.sqrt()).abs() < 1e-2, "{}", amplitude(30.0));
+        assert!(amplitude(200.0) < 0.01, "{}", amplitude(200.0));
+    }
+
+    #[test]
+    fn speed_tilt_and_integrals_are_bounded() {
+        let (cascade, _) = asked(&State::zeros(), Vector3::new(9.0, -9.0, 9.0));
+        assert_eq!(cascade.wanted, [20.0, 20.0]);
+        assert_eq!(cascade.thrust, 36_000.0 + 1000.0 * 1.1 * (25.0 + 0.15));
+        let mut pid = Pid::new([0.0, 1.0, 0.0], 2.0, 1.5, 100);
+        (0..1000).for_each(|_| assert!(pid.update(1.0, 0.0) <= 1.5, "bounded"));
+        assert_eq!(pid.integral, 2.0);
+    }
+}

@@ -1,0 +1,95 @@
+//! The reference at one instant.
+
+use nalgebra::Vector3;
+
+use crate::vehicle::State;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::geometry::{Attitude, turned};
+use noctograph_core::plan::Setpoint;
+
+/// A setpoint at one instant: as it was sent, and as the design has moved on since.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reference {
+    /// Position as sent, held until the next setpoint.
+    pub(super) held_m: Vector3<f64>,
+    /// Position of the design now, with the offset of the sent position from the setpoint.
+    pub(crate) position_m: Vector3<f64>,
+    /// Velocity of the design now.
+    pub(crate) velocity_m_s: Vector3<f64>,
+    /// Acceleration of the design.
+    pub(crate) acceleration_m_s2: Vector3<f64>,
+}
+
+impl Reference {
+    /// A setpoint with the position that is sent for it; `time_s` is at or after its own.
+    pub(crate) fn at(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
+        let since_s = time_s - setpoint.time_s;
+        Self {
+            held_m: sent_m,
+            position_m: setpoint.design_m(time_s) + (sent_m - setpoint.position_m),
+            velocity_m_s: setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s,
+            acceleration_m_s2: setpoint.acceleration_m_s2,
+        }
+    }
+
+    /// A place that is held.
+    pub(crate) fn holding(place_m: Vector3<f64>) -> Self {
+        let still = Vector3::zeros();
+        Self { held_m: place_m, position_m: place_m, velocity_m_s: still, acceleration_m_s2: still }
+    }
+
+    /// The same, turned about the vertical axis.
+    pub(crate) fn turned(self, angle_rad: f64) -> Self {
+        let Self { held_m, position_m, velocity_m_s, acceleration_m_s2 } = self;
+        let [held_m, position_m, velocity_m_s, acceleration_m_s2] =
+            [held_m, position_m, velocity_m_s, acceleration_m_s2].map(|v| turned(&v, angle_rad));
+        Self { held_m, position_m, velocity_m_s, acceleration_m_s2 }
+    }
+
+    /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the
+    /// design without any error: a quadrotor is differentially flat (Mellinger, Kumar, ICRA 2011).
+    ///
+    /// The thrust carries gravity and the acceleration, and the attitude points it there. The body
+    /// does not turn: between two setpoints the acceleration is constant.
+    pub(super) fn trim(&self) -> (State, f64) {
+        let force = self.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2;
+        let size = force.norm();
+        let pitch_rad = libm::atan2(force.x, force.z);
+        let roll_rad = libm::asin(-force.y / size);
+        let world_from_body = Attitude { yaw_rad: 0.0, pitch_rad, roll_rad }.world_from_body();
+        let mut state = State::zeros();
+        state.fixed_rows_mut::<3>(0).copy_from(&self.position_m);
+        (state[4], state[5]) = (pitch_rad, roll_rad);
+        let velocity_body_m_s = world_from_body.transpose() * self.velocity_m_s;
+        state.fixed_rows_mut::<3>(6).copy_from(&velocity_body_m_s);
+        (state, size)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::{Vehicle, VehicleOptions, Wrench, attitude, velocity};
+
+    #[test]
+    fn the_trim_moves_and_accelerates_as_the_design_does() {
+        let setpoint = Setpoint {
+            time_s: 1.0,
+            position_m: Vector3::new(0.1, 0.2, 0.7),
+            velocity_m_s: Vector3::new(0.3, -0.2, 0.1),
+            acceleration_m_s2: Vector3::new(2.0, -1.0, 0.5),
+            letter: None,
+        };
+        let reference = Reference::at(&setpoint, setpoint.position_m, 1.1);
+        let (state, thrust) = reference.trim();
+        assert_eq!(reference.held_m, setpoint.position_m);
+        let options = VehicleOptions::default();
+        let wrench = Wrench::new(0.0, 0.0, 0.0, thrust * options.mass_kg);
+        let world = |s: &State| attitude(s).world_from_body() * velocity(s);
+        let wanted = Vector3::new(0.5, -0.3, 0.15);
+        assert!((world(&state) - wanted).norm() < 1e-12, "velocity {}", world(&state));
+        let slope = Vehicle::new(&options).derivative(&state, &wrench);
+        let found = (world(&(state + slope * 1e-6)) - world(&state)) / 1e-6;
+        assert!((found - setpoint.acceleration_m_s2).norm() < 1e-5, "acceleration {found}");
+    }
+}

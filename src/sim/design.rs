@@ -1,0 +1,279 @@
+//! Design: gains of regulator and observer for a drone, and their stability margins.
+//!
+//! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
+//! both gains come from their Riccati equations, and poles and margins of the closed loop are
+//! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
+//! controller have no such gain: their own code is linearized at hover, and poles and margins are
+//! those of its loops.
+//!
+//! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
+//! (1975), for the weights. The gain is designed without the drone's drag; the model that is
+//! printed, its poles and margins have it. Not modeled: the observer's own part in the margins,
+//! the time between two ticks.
+
+use nalgebra::{Complex, DMatrix, Matrix4, SMatrix};
+use serde::{Serialize, Serializer};
+
+use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
+use super::estimator::{hover_model, observer_gain, without_yaw};
+use super::options::{ControllerKind, SimOptions};
+use crate::control::{
+    Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
+    unobservable_states, with_input_lag,
+};
+use crate::vehicle::{Mixer, State, Vehicle, VehicleOptions, Wrench};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::{Result, within};
+
+/// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
+/// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights
+/// gave 0.05 to 0.14 s.
+pub const MOTOR_LAG_S: f64 = 0.072;
+/// Longest lag that is searched.
+const MAX_LAG_S: f64 = 1.0;
+/// Halvings of the span in which the longest lag lies: to a microsecond.
+const HALVINGS: u32 = 20;
+
+/// States in the order of the columns of `K`; the first nine but the yaw are the rows of `L`.
+pub const STATES: [&str; 15] = [
+    "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
+    "int o_x", "int o_y", "int o_z",
+];
+/// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors'
+/// output.
+const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
+/// Inputs in the order of the rows of `K`.
+pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
+
+/// Gains of a drone and their stability margins.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Design {
+    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve
+    /// [`STATES`].
+    #[serde(rename = "A", serialize_with = "rows")]
+    pub a: DMatrix<f64>,
+    /// Its B (12×4), by [`INPUTS`].
+    #[serde(rename = "B", serialize_with = "rows")]
+    pub b: DMatrix<f64>,
+    /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
+    /// columns more where it is designed for rotors that lag. `None` for a controller that is no
+    /// regulator.
+    #[serde(rename = "K", serialize_with = "rows")]
+    pub k: Option<DMatrix<f64>>,
+    /// Its columns: the first of [`STATES`], and those of the rotors.
+    pub states: Vec<&'static str>,
+    /// States that the controller has of its own, beside the twelve of the drone: integrals, last
+    /// measurements, filters, modeled rotors.
+    #[serde(rename = "controller_states")]
+    pub n_controller_states: usize,
+    /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
+    #[serde(rename = "L", serialize_with = "rows")]
+    pub l: DMatrix<f64>,
+    /// Number of the twelve states that the inputs reach.
+    pub controllability_rank: usize,
+    /// Number of the nine states of position, attitude and velocity that are observable from the
+    /// measured position.
+    pub observability_rank: usize,
+    /// The others.
+    pub unobservable: Vec<&'static str>,
+    /// Poles of the loop with immediate motors, 1/s, the slowest first; `None` where they were not
+    /// found.
+    pub regulator_poles: Option<Vec<Complex<f64>>>,
+    /// Poles of the observer.
+    pub observer_poles: Option<Vec<Complex<f64>>>,
+    /// Margins at each input with immediate motors; `None`: not stable.
+    pub margins: Option<[Margins; 4]>,
+    /// Lag of the motors that the next two are for, s.
+    pub motor_lag_s: f64,
+    /// Poles of the loop with that lag.
+    pub lagging_poles: Option<Vec<Complex<f64>>>,
+    /// Margins with that lag; `None`: not stable.
+    pub lagging_margins: Option<[Margins; 4]>,
+    /// Longest motor lag with a stable loop, s; `None`: more than a second.
+    pub longest_lag_s: Option<f64>,
+    /// Largest deviation from hover of each input by itself with all motors in their range, N m
+    /// and N.
+    pub largest_inputs: [f64; 4],
+    /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
+    pub bryson_r: [f64; 4],
+    /// Warnings about the gains.
+    pub warnings: Vec<String>,
+}
+
+/// A matrix, or `None`, as an array of its rows.
+fn rows<'a, S: Serializer>(
+    matrix: impl Into<Option<&'a DMatrix<f64>>>,
+    to: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        m.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    matrix.into().map(rows).serialize(to)
+}
+
+/// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
+///
+/// # Errors
+///
+/// Those of [`SimOptions::check`], [`Error::Input`](noctograph_core::error::Error::Input) for a lag
+/// outside 1 µs to 1 s, [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) for
+/// weights that have no gain.
+pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
+    options.check()?;
+    within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
+    let vehicle = Vehicle::new(&options.vehicle);
+    let (a, b) =
+        linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
+    let real = a + drag(&options.vehicle);
+    let is_regulator =
+        !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
+    let (feedback, states) = if is_regulator {
+        let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
+        regulator(&with_integrals(options, &real, &b), &gain, modeled_lag_s(options))
+    } else {
+        (loops(&dynamic(&real), &dynamic(&b), &LinearController::new(options)), Vec::new())
+    };
+    let [fed_a, fed_b, k] = &feedback;
+    let lagging = |lag_s: f64| {
+        let [a, b, k] = with_input_lag(fed_a, fed_b, k, lag_s);
+        let closed = &a - &b * &k;
+        ([a, b, k], closed)
+    };
+    let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
+    let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
+    let lagging_margins = margins(&a_lag, &b_lag, &k_lag).map(of_inputs);
+    let longest_lag_s = longest(|lag_s| is_hurwitz(&lagging(lag_s).1));
+
+    // The observer: the nine states of `Motion` with body rate and thrust as inputs.
+    let (motion_a, _) = hover_model(linearize_finely);
+    let l = observer_gain(&options.observer.luenberger, &motion_a)?;
+    let (observed_a, position) = (without_yaw(&motion_a), DMatrix::identity(3, 9));
+    let motion_a = dynamic(&motion_a);
+    // The scale of an input does not change the states that it reaches.
+    let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
+    let largest_inputs = largest_inputs(&options.vehicle, &vehicle);
+    Ok(Design {
+        a: dynamic(&real),
+        b: dynamic(&b),
+        states,
+        n_controller_states: fed_a.nrows() - 12,
+        controllability_rank: observability_rank(
+            &dynamic(&real.transpose()),
+            &dynamic(&per_size.transpose()),
+        ),
+        observability_rank: observability_rank(&motion_a, &position),
+        unobservable: unobservable_states(&motion_a, &position)
+            .iter()
+            .map(|i| STATES[*i])
+            .collect(),
+        regulator_poles: poles(&(fed_a - fed_b * k)),
+        observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
+        l: dynamic(&l),
+        margins: margins(fed_a, fed_b, k).map(of_inputs),
+        motor_lag_s,
+        lagging_poles: poles(&closed_lag),
+        warnings: warnings(options, motor_lag_s, lagging_margins.is_some(), longest_lag_s),
+        lagging_margins,
+        longest_lag_s,
+        largest_inputs,
+        bryson_r: largest_inputs.map(|largest| 1.0 / (largest * largest)),
+        k: is_regulator.then(|| k.clone()),
+    })
+}
+
+/// The feedback `u = −K x` of a regulator, for lagging or immediate motors, as A, B and K, and its
+/// states.
+fn regulator(
+    [a, b]: &[DMatrix<f64>; 2],
+    gain: &Gain,
+    known_lag_s: Option<f64>,
+) -> ([DMatrix<f64>; 3], Vec<&'static str>) {
+    let n = a.nrows();
+    let states = STATES[..n].iter().copied();
+    let Some(known_lag_s) = known_lag_s else {
+        return ([a.clone(), b.clone(), gain.k.clone()], states.collect());
+    };
+    // The modeled rotors run on the regulator's own commands: they are part of it, not of the
+    // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
+    let mut whole = a.clone().resize(n + 4, n + 4, 0.0);
+    whole.view_mut((n, 0), (4, n)).copy_from(&(-&gain.k / known_lag_s));
+    let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
+    whole.view_mut((n, n), (4, 4)).copy_from(&back);
+    let mut k = gain.k.clone().resize_horizontally(n + 4, 0.0);
+    k.columns_mut(n, 4).copy_from(&gain.k_rotor);
+    ([whole, b.clone().resize_vertically(n + 4, 0.0), k], states.chain(ROTOR_STATES).collect())
+}
+
+/// The feedback of a controller with states of its own, which follow the drone's twelve.
+fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, loops: &LinearController) -> [DMatrix<f64>; 3] {
+    let m = loops.f.nrows();
+    let mut whole = a.clone().resize(12 + m, 12 + m, 0.0);
+    whole.view_mut((12, 0), (m, 12)).copy_from(&loops.g);
+    whole.view_mut((12, 12), (m, m)).copy_from(&loops.f);
+    let mut k = (-&loops.k).resize_horizontally(12 + m, 0.0);
+    k.columns_mut(12, m).copy_from(&-&loops.h);
+    [whole, b.clone().resize_vertically(12 + m, 0.0), k]
+}
+
+/// How far each input by itself may deviate from hover until the first motor reaches its limit.
+fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
+    let mixer = Mixer::new(options);
+    let hover = mixer.motors(&vehicle.hover()).0;
+    let room = hover.map(|motor| motor.min(options.motor_max - motor));
+    std::array::from_fn(|input| {
+        let mut unit = Wrench::zeros();
+        unit[input] = 1.0;
+        room.component_div(&mixer.unbounded_motors(&unit).abs()).min()
+    })
+}
+
+fn warnings(
+    options: &SimOptions,
+    lag_s: f64,
+    is_stable: bool,
+    longest_s: Option<f64>,
+) -> Vec<String> {
+    let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+    let unstable = (!is_stable).then(|| {
+        format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}")
+    });
+    let altitude = (options.controller.kind == ControllerKind::Altitude).then(|| {
+        "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of the altitude"
+            .to_owned()
+    });
+    unstable.into_iter().chain(altitude).collect()
+}
+
+/// What the air adds to A at hover: drag of body and rotors, and the moment of the air across the
+/// rotors, for a small velocity in the body frame.
+fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
+    const VELOCITY: usize = 6;
+    const RATE: usize = 9;
+    let hover_n = 0.25 * vehicle.mass_kg * GRAVITY_M_S2;
+    let rotors = 4.0 * vehicle.rotor_drag_n_s2_m * (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
+    let mut drag = SMatrix::zeros();
+    for (axis, of_rotors) in [rotors, rotors, 0.0].into_iter().enumerate() {
+        let slows = (vehicle.body_drag_n_s_m[axis] + of_rotors) / vehicle.mass_kg;
+        drag[(VELOCITY + axis, VELOCITY + axis)] = -slows;
+    }
+    let [j_x, j_y, _] = vehicle.inertia_kg_m2;
+    drag[(RATE, VELOCITY + 1)] = vehicle.airspeed_moment_n_s / j_x;
+    drag[(RATE + 1, VELOCITY)] = -vehicle.airspeed_moment_n_s / j_y;
+    drag
+}
+
+/// Longest stable lag; `None` where even [`MAX_LAG_S`] is stable.
+fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {
+    if stable(MAX_LAG_S) {
+        return None;
+    }
+    let (mut low, mut high) = (0.0, MAX_LAG_S);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if stable(middle) { low = middle } else { high = middle }
+    }
+    Some(low)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of
+//! the floor.
+//!
+//! Gusts push for seconds. They are a state of their own, so that the innovations stay white: a
+//! controller that answers a correlated innovation would make the throttle correlated with it, and
+//! the filter would read a thrust map from that which is not there.
+
+use crate::controller::ThrustMap;
+use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
+use crate::options::AltitudeOptions;
+use crate::sensors::HeightSensor;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+
+/// Standard deviation of a satellite altitude, and of a range to the floor.
+const GNSS_SIGMA_M: f64 = 0.05;
+const TIME_OF_FLIGHT_SIGMA_M: f64 = 0.06;
+/// Vertical acceleration by gusts, σ, and its correlation time: a first-order Gauss-Markov process
+/// (Singer 1970), held from one prediction to the next.
+///
+/// Taken for white noise instead, gusts make the innovations correlated with the throttle that
+/// answers them, and α⁰ and α¹ are then told apart by that correlation, wrongly.
+const GUST_SIGMA_M_S2: f64 = 0.15;
+const GUST_TIME_S: f64 = 2.0;
+/// Random walk of α⁰: mass and lift at no throttle hardly change.
+const OFFSET_WALK_M_S2_SQRT_S: f64 = 0.005;
+/// Random walk of the floor: flat between steps, which the step test finds.
+const RANGER_WALK_M_SQRT_S: f64 = 0.003;
+/// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
+const BAROMETER_WALK_M_SQRT_S: f64 = 0.05;
+/// Standard deviation that a step adds to the ranger's bias.
+const STEP_SIGMA_M: f64 = 0.5;
+/// Standard deviation of the barometer's bias before the flight.
+const BAROMETER_BIAS_SIGMA_M: f64 = 0.5;
+
+/// Index of the vertical acceleration by gusts, which no table reports.
+const GUST: usize = 6;
+
+/// Index of each state that is reported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AltitudeState {
+    /// Altitude z, m.
+    Altitude,
+    /// Vertical velocity v, m/s.
+    Velocity,
+    /// α⁰: vertical acceleration at no throttle, m/s².
+    Offset,
+    /// α¹: vertical acceleration per throttle, m/s².
+    Gain,
+    /// Bias of the ranger, m: the negative height of the floor below the drone.
+    Ranger,
+    /// Bias of the barometer, m.
+    Barometer,
+}
+
+/// What measures the altitude, by the biases that the filter estimates of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AltitudeSensor {
+    /// Satellites: z.
+    Gnss,
+    /// A distance to the floor, turned upright: altitude and bias of the ranger.
+    TimeOfFlight,
+    /// A height over the starting place: altitude and bias of the barometer.
+    Barometer,
+}
+
+impl AltitudeSensor {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Gnss, Self::TimeOfFlight, Self::Barometer];
+
+    /// What a sensor of the height is to the filter.
+    pub fn of(sensor: HeightSensor) -> Self {
+        if sensor.looks_down() { Self::TimeOfFlight } else { Self::Barometer }
+    }
+}
+
+/// Standard deviation of altitude and velocity, and of the floor, on the ground: m, m/s and m.
+const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
+
+/// A reading against its prediction.
+#[derive(Clone, Copy, Debug)]
+pub struct HeightReading {
+    /// What measured it.
+    pub sensor: AltitudeSensor,
+    /// What it measured.
+    pub measured_m: f64,
+    /// Its innovation.
+    pub innovation: Innovation,
+    /// Whether the filter took it in.
+    pub taken: bool,
+}
+
+/// Estimates altitude, velocity, thrust map and biases.
+#[derive(Clone, Debug)]
+pub struct AltitudeFilter {
+    options: AltitudeOptions,
+    normal: Normal,
+    /// Readings since the last prediction.
+    readings: Vec<HeightReading>,
+    test: StepTest,
+    steps: u32,
+}
+
+impl AltitudeFilter {
+    /// The filter of a drone at rest at a known altitude.
+    ///
+    /// α⁰ begins at gravity, and α¹ at what then gives the believed hover throttle.
+    pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
+        let [altitude, velocity, floor] = START_SIGMA;
+        let mut normal = Normal::independent(&[
+            altitude,
+            velocity,
+            options.offset_sigma_m_s2,
+            options.gain_sigma_m_s2,
+            floor,
+            BAROMETER_BIAS_SIGMA_M,
+            GUST_SIGMA_M_S2,
+        ]);
+        let known = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
+        normal.mean.rows_mut(0, known.len()).copy_from_slice(&known);
+        let test = StepTest::new(options.step_gate_sigmas, 0.0, STEP_SIGMA_M);
+        Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
+    }
+
+    /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
+    pub fn predict(&mut self, throttle: f64, span_s: f64) {
+        let (t, o) = (span_s, &self.options);
+        let kept = libm::exp(-t / GUST_TIME_S);
+        let half = 0.5 * t * t;
+        let transition = [
+            (0, 1, t),
+            (0, 2, half),
+            (0, 3, half * throttle),
+            (0, GUST, half),
+            (1, 2, t),
+            (1, 3, t * throttle),
+            (1, GUST, t),
+            (GUST, GUST, kept - 1.0),
+        ];
+        let density = variance_rate(o.acceleration_noise_m_s2_sqrt_hz);
+        let walk = |per_sqrt_s: f64| per_sqrt_s * per_sqrt_s * t;
+        let noise = [
+            (0, 0, density * t * t * t / 3.0),
+            (0, 1, density * t * t / 2.0),
+            (1, 1, density * t),
+            (2, 2, walk(OFFSET_WALK_M_S2_SQRT_S)),
+            (3, 3, walk(o.gain_walk_m_s2_sqrt_s)),
+            (4, 4, walk(RANGER_WALK_M_SQRT_S)),
+            (5, 5, walk(BAROMETER_WALK_M_SQRT_S)),
+            (GUST, GUST, (1.0 - kept * kept) * GUST_SIGMA_M_S2 * GUST_SIGMA_M_S2),
+        ];
+        self.normal.predict(&transition, &noise);
+        self.readings.clear();
+    }
+
+    /// Propagates the estimate over a span in which the drone stood with its motors off.
+    pub fn rest(&mut self, span_s: f64) {
+        let Normal { mean, covariance, .. } = &mut self.normal;
+        for (still, sigma) in
+            [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, GUST_SIGMA_M_S2)]
+        {
+            mean[still] = 0.0;
+            covariance.row_mut(still).fill(0.0);
+            covariance.column_mut(still).fill(0.0);
+            covariance[(still, still)] = sigma * sigma;
+        }
+        for (bias, walk) in [
+            (AltitudeState::Ranger, RANGER_WALK_M_SQRT_S),
+            (AltitudeState::Barometer, BAROMETER_WALK_M_SQRT_S),
+        ] {
+            covariance[(bias as usize, bias as usize)] += walk * walk * span_s;
+        }
+        self.readings.clear();
+    }
+
+    /// Takes a reading in.
+    ///
+    /// A range beyond the gate is not taken in; the second in a row moves the ranger's bias by the
+    /// mean of their innovations and widens it.
+    pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
+        let (options, of) = (&self.options, |state: AltitudeState| Part::One(state as usize, 1.0));
+        let altitude = of(AltitudeState::Altitude);
+        let (slope, sigma_m): (&[Part], f64) = match sensor {
+            AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
+            AltitudeSensor::TimeOfFlight => {
+                (&[altitude, of(AltitudeState::Ranger)], TIME_OF_FLIGHT_SIGMA_M)
+            }
+            AltitudeSensor::Barometer => {
+                (&[altitude, of(AltitudeState::Barometer)], options.barometer_sigma_m)
+            }
+        };
+        let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
+        let innovation = self.normal.innovation(&measurement);
+        let floor = if sensor == AltitudeSensor::TimeOfFlight {
+            self.test.correct(&mut self.normal, &measurement, f64::INFINITY)
+        } else {
+            self.normal.correct(&measurement, |_| true);
+            Floor::Still
+        };
+        self.steps += u32::from(matches!(floor, Floor::Stepped(_)));
+        let taken = floor == Floor::Still;
+        self.readings.push(HeightReading { sensor, measured_m, innovation, taken });
+    }
+
+    /// Estimate of a state.
+    pub fn estimate(&self, state: AltitudeState) -> f64 {
+        self.normal.mean[state as usize]
+    }
+
+    /// Standard deviation of a state.
+    pub fn sigma(&self, state: AltitudeState) -> f64 {
+        self.normal.sigma(state as usize)
+    }
+
+    /// The estimated thrust map, in the present gust.
+    pub fn thrust_map(&self) -> ThrustMap {
+        let [offset_m_s2, gain_m_s2] =
+            [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));
+        ThrustMap { offset_m_s2: offset_m_s2 + self.normal.mean[GUST], gain_m_s2 }
+    }
+
+    /// Readings since the last prediction, in the order in which they came.
+    pub fn readings(&self) -> &[HeightReading] {
+        &self.readings
+    }
+
+    /// Steps of the floor that were found so far.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+}

@@ -1,0 +1,368 @@
+//! Extended Kalman filter of one drone over all drones of its fleet.
+//!
+//! Its own nine errors are those of [`Ekf`](super::ekf::Ekf), and so is its arithmetic as long as
+//! it is alone. Of every other drone it keeps position, velocity and the tilt of its dead
+//! reckoning, at the time of the last message: a message moves them on by the motion that it tells
+//! (which is why a lost one costs nothing but time), and its ranges and heights correct them. A
+//! range between two drones waits until the messages have caught up with it, and is held against
+//! the places at its own time: both are carried back from the present estimates along the motion
+//! received. Every measurement is thus used once in each drone's filter, and what the drones'
+//! errors have in common is in the filter's covariance.
+//!
+//! A link that the gate refuses five times in a row is believed again, with the variance that it
+//! asks for: a filter that is wrong cannot lock the truth out.
+//!
+//! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
+//! Robotics and Automation 18(5), 2002 (one filter over all robots); A. Howard, M. J. Mataric, G.
+//! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
+//!
+//! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
+//! motion between a range and the present is neglected: below 1 mm for a quarter of a second.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Estimator;
+use super::ekf::{Ekf, START, Source};
+use super::past::{Past, interpolated, past};
+use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
+use crate::options::{ObserverOptions, Share};
+use crate::sensors::{
+    Fleet, Leg, Member, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
+};
+use crate::vehicle::State;
+
+/// Index of the variance of two-way ranging.
+const TWO_WAY: usize = 1;
+/// Ranges that have waited longer for messages are forgotten.
+const LONGEST_WAIT_S: f64 = 2.0;
+/// Specific force along the body's z axis above which a drone with its motors off stands.
+const STANDS_M_S2: f64 = 0.8 * GRAVITY_M_S2;
+/// Messages of each drone that are kept.
+const MESSAGES_KEPT: usize = 64;
+/// Keys of ranges between two other drones that are kept, so that none is used twice.
+const RANGES_KEPT: usize = 256;
+
+/// The filter.
+#[derive(Debug)]
+pub(crate) struct Cooperative {
+    /// Of all drones, this one first and the others in the order of `peers`.
+    own: Ekf,
+    /// The attitude, velocity and position by inertial sensors alone, which the others receive.
+    alone: Inertial,
+    /// Velocity and position by inertial sensors with the estimated attitude.
+    dead_reckoning: Reckoning,
+    peers: Vec<Peer>,
+    place: usize,
+    share: Share,
+    force_m_s2: Vector3<f64>,
+    ticks: u32,
+    gate: Gate<(usize, Target)>,
+    /// What the next message will hold.
+    ranges: Vec<Shared>,
+    heights: Vec<Shared>,
+    /// Ranges to other drones that wait for their messages, with the motion at their time.
+    waiting: Vec<(usize, f64, Reckoning)>,
+    /// Ranges between two others that wait.
+    between: Vec<(usize, Shared)>,
+    /// Ranges between two others that were used: time and places.
+    used: VecDeque<(f64, usize, usize)>,
+}
+
+/// Another drone at the time of its last message.
+#[derive(Debug)]
+struct Peer {
+    place: usize,
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+    /// Rotation vector, in the world, from its dead reckoning to the truth.
+    tilt_rad: Vector3<f64>,
+    motions: VecDeque<Reckoning>,
+}
+
+impl Cooperative {
+    pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
+        let own_m = fleet.members[fleet.place].start_m;
+        let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
+        let peer = |(place, member): (usize, &Member)| Peer {
+            place,
+            position_m: member.start_m,
+            velocity_m_s: Vector3::zeros(),
+            tilt_rad: Vector3::zeros(),
+            motions: [Reckoning::default()].into(),
+        };
+        let start = &options.cooperative;
+        let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
+        Self {
+            own: Ekf::of_fleet(
+                &options.ekf,
+                sensors,
+                own_m,
+                Normal::of_drones(fleet.members.len(), sigmas, &[]),
+            ),
+            alone: Inertial::at(Vector3::zeros()),
+            dead_reckoning: Reckoning::default(),
+            peers: others.map(peer).collect(),
+            place: fleet.place,
+            share: start.share,
+            force_m_s2: Vector3::z() * GRAVITY_M_S2,
+            ticks: 0,
+            gate: Gate::new(options.ekf.gate_sigmas),
+            ranges: Vec::new(),
+            heights: Vec::new(),
+            waiting: Vec::new(),
+            between: Vec::new(),
+            used: VecDeque::new(),
+        }
+    }
+
+    /// Applies the corrections to the other drones.
+    fn settle_peers(&mut self) {
+        for (k, peer) in self.peers.iter_mut().enumerate() {
+            let [position_m, velocity_m_s, turn_rad] = self.own.normal.take_errors(k + 1);
+            peer.position_m += position_m;
+            peer.velocity_m_s += velocity_m_s;
+            peer.tilt_rad += turn_rad;
+        }
+    }
+
+    /// Keeps what was measured at this tick for the next message and for those of the others.
+    fn note(&mut self, readings: &Readings<'_>) {
+        let time_s = self.dead_reckoning.time_s;
+        let variance = self.own.model.range[TWO_WAY];
+        let shared = |target, measured_m, variance| Shared { time_s, target, measured_m, variance };
+        for range in readings.ranges {
+            let target = Target::Anchor(range.anchor);
+            self.ranges.push(shared(target, range.distance_m, variance));
+        }
+        for PeerRange { drone, distance_m } in readings.peer_ranges {
+            self.ranges.push(shared(Target::Drone(*drone), *distance_m, variance));
+            self.waiting.push((*drone, *distance_m, self.dead_reckoning));
+        }
+        self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
+        for &(sensor, measured_m) in readings.heights {
+            let upright =
+                if sensor.looks_down() { self.alone.attitude.matrix()[(2, 2)] } else { 1.0 };
+            let sigma_m = self.own.model.sensors.height_sigma_m(sensor, measured_m) * upright;
+            let variance = sigma_m * sigma_m;
+            self.heights.push(shared(Target::Height(sensor), measured_m * upright, variance));
+        }
+    }
+
+    /// Moves another drone on to the time of its message.
+    fn carry_peer(&mut self, k: usize, now: Reckoning) {
+        let peer = &mut self.peers[k];
+        let before = *peer.motions.back().expect("never empty");
+        let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
+        let turned_m_s = peer.tilt_rad.cross(&force_m_s);
+        peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+        peer.velocity_m_s += gained_m_s + turned_m_s;
+        peer.motions.push_back(now);
+        if peer.motions.len() > MESSAGES_KEPT {
+            peer.motions.pop_front();
+        }
+        let lever = -force_m_s.cross_matrix() / span_s;
+        let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
+        self.own.normal.carry(k + 1, &span, &self.own.model.density);
+    }
+
+    /// A scalar measurement on a link, through the gate.
+    fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
+        let measurement = Measurement { slope, value, variance };
+        self.gate.correct(&mut self.own.normal, link, &measurement);
+    }
+
+    /// Place of another drone at a time up to its last message.
+    fn past_of_peer(&self, k: usize, time_s: f64) -> Option<Past> {
+        let peer = &self.peers[k];
+        let now = peer.motions.back()?;
+        let then = interpolated(&peer.motions, time_s)?;
+        Some(past(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
+    }
+
+    /// Takes in the ranges of another drone to anchors, and its heights.
+    fn correct_peer(&mut self, k: usize, message: &Message) {
+        for shared in message.ranges.iter().chain(&message.heights) {
+            let Some(past) = self.past_of_peer(k, shared.time_s) else { continue };
+            let (direction, expected_m) = match shared.target {
+                Target::Anchor(anchor) => match self.own.model.anchors_m.get(anchor) {
+                    Some(anchor_m) => toward(&(past.position_m - anchor_m)),
+                    None => continue,
+                },
+                Target::Height(_) => (Vector3::z(), past.position_m.z),
+                Target::Drone(_) => continue,
+            };
+            let slope = past.slope(k + 1, direction, None);
+            let link = (message.from, shared.target);
+            self.correct(link, &slope, shared.measured_m - expected_m, shared.variance);
+        }
+    }
+
+    /// Takes in the ranges of this drone to another one up to its last message; those that the
+    /// other's motion does not reach are kept. Where the drones share estimates, the one received
+    /// stands for the other.
+    fn correct_waiting(&mut self, k: usize, message: &Message) {
+        let waiting = std::mem::take(&mut self.waiting);
+        for (place, distance_m, then) in waiting {
+            if place != message.from || then.time_s > message.motion.time_s {
+                self.waiting.push((place, distance_m, then));
+                continue;
+            }
+            let own = &self.own.motion;
+            let no_tilt = Vector3::zeros();
+            let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.dead_reckoning, &then);
+            let world_from_body = own.world_from_body;
+            let link = (self.place, Target::Drone(place));
+            let variance = self.own.model.range[TWO_WAY];
+            if self.share == Share::Estimates {
+                let (position_m, velocity_m_s, covariance) = message.estimate;
+                let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
+                let (direction, expected_m) = toward(&(here.position_m - there_m));
+                let theirs = direction.dot(&(covariance * direction));
+                let slope = here.slope(0, direction, Some(&world_from_body));
+                self.correct(link, &slope, distance_m - expected_m, variance + theirs);
+            } else if let Some(there) = self.past_of_peer(k, then.time_s) {
+                let (direction, expected_m) = toward(&(here.position_m - there.position_m));
+                let slope = [
+                    here.slope(0, direction, Some(&world_from_body)),
+                    there.slope(k + 1, -direction, None),
+                ];
+                self.correct(link, slope.as_flattened(), distance_m - expected_m, variance);
+            }
+        }
+    }
+
+    /// Takes in ranges between two others that both their messages have reached.
+    fn correct_between(&mut self, message: &Message) {
+        for range in &message.ranges {
+            let Target::Drone(other) = range.target else { continue };
+            if other != self.place {
+                self.between.push((message.from, *range));
+            }
+        }
+        let between = std::mem::take(&mut self.between);
+        for (from, range) in between {
+            let Target::Drone(other) = range.target else { continue };
+            let key = (range.time_s, from.min(other), from.max(other));
+            let block = |place| self.peers.iter().position(|peer| peer.place == place);
+            let Some((i, j)) = block(from).zip(block(other)) else { continue };
+            if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
+                continue;
+            }
+            let last_s = |k: usize| self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
+            if range.time_s > last_s(i).min(last_s(j)) {
+                self.between.push((from, range));
+                continue;
+            }
+            self.used.push_back(key);
+            if self.used.len() > RANGES_KEPT {
+                self.used.pop_front();
+            }
+            let pasts = self.past_of_peer(i, range.time_s).zip(self.past_of_peer(j, range.time_s));
+            let Some((one, two)) = pasts else { continue };
+            let (direction, expected_m) = toward(&(one.position_m - two.position_m));
+            let slope = [one.slope(i + 1, direction, None), two.slope(j + 1, -direction, None)];
+            let link = (key.1, Target::Drone(key.2));
+            let variance = self.own.model.range[TWO_WAY];
+            self.correct(link, slope.as_flattened(), range.measured_m - expected_m, variance);
+        }
+    }
+
+    /// With its motors off a drone stands on the floor once its accelerometer feels the weight;
+    /// until then it falls. The accelerometer does not see the blow of the landing: without this
+    /// the fleet would fall with the drone that has landed.
+    pub(crate) fn rest(&mut self) {
+        if !self.peers.is_empty() && self.force_m_s2.z > STANDS_M_S2 {
+            let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
+            self.alone.velocity_m_s -= stopped_m_s;
+            self.dead_reckoning.velocity_m_s -= stopped_m_s;
+        }
+    }
+
+    pub(crate) fn message(&mut self) -> Option<Message> {
+        if self.share == Share::Nothing {
+            return None;
+        }
+        Some(Message {
+            from: self.place,
+            motion: Reckoning {
+                time_s: self.dead_reckoning.time_s,
+                velocity_m_s: self.alone.velocity_m_s,
+                position_m: self.alone.position_m,
+            },
+            ranges: std::mem::take(&mut self.ranges),
+            heights: std::mem::take(&mut self.heights),
+            estimate: (
+                self.own.motion.position_m,
+                self.own.motion.velocity_m_s,
+                self.own.normal.block(0, 0),
+            ),
+        })
+    }
+
+    pub(crate) fn receive(&mut self, message: &Message) {
+        let Some(k) = self.peers.iter().position(|peer| peer.place == message.from) else { return };
+        let last_s = self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
+        if message.motion.time_s <= last_s {
+            return;
+        }
+        self.own.carry(&self.force_m_s2);
+        if self.share == Share::Measurements {
+            self.carry_peer(k, message.motion);
+            self.correct_peer(k, message);
+            self.correct_between(message);
+        }
+        self.correct_waiting(k, message);
+        let Ekf { motion, normal, .. } = &mut self.own;
+        motion.settle(normal, 0);
+        self.settle_peers();
+    }
+}
+
+impl Estimator for Cooperative {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.own.set_yaw(yaw_rad);
+        self.alone.set_yaw(yaw_rad);
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let force_m_s2 = readings.specific_force_m_s2;
+        self.force_m_s2 = force_m_s2;
+        let Self { own, gate, place, .. } = self;
+        let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
+            match source {
+                Source::To(target) => {
+                    gate.correct(normal, (*place, target), measurement);
+                }
+                // Not a link: nothing of it is shared.
+                Source::Sweep { .. } | Source::Position => {
+                    normal.correct(measurement, |_| true);
+                }
+            }
+        });
+        self.settle_peers();
+        self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        let dead_reckoning = &mut self.dead_reckoning;
+        dead_reckoning.time_s = f64::from(self.ticks) * tick_s;
+        dead_reckoning.position_m +=
+            (dead_reckoning.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        dead_reckoning.velocity_m_s += acceleration * tick_s;
+        self.ticks += 1;
+        if !self.peers.is_empty() {
+            self.note(readings);
+        }
+    }
+
+    fn state(&self) -> State {
+        self.own.state()
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        self.own.covariance_m2()
+    }
+
+    fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
+        Some(self)
+    }
+}

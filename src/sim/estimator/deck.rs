@@ -1,0 +1,158 @@
+//! What the Lighthouse deck's driver makes of sweeps before the Kalman filter gets them.
+//!
+//! Both sweeps of a rotation are passed on at the second one, a rotation of which one is missing is
+//! dropped, and of all second-generation stations together some 50 rotations a second are kept, by
+//! chance.
+//!
+//! Source: firmware 2026.08, `pulse_processor_v2.c` (pairs), `lighthouse_core.c` (at the second
+//! sweep), `lighthouse_throttle.c`.
+//!
+//! Not modeled: a sweep and its reflection taken for the two sweeps of one rotation, whose angles
+//! are off by a third of a turn.
+
+use crate::options::FirmwareOptions;
+use crate::sensors::{Generation, SensorOptions, Sweep};
+use noctograph_core::random::Noise;
+
+/// Longest time between the two sweeps of a rotation: 6.7 ms and 8.3 ms, in ticks of up to 2 ms.
+const LONGEST_PAIR_S: f64 = 0.0115;
+/// Time after which the share that is dropped is computed anew.
+const EVALUATION_S: f64 = 0.1;
+
+/// Sweeps that are taken in together: those of one rotation, or one of them.
+#[derive(Clone, Debug)]
+pub(super) struct Rotation {
+    pub(super) station: usize,
+    /// The angles of both planes, where both are known.
+    pub(super) both_rad: Option<[[f64; 4]; 2]>,
+    /// The planes to be taken in, with their angles.
+    pub(super) planes: Vec<(usize, [f64; 4])>,
+}
+
+/// The driver.
+#[derive(Debug)]
+pub(super) struct Deck {
+    pairs: bool,
+    /// Second-generation stations are throttled.
+    throttled: Vec<bool>,
+    rotations_hz: f64,
+    noise: Noise,
+    /// Sweeps of the first plane that wait for the second, by station.
+    first: Vec<Option<(f64, [f64; 4])>>,
+    /// Rotations since the share was computed, and when that was.
+    counted: f64,
+    evaluated_s: f64,
+    dropped_frac: f64,
+}
+
+impl Deck {
+    pub(super) fn new(options: &FirmwareOptions, sensors: &SensorOptions, noise: Noise) -> Self {
+        let stations = &sensors.lighthouse.stations;
+        Self {
+            pairs: options.paired_sweeps,
+            throttled: stations.iter().map(|it| it.generation == Generation::V2).collect(),
+            rotations_hz: options.rotations_hz * if options.paired_sweeps { 1.0 } else { 2.0 },
+            noise,
+            first: vec![None; stations.len()],
+            counted: 0.0,
+            evaluated_s: 0.0,
+            dropped_frac: 0.0,
+        }
+    }
+
+    /// The rotations to be taken in of the sweeps that arrived by `time_s`.
+    pub(super) fn hear(&mut self, sweeps: &[Sweep], time_s: f64) -> Vec<Rotation> {
+        let mut rotations = Vec::new();
+        for sweep in sweeps {
+            let Sweep { station, plane, angles_rad } = *sweep;
+            let both_rad = self.pair(sweep, time_s);
+            let planes = match both_rad {
+                _ if !self.pairs => vec![(plane, angles_rad)],
+                Some([first, second]) => vec![(0, first), (1, second)],
+                None => continue,
+            };
+            if !self.throttled[station] || self.keeps(time_s) {
+                rotations.push(Rotation { station, both_rad, planes });
+            }
+        }
+        rotations
+    }
+
+    /// Both planes' angles at the second sweep of a rotation. Of two first ones, a sweep and its
+    /// reflection, the one that passes earlier counts.
+    fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
+        let first = &mut self.first[sweep.station];
+        let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);
+        if sweep.plane == 1 {
+            return recent.map(|(_, angles_rad)| [angles_rad, sweep.angles_rad]);
+        }
+        let earlier = recent.filter(|(_, angles_rad)| angles_rad[0] < sweep.angles_rad[0]);
+        *first = earlier.or(Some((time_s, sweep.angles_rad)));
+        None
+    }
+
+    /// Whether a rotation is kept.
+    fn keeps(&mut self, time_s: f64) -> bool {
+        if self.rotations_hz == 0.0 {
+            return true;
+        }
+        self.counted += 1.0;
+        let span_s = time_s - self.evaluated_s;
+        if span_s > EVALUATION_S {
+            let found_hz = self.counted / span_s;
+            self.dropped_frac = (1.0 - self.rotations_hz / found_hz).max(0.0);
+            (self.counted, self.evaluated_s) = (0.0, time_s);
+        }
+        self.noise.uniform() >= self.dropped_frac
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn deck(options: &FirmwareOptions) -> Deck {
+        Deck::new(options, &SensorOptions::default(), Noise::new(1, 0, "deck"))
+    }
+
+    fn sweep(plane: usize, angle_rad: f64) -> Sweep {
+        Sweep { station: 0, plane, angles_rad: [angle_rad; 4] }
+    }
+
+    #[test]
+    fn a_rotation_needs_both_its_sweeps_and_comes_at_the_second() {
+        let mut deck = deck(&FirmwareOptions::default());
+        assert!(deck.hear(&[sweep(0, 0.1)], 0.0).is_empty());
+        let found = deck.hear(&[sweep(1, 0.2)], 0.008);
+        assert_eq!(found[0].both_rad, Some([[0.1; 4], [0.2; 4]]));
+        assert_eq!(found[0].planes.len(), 2);
+        assert!(deck.hear(&[sweep(1, 0.2)], 0.028).is_empty(), "the first one was lost");
+        assert!(deck.hear(&[sweep(0, 0.4), sweep(0, 0.3)], 0.04).is_empty());
+        let found = deck.hear(&[sweep(1, 0.2)], 0.046);
+        assert_eq!(found[0].both_rad.unwrap()[0], [0.3; 4], "the earlier one of two");
+        let one_by_one = FirmwareOptions { paired_sweeps: false, ..FirmwareOptions::default() };
+        let mut deck = self::deck(&one_by_one);
+        assert_eq!(deck.hear(&[sweep(0, 0.1)], 0.0)[0].planes, [(0, [0.1; 4])]);
+        assert_eq!(deck.hear(&[sweep(1, 0.2)], 0.006)[0].planes, [(1, [0.2; 4])]);
+    }
+
+    #[test]
+    fn fifty_rotations_a_second_are_kept_of_any_number_and_fewer_are_all_kept() {
+        let kept = |rotations_hz: u32, options: &FirmwareOptions| {
+            let mut deck = deck(options);
+            let rotation = |n: u32| {
+                let time_s = f64::from(n) / f64::from(rotations_hz);
+                deck.hear(&[sweep(0, 0.1)], time_s);
+                deck.hear(&[sweep(1, 0.1)], time_s + 0.006).len()
+            };
+            (0..40 * rotations_hz).map(rotation).sum::<usize>()
+        };
+        let all = FirmwareOptions::default();
+        for rotations_hz in [100, 160] {
+            assert!((1900..2100).contains(&kept(rotations_hz, &all)), "{rotations_hz} a second");
+        }
+        assert_eq!(kept(40, &all), 1600);
+        let whole = FirmwareOptions { rotations_hz: 0.0, ..all };
+        assert_eq!(kept(100, &whole), 4000, "not throttled");
+    }
+}

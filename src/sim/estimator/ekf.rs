@@ -1,0 +1,299 @@
+//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights. It is
+//! what an improved estimator would bring; the drone's own is
+//! [`Firmware`](super::firmware::Firmware).
+//!
+//! The motion is driven by gyroscope and accelerometer, all three axes, at every tick
+//! ([`Inertial`]); its errors' covariance is carried when something is measured, and at 100 times a
+//! second otherwise. All measurements of a tick are held against the state predicted for it, one
+//! scalar after the other, with their slopes over position and turn: sweeps, each when it arrives,
+//! through the firmware's [`SweepFilter`], all else through a χ² gate.
+//!
+//! Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
+//!
+//! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
+//! stations' geometry.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::sweep_filter::SweepFilter;
+use super::{Estimator, state_at};
+use crate::estimate::{
+    Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward, variance_rate,
+};
+use crate::options::EkfOptions;
+use crate::sensors::{
+    DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
+};
+use crate::vehicle::State;
+
+/// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
+pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
+/// Cosine of the tilt beyond which a distance to the floor says nothing about the height.
+const LEAST_COS_TILT: f64 = 0.3;
+
+/// Index of the floor's height below the drone, after the nine errors: with this state and the step
+/// test, the edge of a table moves the floor and not the drone.
+const FLOOR: usize = 9;
+/// Standard deviation of the floor's height on the ground, m, and its random walk, m/√s.
+const FLOOR_START_M: f64 = 0.005;
+const FLOOR_WALK_M_SQRT_S: f64 = 0.003;
+/// Gate of the step test, smallest step, and the standard deviation that a step adds.
+const STEP_GATE_SIGMAS: f64 = 4.0;
+const LEAST_STEP_M: f64 = 0.05;
+const STEP_M: f64 = 0.5;
+
+/// The filter.
+#[derive(Debug)]
+pub(super) struct Ekf {
+    pub(super) motion: Inertial,
+    /// Nine errors and, where the floor may have steps, its height.
+    pub(super) normal: Normal,
+    pub(super) model: Model,
+    step_test: Option<StepTest>,
+    sweep_filter: SweepFilter,
+}
+
+/// What was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// A sweep of a plane of light, at a distance from its rotor's axis.
+    Sweep {
+        radius_m: f64,
+    },
+    Position,
+    /// A range or a height, to where.
+    To(Target),
+}
+
+/// What is known of the sensors.
+#[derive(Debug)]
+pub(super) struct Model {
+    pub(super) stations: Vec<StationPose>,
+    pub(super) anchors_m: Vec<Vector3<f64>>,
+    /// Height of the floor below the drone.
+    floor_m: f64,
+    /// Whether that is one of the states.
+    floor_steps: bool,
+    pub(super) density: Density,
+    /// Variance of an angle of a station of the first and of the second generation.
+    sweep: [f64; 2],
+    /// Variance of a coordinate.
+    pub(super) position: f64,
+    /// Variance of a difference of ranges, and of two-way ranging.
+    pub(super) range: [f64; 2],
+    pub(super) gate_sigmas: f64,
+    /// The sensors with the noise that the filter believes of those of the height.
+    pub(super) sensors: SensorOptions,
+}
+
+impl Ekf {
+    /// A filter that believes in a level drone at rest at `position_m`.
+    pub(super) fn new(
+        options: &EkfOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+    ) -> Self {
+        let floor = [FLOOR_START_M];
+        let floor = &floor[..usize::from(options.floor_steps)];
+        let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
+        Self {
+            motion: Inertial::at(position_m),
+            normal: Normal::of_drones(1, START, floor),
+            model: Model::new(options, sensors),
+            step_test: options.floor_steps.then_some(step_test),
+            sweep_filter: SweepFilter::default(),
+        }
+    }
+
+    /// A filter over the errors of a fleet, this drone's first, over a level floor.
+    pub(super) fn of_fleet(
+        options: &EkfOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+        normal: Normal,
+    ) -> Self {
+        let options = EkfOptions { floor_steps: false, ..options.clone() };
+        Self { normal, ..Self::new(&options, sensors, position_m) }
+    }
+
+    /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
+    /// acceleration.
+    #[inline(always)]
+    pub(super) fn advance(
+        &mut self,
+        readings: &Readings<'_>,
+        tick_s: f64,
+        mut correct: impl FnMut(&mut Normal, Source, &Measurement<'_>),
+    ) -> Vector3<f64> {
+        let force_m_s2 = &readings.specific_force_m_s2;
+        let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
+        let measured = readings.measures_place();
+        if self.motion.is_due(measured) {
+            self.carry(force_m_s2);
+        }
+        if measured {
+            let Self { motion, normal, model, .. } = self;
+            model.measurements(motion, readings, |source, slope, value, variance| {
+                correct(normal, source, &Measurement { slope, value, variance });
+            });
+            motion.settle(normal, 0);
+            if model.floor_steps {
+                model.floor_m += std::mem::take(&mut normal.mean[FLOOR]);
+            }
+        }
+        acceleration
+    }
+
+    /// Carries the covariance to the present.
+    pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
+        let span = self.motion.span(force_m_s2);
+        self.normal.carry(0, &span, &self.model.density);
+        if self.model.floor_steps {
+            let walk = FLOOR_WALK_M_SQRT_S * FLOOR_WALK_M_SQRT_S * span.span_s;
+            self.normal.covariance[(FLOOR, FLOOR)] += walk;
+        }
+    }
+}
+
+impl Estimator for Ekf {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.motion.set_yaw(yaw_rad);
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
+        let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
+        sweeps.wait(tick_s);
+        self.advance(readings, tick_s, |normal, source, measurement| {
+            match (source, &mut step_test) {
+                (Source::Sweep { radius_m }, _) => {
+                    normal.correct(measurement, |found| sweeps.takes(radius_m * found.value));
+                }
+                (Source::To(Target::Height(sensor)), Some(test)) if sensor.looks_down() => {
+                    test.correct(normal, measurement, gate_sq);
+                }
+                _ => {
+                    normal.correct(measurement, |found| !found.is_beyond(gate_sq));
+                }
+            }
+        });
+        (self.step_test, self.sweep_filter) = (step_test, sweeps);
+    }
+
+    fn state(&self) -> State {
+        state_at(&self.motion, &self.motion.velocity_m_s)
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        Some(self.normal.block(0, 0))
+    }
+}
+
+impl Model {
+    pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
+        let square = |sigma: f64| sigma * sigma;
+        let level = options.acceleration_noise_m_s2_sqrt_hz;
+        let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
+        let mut believed = sensors.clone();
+        // Drift comes on top of its noise.
+        believed.barometer.noise_m = options.barometer_sigma_m;
+        Self {
+            stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
+            anchors_m: sensors.uwb.anchors(),
+            floor_m: 0.0,
+            floor_steps: options.floor_steps,
+            density: Density {
+                acceleration: [level, level, upright].map(variance_rate),
+                rate: variance_rate(options.rate_noise_rad_s_sqrt_hz),
+            },
+            sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
+            position: square(options.position_sigma_m),
+            range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
+            gate_sigmas: options.gate_sigmas,
+            sensors: believed,
+        }
+    }
+
+    /// Variance of a sweep angle of a station.
+    pub(super) fn sweep_variance(&self, station: usize) -> f64 {
+        self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
+    }
+
+    /// Slope over position and turn of the angle at which a sweep meets a sensor of a deck in a
+    /// place, the angle's error, and the distance from the rotor's axis.
+    #[inline(always)]
+    pub(super) fn angle(
+        &self,
+        (station, plane): (usize, usize),
+        (lever, angle_rad): (&Vector3<f64>, f64),
+        position_m: &Vector3<f64>,
+        world_from_body: &Matrix3<f64>,
+    ) -> ([Part; 2], f64, f64) {
+        let crossing =
+            self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
+        let position = crossing.slope_rad_m;
+        let turn = lever.cross(&world_from_body.tr_mul(&position));
+        let slope = [Part::Three(0, position), Part::Three(TURN, turn)];
+        (slope, angle_rad - crossing.angle_rad, crossing.radius_m)
+    }
+
+    /// Slope of a range at a place, its error and its variance.
+    pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
+        let from = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
+        let (mut direction, mut expected_m) = from(range.anchor);
+        if let Some(other) = range.minus {
+            let (unit, distance_m) = from(other);
+            expected_m -= distance_m;
+            direction -= unit;
+        }
+        let variance = self.range[usize::from(range.minus.is_none())];
+        (Part::Three(0, direction), range.distance_m - expected_m, variance)
+    }
+
+    /// Passes on every measurement of the first drone of a filter.
+    #[inline(always)]
+    fn measurements(
+        &self,
+        motion: &Inertial,
+        readings: &Readings<'_>,
+        mut each: impl FnMut(Source, &[Part], f64, f64),
+    ) {
+        let Inertial { position_m, world_from_body, .. } = motion;
+        for Sweep { station, plane, angles_rad } in readings.sweeps {
+            let variance = self.sweep_variance(*station);
+            for sensor in DECK_SENSORS_M.map(Vector3::from).iter().zip(*angles_rad) {
+                let (slope, value, radius_m) =
+                    self.angle((*station, *plane), sensor, position_m, world_from_body);
+                each(Source::Sweep { radius_m }, &slope, value, variance);
+            }
+        }
+        for range in readings.ranges {
+            let (slope, value, variance) = self.range(range, position_m);
+            each(Source::To(Target::Anchor(range.anchor)), &[slope], value, variance);
+        }
+        if let Some(measured_m) = readings.position_m {
+            let left_m = measured_m - position_m;
+            for axis in 0..3 {
+                each(Source::Position, &[Part::One(axis, 1.0)], left_m[axis], self.position);
+            }
+        }
+        let cos_tilt = world_from_body[(2, 2)];
+        for &(sensor, measured_m) in readings.heights {
+            let source = Source::To(Target::Height(sensor));
+            let sigma_m = self.sensors.height_sigma_m(sensor, measured_m);
+            let variance = sigma_m * sigma_m;
+            if !sensor.looks_down() {
+                each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
+            } else if cos_tilt >= LEAST_COS_TILT {
+                let expected_m = (position_m.z - self.floor_m) / cos_tilt;
+                let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
+                let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);
+                let per_m = 1.0 / cos_tilt;
+                let slope =
+                    [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
+                let slope = &slope[..if self.floor_steps { 3 } else { 2 }];
+                each(source, slope, measured_m - expected_m, variance);
+            }
+        }
+    }
+}

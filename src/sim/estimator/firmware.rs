@@ -1,0 +1,366 @@
+//! The Kalman filter of the Crazyflie's firmware, in double precision.
+//!
+//! Position in the world, velocity in the body, an attitude and its small error. 100 times a second
+//! they are moved by the mean of the inertial readings since; in flight the air is taken to push
+//! along the body's z axis alone. A measurement corrects at once, one scalar after the other, each
+//! linearized where the last one left the state; the turns of a tick are applied at its end. Which
+//! of these habits an estimator keeps is chosen by [`FirmwareOptions`].
+//!
+//! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
+//! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015; M. W. Mueller,
+//! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude",
+//! Journal of Guidance, Control, and Dynamics 40(9), 2017; bitcraze/crazyflie-firmware 2026.08:
+//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Its own C,
+//! compiled, gave the numbers that the tests here compare with (tests/firmware).
+//!
+//! Not modeled: single precision; the attitude's pull to level on the floor without a Lighthouse
+//! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
+//! when a drone is put down and waits.
+
+use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
+
+use super::Estimator;
+use super::deck::{Deck, Rotation};
+use super::ekf::{Model, START};
+use super::sweep_filter::SweepFilter;
+use super::tdoa_filter::TdoaFilter;
+use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles};
+use crate::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
+use crate::sensors::{DECK_SENSORS_M, Range, Readings, SensorOptions};
+use crate::vehicle::{State, state};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::random::Noise;
+
+/// Times are compared to within this.
+const TIME_TOLERANCE_S: f64 = 1e-9;
+/// The drone counts as flying for so long after its motors were driven (`supervisor.c`).
+const FLYING_S: f64 = 2.0;
+/// Largest variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
+const LARGEST_VARIANCE: f64 = 100.0;
+/// An error of the attitude below this on all axes is dropped at the end of a tick, not applied.
+const LEAST_TURN_RAD: f64 = 0.1e-3;
+/// Standard deviation of a yaw error (`lighthouse_position_est.c`).
+const YAW_SIGMA_RAD: f64 = 0.01;
+/// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
+const LEAST_COS_TILT: f64 = 0.1;
+/// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
+const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
+
+/// The filter.
+#[derive(Debug)]
+pub(super) struct Firmware {
+    options: FirmwareOptions,
+    model: Model,
+    position_m: Vector3<f64>,
+    /// In the body.
+    velocity_m_s: Vector3<f64>,
+    attitude: Turned,
+    /// The attitude at the end of the last tick, by which a whole tick computes.
+    world_from_body: Matrix3<f64>,
+    /// Error of the attitude since.
+    turn_rad: Vector3<f64>,
+    /// Errors of position, velocity and attitude; their mean is moved into the state at once.
+    normal: Normal,
+    rate_rad_s: Vector3<f64>,
+    /// Sums of rates and forces since the last prediction, and their count; the last means.
+    sums: ([Vector3<f64>; 2], f64),
+    means: [Vector3<f64>; 2],
+    deck: Deck,
+    sweep_filter: SweepFilter,
+    tdoa_filter: TdoaFilter,
+    time_s: f64,
+    predicted_s: f64,
+    /// When the motors were driven last.
+    driven_s: f64,
+    begun: bool,
+}
+
+impl Firmware {
+    /// A filter that believes in a level drone at rest at `position_m`. `noise` decides which
+    /// rotations are dropped.
+    pub(super) fn new(
+        observer: &ObserverOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+        noise: Noise,
+    ) -> Self {
+        let options = observer.firmware.clone();
+        Self {
+            deck: Deck::new(&options, sensors, noise),
+            options,
+            model: Model::new(&observer.ekf, sensors),
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            attitude: Turned::level(),
+            world_from_body: Matrix3::identity(),
+            turn_rad: Vector3::zeros(),
+            normal: Normal::of_drones(1, START, &[]),
+            rate_rad_s: Vector3::zeros(),
+            sums: Default::default(),
+            means: Default::default(),
+            sweep_filter: SweepFilter::default(),
+            tdoa_filter: TdoaFilter::default(),
+            time_s: 0.0,
+            predicted_s: 0.0,
+            driven_s: f64::NEG_INFINITY,
+            begun: false,
+        }
+    }
+
+    /// Standard deviation of a state.
+    #[cfg(test)]
+    pub(super) fn sigma(&self, state: usize) -> f64 {
+        self.normal.sigma(state)
+    }
+
+    /// Moves the state and its covariance over a span by the mean of its inertial readings.
+    fn predict(&mut self, span_s: f64) {
+        let (sums, n) = std::mem::take(&mut self.sums);
+        if n > 0.0 {
+            self.means = sums.map(|sum| sum / n);
+        }
+        let [rate, mut force] = self.means;
+        let flies = self.time_s - self.driven_s < FLYING_S;
+        if flies && self.options.horizontal_force == HorizontalForce::Zero {
+            (force.x, force.y) = (0.0, 0.0);
+        }
+        let (r, v) = (self.world_from_body, self.velocity_m_s);
+        let up = r.row(2).transpose();
+
+        let drift = Drift {
+            position: [r * span_s, -r * v.cross_matrix() * span_s],
+            velocity: [
+                Matrix3::identity() - rate.cross_matrix() * span_s,
+                up.cross_matrix() * (-GRAVITY_M_S2 * span_s),
+            ],
+        };
+        self.transform(Some(&drift), &turned_back(&(rate * span_s)));
+
+        let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
+        self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
+        self.velocity_m_s += (force - rate.cross(&v) - up * GRAVITY_M_S2) * span_s;
+        self.attitude = self.attitude.by(&(rate * span_s));
+        self.predicted_s = self.time_s;
+    }
+
+    fn add_noise(&mut self, tick_s: f64) {
+        let density = &self.model.density;
+        for axis in 0..3 {
+            let p = &mut self.normal.covariance;
+            p[(VELOCITY + axis, VELOCITY + axis)] += density.acceleration[axis] * tick_s;
+            p[(TURN + axis, TURN + axis)] += density.rate * tick_s;
+        }
+        self.bound();
+    }
+
+    fn correct_by_sweeps(&mut self, rotation: &Rotation) {
+        let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
+        let variance = self.model.sweep_variance(rotation.station);
+        for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
+            for &(plane, angles_rad) in &rotation.planes {
+                let (slope, error_rad, radius_m) = self.model.angle(
+                    (rotation.station, plane),
+                    (lever, angles_rad[k]),
+                    &self.position_m,
+                    &self.world_from_body,
+                );
+                if self.sweep_filter.takes(radius_m * error_rad) {
+                    self.correct(&slope[..n_parts], error_rad, variance);
+                }
+            }
+        }
+    }
+
+    /// The angle by which the deck is turned, as one station sees it: rays to its sensors are cut
+    /// with the plane of the deck where the filter has it.
+    fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
+        if self.options.sweep_attitude == SweepAttitude::Slope {
+            return None;
+        }
+        let station = &self.model.stations[rotation.station];
+        let normal = self.world_from_body.column(2).into_owned();
+        let above = normal.dot(&(station.position_m - self.position_m));
+        let seen_m = |k: usize| {
+            let ray = station.ray(rotation.both_rad?.map(|angles_rad| angles_rad[k]));
+            let toward = -normal.dot(&ray);
+            (toward != 0.0).then(|| station.position_m + ray * (above / toward))
+        };
+        let diagonal = |from: usize, to: usize| {
+            let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
+            let believed = self.world_from_body * (b - a);
+            let seen = seen_m(to)? - seen_m(from)?;
+            let length = believed.norm() * seen.norm();
+            let angle_rad = libm::acos((believed.dot(&seen) / length).clamp(-1.0, 1.0));
+            let left = normal.dot(&believed.cross(&seen)) > 0.0;
+            (seen.norm() >= 1e-4).then_some(if left { -angle_rad } else { angle_rad })
+        };
+        Some(0.5 * (diagonal(0, 3)? + diagonal(1, 2)?))
+    }
+
+    fn correct_by_range(&mut self, range: &Range) {
+        let (slope, error_m, variance) = self.model.range(range, &self.position_m);
+        if let Some(other) = range.minus {
+            let anchors_m = &self.model.anchors_m;
+            let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
+            let possible = range.distance_m.abs() < apart_m;
+            if !possible || !self.tdoa_filter.takes(error_m, variance.sqrt()) {
+                return;
+            }
+        }
+        self.correct(&[slope], error_m, variance);
+    }
+
+    /// Corrects by positions and heights.
+    fn correct_by_place(&mut self, readings: &Readings<'_>) {
+        if let Some(position_m) = readings.position_m {
+            for axis in 0..3 {
+                let error_m = position_m[axis] - self.position_m[axis];
+                self.correct(&[Part::One(axis, 1.0)], error_m, self.model.position);
+            }
+        }
+        let cos_tilt = self.world_from_body[(2, 2)];
+        for &(sensor, measured_m) in readings.heights {
+            let mut per_m = 1.0;
+            if sensor.looks_down() {
+                if cos_tilt <= LEAST_COS_TILT {
+                    continue;
+                }
+                let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * RANGER_CONE_RAD;
+                per_m /= libm::cos(tilt_rad.max(0.0));
+            }
+            let sigma_m = self.model.sensors.height_sigma_m(sensor, measured_m);
+            let error_m = measured_m - self.position_m.z * per_m;
+            self.correct(&[Part::One(2, per_m)], error_m, sigma_m * sigma_m);
+        }
+    }
+
+    fn correct(&mut self, slope: &[Part], value: f64, variance: f64) {
+        self.normal.correct(&Measurement { slope, value, variance }, |_| true);
+        let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
+        self.position_m += position_m;
+        self.velocity_m_s += velocity_m_s;
+        self.turn_rad += turn_rad;
+        self.bound();
+    }
+
+    /// Ends a tick that changed the state: turns the attitude by its error.
+    fn settle(&mut self) {
+        let turn_rad = std::mem::take(&mut self.turn_rad);
+        if turn_rad.amax() > LEAST_TURN_RAD {
+            self.attitude = self.attitude.by(&turn_rad);
+            self.transform(None, &turned_back(&turn_rad));
+        }
+        self.world_from_body = self.attitude.matrix();
+        self.bound();
+    }
+
+    /// `P ← Φ P Φᵀ`, symmetric; Φ leaves positions and velocities as they are where nothing drifts.
+    fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
+        let p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
+        // Columns are the rows of the transposed.
+        let moved = |p: SMatrix<f64, 9, 9>| {
+            SMatrix::from_data(ArrayStorage(moved(&p.transpose().data.0, drift, turn)))
+        };
+        let p = moved(moved(p));
+        self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
+    }
+
+    /// Keeps every variance within its bounds.
+    fn bound(&mut self) {
+        for state in 0..TURN + 3 {
+            let variance = &mut self.normal.covariance[(state, state)];
+            *variance = variance.max(self.options.least_variance).min(LARGEST_VARIANCE);
+        }
+    }
+}
+
+impl Estimator for Firmware {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.attitude = Turned::facing(yaw_rad);
+        self.world_from_body = self.attitude.matrix();
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
+        self.time_s += tick_s;
+        self.sweep_filter.wait(tick_s);
+        self.tdoa_filter.wait(tick_s);
+        if readings.throttle > 0.0 {
+            self.driven_s = self.time_s;
+        }
+        // The deck looks at the state of the tick before.
+        let rotations = self.deck.hear(readings.sweeps, self.time_s);
+        let yaw_errors_rad: Vec<Option<f64>> =
+            rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
+
+        let span_s = self.time_s - self.predicted_s;
+        let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
+        if predicts {
+            self.predict(span_s);
+        }
+        self.add_noise(tick_s);
+        for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
+            self.correct_by_sweeps(rotation);
+            if let Some(yaw_error_rad) = yaw_error_rad {
+                let error_rad = self.turn_rad.z - yaw_error_rad;
+                let slope = [Part::One(TURN + 2, 1.0)];
+                self.correct(&slope, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+            }
+        }
+        readings.ranges.iter().for_each(|range| self.correct_by_range(range));
+        self.correct_by_place(readings);
+        self.sums.0[0] += readings.rate_rad_s;
+        self.sums.0[1] += readings.specific_force_m_s2;
+        self.sums.1 += 1.0;
+        self.rate_rad_s = readings.rate_rad_s;
+        if predicts || !rotations.is_empty() || readings.measures_place() {
+            self.settle();
+        }
+    }
+
+    fn state(&self) -> State {
+        let attitude = angles(&self.world_from_body);
+        state(&self.position_m, attitude, &self.velocity_m_s, &self.rate_rad_s)
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        Some(self.normal.block(0, 0))
+    }
+}
+
+/// What errors of velocity and turn add to those of position, and make of those of velocity.
+struct Drift {
+    position: [Matrix3<f64>; 2],
+    velocity: [Matrix3<f64>; 2],
+}
+
+/// `Φ P`, row by row, without the products of Φ's zeros and ones.
+fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
+    let mut all = *p;
+    all[TURN..].fill([0.0; 9]);
+    if drift.is_some() {
+        all[VELOCITY..TURN].fill([0.0; 9]);
+    }
+    let mut add = |to: usize, block: &Matrix3<f64>, from: usize| {
+        for (i, k) in (0..3).flat_map(|i| (0..3).map(move |k| (i, k))) {
+            let factor = block[(i, k)];
+            let sums = all[to + i].iter_mut().zip(&p[from + k]);
+            sums.for_each(|(sum, value)| *sum += factor * value);
+        }
+    };
+    if let Some(Drift { position, velocity }) = drift {
+        add(0, &position[0], VELOCITY);
+        add(0, &position[1], TURN);
+        add(VELOCITY, &velocity[0], VELOCITY);
+        add(VELOCITY, &velocity[1], TURN);
+    }
+    add(TURN, turn, TURN);
+    all
+}
+
+/// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
+/// turn, as Mueller, Hehn and D'Andrea derive it.
+fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
+    let cross = (turn_rad * 0.5).cross_matrix();
+    Matrix3::identity() - cross + cross * cross * 0.5
+}

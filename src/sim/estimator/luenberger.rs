@@ -1,0 +1,160 @@
+//! Luenberger observer of the reference flight: position measured, turning and specific force as
+//! inputs, yaw integrated.
+
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
+
+use super::Estimator;
+use crate::control::{self, dynamic, linearize};
+use crate::options::LuenbergerOptions;
+use crate::sensors::Readings;
+use crate::vehicle::{Motion, State, motion_derivative, state};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::geometry::{Attitude, turned};
+
+/// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
+const YAW: usize = 3;
+
+/// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
+/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
+/// firmware.
+#[derive(Clone, Debug)]
+pub(super) struct Observer {
+    /// `A − L C`.
+    a: SMatrix<f64, 8, 8>,
+    b: SMatrix<f64, 8, 4>,
+    l: SMatrix<f64, 8, 3>,
+    measured_m: Vector3<f64>,
+    /// As if the nose had been put down along world x.
+    estimate: SVector<f64, 8>,
+    /// From this heading toward the left.
+    yaw_rad: f64,
+    heading_rad: f64,
+    rate_rad_s: Vector3<f64>,
+}
+
+impl Observer {
+    /// An observer that believes in a level drone at rest at `position_m`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the weights have no gain.
+    pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
+        let (a, b) = hover_model(linearize);
+        let l = observer_gain(options, &a)?;
+        let mut estimate = SVector::<f64, 8>::zeros();
+        estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
+        Ok(Self {
+            a: without_yaw(&a) - l * SMatrix::<f64, 3, 8>::identity(),
+            b: b.remove_row(YAW),
+            l,
+            measured_m: position_m,
+            estimate,
+            yaw_rad: 0.0,
+            heading_rad: 0.0,
+            rate_rad_s: Vector3::zeros(),
+        })
+    }
+}
+
+impl Estimator for Observer {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.heading_rad = yaw_rad;
+        self.measured_m = turned(&self.measured_m, -yaw_rad);
+        self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let w = readings.rate_rad_s;
+        if let Some(measured_m) = readings.position_m {
+            self.measured_m = turned(&measured_m, -self.heading_rad);
+        }
+        let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
+        self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
+        self.yaw_rad += w.z * tick_s;
+        self.rate_rad_s = w;
+    }
+
+    /// The body rate is as the gyroscope read it.
+    fn state(&self) -> State {
+        let x = &self.estimate;
+        let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
+        let yaw_rad = self.heading_rad + self.yaw_rad;
+        let attitude = Attitude { yaw_rad, pitch_rad: x[3], roll_rad: x[4] };
+        state(&position_m, attitude, &x.fixed_rows::<3>(5).into(), &self.rate_rad_s)
+    }
+}
+
+/// Gain `L` of the dual regulator for the `A` of [`hover_model`]: the model's σ² as its state
+/// weight, the measurement's σ² as its input weight.
+pub(crate) fn observer_gain(
+    options: &LuenbergerOptions,
+    a: &SMatrix<f64, 9, 9>,
+) -> Result<SMatrix<f64, 8, 3>> {
+    let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
+    let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
+    let (a, c) = (dynamic(&without_yaw(a)), DMatrix::identity(3, 8));
+    let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
+    let gain = gain.map_err(|error| Error::Infeasible {
+        what: format!("observer.luenberger.q and .r have no gain: {error}"),
+        hint: error.hint().into(),
+    })?;
+    Ok(SMatrix::from_column_slice(gain.as_slice()))
+}
+
+/// `A` without the yaw.
+pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
+    a.remove_row(YAW).remove_column(YAW)
+}
+
+type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
+type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
+
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a way to linearize.
+pub(crate) fn hover_model(
+    linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
+) -> Linear {
+    let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
+    linearize(|motion, u| motion_derivative(motion, &u.xyz(), u[3]), &Motion::zeros(), &at_hover)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::RigidBody;
+
+    fn at_rest(
+        truth: &RigidBody,
+        position_m: Vector3<f64>,
+        rate_rad_s: Vector3<f64>,
+    ) -> Readings<'_> {
+        let force_m_s2 = Vector3::z() * GRAVITY_M_S2;
+        let position_m = Some(position_m);
+        Readings { position_m, ..Readings::inertial(truth, rate_rad_s, force_m_s2) }
+    }
+
+    #[test]
+    fn a_wrong_start_is_forgotten() {
+        let truth = Vector3::new(0.3, -0.2, 0.5);
+        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let start = RigidBody::at(Vector3::zeros());
+        let readings = at_rest(&start, truth, Vector3::zeros());
+        for _ in 0..2000 {
+            observer.update(&readings, 0.002);
+        }
+        let state = observer.state();
+        assert!((state.fixed_rows::<3>(0) - truth).norm() < 1e-6, "{state}");
+        assert!(state.fixed_rows::<9>(3).norm() < 1e-6, "{state}");
+    }
+
+    #[test]
+    fn yaw_is_the_integral_of_the_gyro() {
+        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let start = RigidBody::at(Vector3::zeros());
+        let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
+        for _ in 0..1000 {
+            observer.update(&readings, 0.002);
+        }
+        assert!((observer.state()[YAW] - 1.0).abs() < 1e-12, "0.5 rad/s for 2 s");
+    }
+}

@@ -1,0 +1,273 @@
+//! Flies a plan, tick by tick.
+
+use nalgebra::Vector3;
+
+use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
+use super::options::Drone;
+use super::recorder::Recorder;
+use crate::sensors::{Air, Fleet, Member};
+use crate::vehicle::{Downwash, FloorOptions, Plant, Wake};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::input_error;
+use noctograph_core::plan::{Plan, Setpoint};
+
+/// Ticks between two reports of progress.
+const TICKS_PER_REPORT: u32 = 250;
+
+/// Flies a plan with one drone.
+///
+/// The flight lasts from 0 to the time of the last setpoint. The same plan and drone give the same
+/// bytes on every machine. `progress` is called with the completed fraction, 0 to 1.
+///
+/// # Errors
+///
+/// Those of [`SimOptions::check`](crate::SimOptions::check); [`Error::Input`] for a plan
+/// without setpoints or with values that no drone can reach; [`Error::Infeasible`] for one longer
+/// than an hour, for weights without a gain, and for a drone that turns over or flies away.
+///
+/// # Panics
+///
+/// If a column of `plan.lights` is not as long as `plan.setpoints`, or if the believed and the
+/// actual drone have different rates.
+pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+    Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
+}
+
+/// Flies several plans in step: the drones blow upon those below them (`air.downwash`), measure the
+/// distances between each other and tell each other what they measured, where their sensors and
+/// estimators are set to. A drone alone flies as by [`fly`]. A drone that has landed goes on
+/// ranging until the last one has.
+///
+/// # Errors
+///
+/// As [`fly`], with the number of the drone; [`Error::Input`] for a drone that the list of heard
+/// anchors leaves out.
+///
+/// # Panics
+///
+/// As [`fly`], and if the drones have different clocks or seeds.
+pub fn fly_fleet(
+    fleet: &[(&Plan, Drone<'_>)],
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Flight>> {
+    fly_watched(fleet, &mut |_, _, _| {}, progress)
+}
+
+/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were
+/// commanded.
+pub fn fly_watched(
+    fleet: &[(&Plan, Drone<'_>)],
+    watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Flight>> {
+    let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
+    let mut rigs = rigs(fleet)?;
+    let indices: Vec<u64> = fleet.iter().map(|(_, drone)| drone.index).collect();
+    let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
+    let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
+    let mut fleet_m = Vec::with_capacity(rigs.len());
+    let alone = rigs.len() == 1;
+    let blows = !alone && first.actual.air.downwash == Downwash::Jet;
+    let mut wakes: Vec<Wake> = Vec::with_capacity(rigs.len());
+    for tick in 0..=n_ticks {
+        let time_s = f64::from(tick) / f64::from(first.actual.rates.control_hz);
+        if !alone {
+            fleet_m.clear();
+            fleet_m.extend(rigs.iter().map(|rig| rig.plant.body().position_m));
+            while let Some((to, message)) = air.arrived(time_s) {
+                rigs[to].avionics.receive(&message);
+            }
+        }
+        if blows {
+            wakes.clear();
+            wakes.extend(rigs.iter().map(|rig| rig.plant.wake()));
+        }
+        for (place, rig) in rigs.iter_mut().enumerate() {
+            if blows {
+                rig.plant.enter(wakes[..place].iter().chain(&wakes[place + 1..]));
+            }
+            let ticked = rig.tick(fleet[place].0, tick, time_s, &fleet_m, watch);
+            ticked.map_err(|error| match error {
+                Error::Infeasible { what, hint } if !alone => {
+                    Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
+                }
+                error => error,
+            })?;
+        }
+        if !alone && air.is_due(time_s) {
+            let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
+            messages.for_each(|message| air.send(&message));
+        }
+        if tick.is_multiple_of(TICKS_PER_REPORT) {
+            progress(f64::from(tick) / f64::from(n_ticks.max(1)));
+        }
+    }
+    progress(1.0);
+    Ok(rigs.into_iter().map(Rig::finish).collect())
+}
+
+/// The drones of a fleet on the floor.
+pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
+    let first = &fleet[0].1;
+    let mut members = Vec::new();
+    for (plan, drone) in fleet {
+        let Drone { believed, actual, seed, index, .. } = *drone;
+        assert_eq!(believed.rates, actual.rates, "one clock");
+        assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
+        believed.check()?;
+        actual.check()?;
+        actual.sensors.uwb.heard_by(index)?;
+        check_plan(plan, &actual.floor)?;
+        members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
+    }
+    let rig = |(place, (plan, drone)): (usize, &(&Plan, Drone<'_>))| {
+        Rig::new(plan, drone, &Fleet { members: members.clone(), place })
+    };
+    fleet.iter().enumerate().map(rig).collect()
+}
+
+/// A drone in flight.
+#[derive(Debug)]
+pub(super) struct Rig {
+    pub(super) plant: Plant,
+    pub(super) avionics: Avionics,
+    recorder: Recorder,
+    pub(super) n_ticks: u32,
+    /// Seconds between two ticks.
+    pub(super) tick_s: f64,
+    ticks_per_sample: u32,
+    steps_per_tick: u32,
+}
+
+impl Rig {
+    fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+        let rates = &drone.actual.rates;
+        let n_ticks = n_ticks(plan, rates.control_hz)?;
+        let ticks_per_sample = rates.control_hz / rates.log_hz;
+        let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+        let start_m = start_m(plan, &drone.actual.floor);
+        let plant = Plant::new(drone.actual.plant(), dt_s, drone.seed, drone.index, start_m);
+        Ok(Self {
+            plant: plant.facing(plan.yaw_rad),
+            avionics: Avionics::new(drone, fleet, plan)?,
+            recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
+            n_ticks,
+            tick_s: 1.0 / f64::from(rates.control_hz),
+            ticks_per_sample,
+            steps_per_tick: rates.steps_per_tick,
+        })
+    }
+
+    fn tick(
+        &mut self,
+        plan: &Plan,
+        tick: u32,
+        time_s: f64,
+        fleet_m: &[Vector3<f64>],
+        watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    ) -> Result<()> {
+        if self.avionics.sense(plan, time_s, &self.plant, fleet_m) {
+            self.avionics.control(plan, time_s);
+        }
+        self.conclude(plan, tick, time_s, watch)
+    }
+
+    /// The rest of a tick: its sample and its motion.
+    pub(super) fn conclude(
+        &mut self,
+        plan: &Plan,
+        tick: u32,
+        time_s: f64,
+        watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    ) -> Result<()> {
+        self.avionics.conclude(plan, time_s, &self.plant)?;
+        watch(tick, &self.plant, &self.avionics);
+        if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
+            self.recorder.record(plan, &self.avionics.snapshot(time_s, &self.plant));
+        }
+        let motors = self.avionics.motors();
+        for _ in 0..self.steps_per_tick {
+            self.plant.advance(&motors);
+        }
+        Ok(())
+    }
+
+    pub(super) fn finish(self) -> Flight {
+        self.recorder.finish(self.avionics.warnings(&self.plant))
+    }
+}
+
+/// Where a drone truly starts.
+fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
+    let first_m = plan.setpoints[0].position_m;
+    Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
+}
+
+/// Checks that the plan has setpoints, only positions and motions within a drone's reach, and a way
+/// above the floor.
+fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+    let n = plan.setpoints.len();
+    assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
+    assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
+    let hint = "plan the word again, or correct the file that the plan was read from";
+    if !plan.yaw_rad.is_finite() {
+        return Err(Error::input("plan.yaw_rad", plan.yaw_rad, "an angle in radians", hint));
+    }
+    if plan.setpoints.is_empty() {
+        return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));
+    }
+    for (i, s) in plan.setpoints.iter().enumerate() {
+        let sent_m = plan.sent_m(i);
+        let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
+        let mut values = s.position_m.iter().chain(moving).chain(&sent_m);
+        if let Some(value) = values.find(|value| value.is_nan() || value.abs() >= LOST) {
+            let wanted = format!("a number within ±{LOST}");
+            return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
+        }
+    }
+    check_above(plan, floor)
+}
+
+/// Checks that the plan stays above the steps of the floor from its first setpoint above them to
+/// its last. Before and after, where a ramp begins and ends that rises above the step, the drone
+/// stands on the step.
+fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+    let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
+    let above = |s: &Setpoint| s.position_m.z > below_m(s);
+    let all = &plan.setpoints;
+    let first = all.iter().position(above).unwrap_or(0);
+    let last = all.iter().rposition(above).unwrap_or(all.len() - 1);
+    let inside = |s: &Setpoint| s.position_m.z > 0.0 && !above(s);
+    let higher =
+        |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
+    let refused = |i: &usize| {
+        let s = &all[*i];
+        inside(s) && ((first..=last).contains(i) || !higher(s))
+    };
+    let Some(i) = (0..all.len()).find(refused) else { return Ok(()) };
+    let (height_m, floor_m) = (all[i].position_m.z, below_m(&all[i]));
+    Err(input_error!(
+        format!("plan, setpoint {i}"),
+        "a height of {height_m} m",
+        "more than the floor's {floor_m} m there",
+        "write higher (letters.baseline_m), or lower or move floor.steps"
+    ))
+}
+
+/// Control ticks from the first setpoint to the last.
+fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
+    let duration_s = plan.duration_s();
+    if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
+        return Err(Error::Infeasible {
+            what: format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
+            hint: "write a shorter word, or draw faster".into(),
+        });
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 7.2e6")]
+    Ok(((duration_s + TIME_TOLERANCE_S) * f64::from(rate_hz)) as u32)
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,56 @@
+//! Simulation of a flight.
+//!
+//! Product in: [`Plan`](noctograph_core::plan::Plan). Product out:
+//! [`Flight`](noctograph_core::flight::Flight), which the log of a real flight gives as well.
+//!
+//! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
+//! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
+//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone
+//! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
+//! off. The reference team's controller, the default of [`SimOptions`] (a scene's is the firmware's
+//! PID), holds each setpoint as it was sent: a position with no velocity, which the drone trails by
+//! about half a second; [`ControllerKind`] lists the others. [`design`] computes the gains without
+//! a flight.
+//!
+//! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
+//! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
+//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
+//! sensors and the Kalman filter follow the Crazyflie's firmware.
+//!
+//! Not modeled: whole-number motor commands; filters of the inertial sensors; sliding, bouncing and
+//! tipping on the floor.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+mod avionics;
+pub mod control;
+mod controller;
+pub mod design;
+pub mod estimate;
+mod estimator;
+mod fly;
+mod options;
+mod radio;
+mod recorder;
+pub mod sensors;
+mod session;
+pub mod vehicle;
+
+#[cfg(test)]
+mod tests;
+
+pub use avionics::Avionics;
+pub use controller::{ThrustMap, altitude_gains};
+pub use estimator::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,
+    writing_sigma_m,
+};
+pub use fly::{fly, fly_fleet, fly_watched};
+pub use options::{
+    AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
+    Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce,
+    LqrOptions, LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions,
+    RateOptions, SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
+};
+pub use session::Session;

@@ -1,0 +1,80 @@
+//! Anchors from the file that cfclient saves: YAML, an index with x, y and z in meters each.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_saphyr::Spanned;
+
+use super::yaml::from_yaml;
+use noctograph_core::error::{Result, within};
+use noctograph_core::files::Limit;
+use noctograph_core::input_error;
+
+/// Largest file that is read.
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
+
+const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
+
+/// The place of an anchor in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Anchor {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+/// Reads the places of the anchors, in the order of their indices.
+///
+/// # Errors
+///
+/// [`Error::Io`](noctograph_core::error::Error::Io) where the file cannot be read;
+/// [`Error::Input`](noctograph_core::error::Error::Input) with its line where it is broken, and for
+/// indices that do not count from 0.
+pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
+    parse(&LIMIT.read_text(path)?, &path.display().to_string())
+}
+
+fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
+    let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
+    let mut places_m: Vec<[f64; 3]> = Vec::new();
+    for (index, (key, Spanned { value, referenced, .. })) in anchors.into_iter().enumerate() {
+        let place = format!("{file}:{}: anchor {key}", referenced.line());
+        if usize::from(key) != index {
+            return Err(input_error!(place, "key {key}", "key {index}", "{HINT}"));
+        }
+        let place_m = [value.x, value.y, value.z];
+        for (name, coordinate_m) in ["x", "y", "z"].into_iter().zip(place_m) {
+            within(&format!("{place}, {name}"), coordinate_m, -1e4, 1e4)?;
+        }
+        if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
+            return Err(input_error!(place, "the place of key {first}", "another", "{HINT}"));
+        }
+        places_m.push(place_m);
+    }
+    Ok(places_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_of_cfclient_is_read_and_a_broken_one_refused() {
+        let file = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
+        assert_eq!(parse(file, "a.yaml").unwrap(), [[0.99, 1.49, 1.8], [0.99, 3.29, 1.8]]);
+        for (broken, at, wanted) in [
+            (file.replace("1:\n", "2:\n"), ":6: anchor 2", "key 2"),
+            (file.replace("1:\n", "one:\n"), ":5", "key one"),
+            (file.replacen("z: 1.8", "z: much", 1), ":4", "much"),
+            (file.replacen("  x: 0.99\n", "", 1), ":2", "no x"),
+            (file.replacen("z: 1.8", "z: 1.8\n  w: 2", 1), ":2: anchor 0", "key w"),
+            (file.replace("1.49", ".nan"), ":2: anchor 0, y", "NaN"),
+            (file.replace("3.29", "1.49"), ":6: anchor 1", "the place of key 0"),
+        ] {
+            let error = parse(&broken, "a.yaml").unwrap_err().to_string();
+            assert!(error.contains(&format!("a.yaml{at}")) && error.contains(wanted), "{error}");
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Base stations from a Lighthouse configuration file, as cfclient and cflib write it.
+//!
+//! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style after the release
+//! of its YAML library. World and station frames are ours already.
+//!
+//! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) have no
+//! effect: the firmware undoes them before it uses an angle (`lighthouse_calibration.c`), and
+//! angles here are those after that. They would change the slant of second-generation planes, by
+//! the tilt of up to 0.05 rad about 30°: a tenth of the height's noise. A warning says so.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::Matrix3;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_saphyr::Spanned;
+
+use super::yaml::from_yaml;
+use super::{Generation, Station};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+
+/// Largest file that is read; sixteen stations take some 20 kB.
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
+/// Most that a rotation matrix may be off: files carry single precision, and some are rounded.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+
+const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
+                    stations' geometry estimated";
+
+/// Keys of the file and of a station's geometry; others are named in a warning.
+const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
+const GEOMETRY: [&str; 2] = ["origin", "rotation"];
+
+/// The keys of a mapping, with their lines.
+type Keys = BTreeMap<String, Spanned<IgnoredAny>>;
+
+/// The file: what of it has an effect.
+#[derive(Deserialize)]
+struct Config {
+    r#type: Spanned<String>,
+    version: Spanned<String>,
+    #[serde(rename = "systemType")]
+    system_type: Option<Spanned<String>>,
+    #[serde(default)]
+    geos: BTreeMap<u8, Geometry>,
+    #[serde(default)]
+    calibs: BTreeMap<u8, IgnoredAny>,
+}
+
+/// Place of a station, m, and the rotation from its frame to the world's, row by row.
+#[derive(Deserialize)]
+struct Geometry {
+    origin: Spanned<[f64; 3]>,
+    rotation: Spanned<[[f64; 3]; 3]>,
+}
+
+/// All keys of the stations' geometries.
+#[derive(Deserialize)]
+struct Geometries {
+    #[serde(default)]
+    geos: BTreeMap<u8, Keys>,
+}
+
+/// Content of a Lighthouse configuration file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LighthouseConfig {
+    /// The base stations whose geometry is known, in the order of their channels.
+    pub stations: Vec<Station>,
+    /// Warnings about them.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a Lighthouse configuration file.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read; [`Error::Input`] with the line where it is no such
+/// configuration, or a station's place or turn is impossible.
+pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
+    parse(&LIMIT.read_text(path)?, &path.display().to_string())
+}
+
+/// Reads the text of a configuration; `file` is its name in messages.
+fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
+    let all: Keys = from_yaml(yaml, file, HINT)?;
+    let mut others = unknown(&all, &KEYS);
+    let config: Config = from_yaml(yaml, file, HINT)?;
+    must_be("type", &config.r#type, &["lighthouse_system_configuration"], file)?;
+    must_be("version", &config.version, &["1"], file)?;
+    let generation = match &config.system_type {
+        Some(system_type) => {
+            must_be("systemType", system_type, &["1", "2"], file)?;
+            if system_type.value == "1" { Generation::V1 } else { Generation::V2 }
+        }
+        None => Generation::V2,
+    };
+    if config.geos.is_empty() {
+        let found = match others.as_slice() {
+            [] => "no base station under geos".to_owned(),
+            keys => format!("no base station under geos, but {}", keys.join(", ")),
+        };
+        return Err(Error::input(file, found, "at least one", HINT));
+    }
+    let mut stations = Vec::new();
+    for (id, geometry) in &config.geos {
+        stations.push(station(generation, geometry, file, *id)?);
+    }
+    let geometries: Geometries = from_yaml(yaml, file, HINT)?;
+    others.extend(geometries.geos.values().flat_map(|keys| unknown(keys, &GEOMETRY)));
+    let mut warnings = warnings(&config);
+    if !others.is_empty() {
+        warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
+    }
+    Ok(LighthouseConfig { stations, warnings })
+}
+
+fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
+    if wanted.contains(&value.value.as_str()) {
+        return Ok(());
+    }
+    let place = format!("{file}:{}: {key}", value.referenced.line());
+    Err(Error::input(place, &value.value, wanted.join(" or "), HINT))
+}
+
+/// A station of its geometry.
+fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
+    let refused = |line: u64, key: &str, found: String, wanted: &str| {
+        Err(Error::input(format!("geos.{id}.{key}"), found, wanted, HINT).at(file, line))
+    };
+    let position_m = geometry.origin.value;
+    if !position_m.iter().all(|x| x.abs() <= 1e4) {
+        let line = geometry.origin.referenced.line();
+        return refused(line, "origin", format!("{position_m:?}"), "meters within ±1e4");
+    }
+    let rows = geometry.rotation.value;
+    let rotation = Matrix3::from_row_iterator(rows.into_iter().flatten());
+    let error = (rotation * rotation.transpose() - Matrix3::identity()).abs().max();
+    if !(error <= ROTATION_TOLERANCE && rotation.determinant() > 0.0) {
+        let line = geometry.rotation.referenced.line();
+        return refused(line, "rotation", format!("{rows:?}"), "a rotation");
+    }
+    Ok(placed(generation, position_m, &rotation))
+}
+
+/// The keys of a mapping that are not among those known, with their lines.
+fn unknown(keys: &Keys, known: &[&str]) -> Vec<String> {
+    let others = keys.iter().filter(|(key, _)| !known.contains(&key.as_str()));
+    others.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
+}
+
+fn warnings(config: &Config) -> Vec<String> {
+    let list = |placed: bool| {
+        let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == placed);
+        ids.map(u8::to_string).collect::<Vec<_>>().join(", ")
+    };
+    let (calibrated, homeless) = (list(true), list(false));
+    let mut warnings = Vec::new();
+    if !calibrated.is_empty() {
+        warnings.push(format!(
+            "the factory calibration of base station {calibrated} has no effect: sweep angles are \
+             simulated as they are after the firmware has undone it"
+        ));
+    }
+    if !homeless.is_empty() {
+        warnings.push(format!(
+            "base station {homeless} is left out: its place is not known, only its calibration"
+        ));
+    }
+    warnings
+}
+
+/// A station from its rotation matrix.
+fn placed(generation: Generation, position_m: [f64; 3], turn: &Matrix3<f64>) -> Station {
+    let forward = turn.column(0).into_owned();
+    Station::facing(generation, position_m, &forward, libm::atan2(turn[(2, 1)], turn[(2, 2)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::sensors::StationPose;
+
+    /// Block style, as cflib writes it since 5.1 of its YAML library, with a line of flow style.
+    const BLOCK: &str = "\
+calibs:
+  0:
+    sweeps:
+    - curve: -0.05
+      gibmag: 0.006
+      gibphase: 1.1
+      ogeemag: -0.3
+      ogeephase: 0.9
+      phase: 0.0
+      tilt: -0.05
+    - {curve: 0.1, gibmag: -0.005, gibphase: 2.4, ogeemag: 0.4, ogeephase: 0.2, phase: -0.006, tilt: 0.05}
+    uid: 3332124402
+geos:
+  0:
+    origin:
+    - -1.9584829807281494
+    - 0.5422989726066589
+    - 3.152726888656616
+  # turned by 90 degrees about z
+    rotation:
+    - - 0.0
+      - -1.0
+      - 0.0
+    - - 1.0
+      - 0.0
+      - 0.0
+    - - 0.0
+      - 0.0
+      - 1.0
+  1:
+    origin: [1.0, 2.0, 3.0]
+    rotation: [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]]
+systemType: 2
+type: lighthouse_system_configuration
+version: '1'
+";
+
+    #[test]
+    fn stations_come_in_place_and_turned() {
+        let LighthouseConfig { stations, warnings } = parse(BLOCK, "lh.yaml").unwrap();
+        assert_eq!((stations.len(), warnings.len()), (2, 1));
+        assert!(warnings[0].contains("calibration of base station 0 has no"), "{warnings:?}");
+        assert_eq!(stations[0].position_m[2], 3.152726888656616);
+        let turned = StationPose::new(&stations[0]).world_from_station * Vector3::x();
+        assert!((turned - Vector3::y()).norm() < 1e-15, "x becomes y");
+        let pose = StationPose::new(&stations[1]).world_from_station;
+        let want = Matrix3::new(0.8, 0.0, 0.6, 0.0, 1.0, 0.0, -0.6, 0.0, 0.8);
+        assert!((pose - want).norm() < 1e-15, "{pose}");
+        assert!(stations[1].pitch_rad > 0.6, "looks down");
+        assert!(stations.iter().all(|s| s.generation == Generation::V2));
+        let v1 = parse(&BLOCK.replace("systemType: 2", "systemType: 1"), "lh.yaml").unwrap();
+        assert!(v1.stations.iter().all(|s| s.generation == Generation::V1));
+        let homeless = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
+        assert!(homeless.warnings[0].contains("station 7 is left out"), "{homeless:?}");
+        let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
+        assert!(other.warnings[1].contains("wind (line 36) is not known"), "{other:?}");
+    }
+
+    #[test]
+    fn any_rotation_survives_its_angles() {
+        for i in 0..200 {
+            let angle = |k: f64| 3.0 * libm::sin(f64::from(i) * k);
+            let (yaw_rad, pitch_rad, roll_rad) = (angle(1.3), 0.5 * angle(2.1), angle(3.7));
+            let position_m = [0.0; 3];
+            let generation = Generation::V2;
+            let station = Station { generation, position_m, yaw_rad, pitch_rad, roll_rad };
+            let r = StationPose::new(&station).world_from_station;
+            let again = StationPose::new(&placed(generation, position_m, &r)).world_from_station;
+            assert!((again - r).norm() < 1e-13, "{station:?}");
+        }
+    }
+
+    #[test]
+    fn broken_files_are_named_by_line() {
+        let cases = [
+            (BLOCK.replace("lighthouse_system", "loco"), ":34: type", "loco_configuration"),
+            (BLOCK.replace("'1'", "'2'"), ":35: version", "found 2"),
+            (BLOCK.replace("systemType: 2", "systemType: 3"), ":33: systemType", "found 3"),
+            (BLOCK.replace("- -1.9584829807281494", "- east"), ":16", "east"),
+            (BLOCK.replace("    - 3.152726888656616\n", ""), "lh.yaml:", "3"),
+            (BLOCK.replace("- 0.5422989726066589", "- .nan"), ": geos.0.origin", "NaN"),
+            (BLOCK.replace("[0.8, 0.0, 0.6]", "[0.9, 0.0, 0.6]"), ":32: geos.1.rotation", "0.9"),
+            (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
+            (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "but geoz (line 13)"),
+            (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
+            (String::new(), "lh.yaml:1", ""),
+            ("\u{0}\u{1}[{".to_owned(), "lh.yaml:1", ""),
+        ];
+        for (yaml, place, found) in cases {
+            let error = parse(&yaml, "lh.yaml").unwrap_err();
+            let message = error.to_string();
+            assert!(message.contains(place) && message.contains(found), "{place}: {message}");
+            assert!(!message.contains('\n') && !error.hint().is_empty(), "{message}");
+        }
+    }
+}

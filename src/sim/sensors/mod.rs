@@ -1,0 +1,454 @@
+//! Sensors: measurements of the drone's motion. One file a sensor.
+//!
+//! In: the true state and the specific force at a tick. Out: readings. Every sensor has its own
+//! streams of noise and draws a fixed number from them at each of its measurements, so that none
+//! can shift another's.
+
+mod anchors_yaml;
+mod coverage;
+mod crossing_beams;
+#[cfg(test)]
+mod density;
+mod height;
+mod imu;
+mod lighthouse;
+mod lighthouse_yaml;
+mod options;
+mod peers;
+mod position;
+mod room;
+mod station;
+mod streams;
+mod uwb;
+mod yaml;
+
+use nalgebra::Vector3;
+
+use self::crossing_beams::CrossingBeams;
+use self::height::{Barometer, Gnss, TimeOfFlight};
+use self::imu::Imu;
+use self::lighthouse::Lighthouse;
+use self::position::PositionSensor;
+use self::streams::Streams;
+use self::uwb::Uwb;
+use crate::vehicle::{FloorOptions, RigidBody};
+use noctograph_core::flight::Warning;
+
+pub use self::anchors_yaml::read_anchors;
+pub use self::coverage::{Coverage, CoveredPlace, coverage};
+pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
+pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};
+pub use self::options::{
+    BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
+    PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
+};
+pub use self::peers::Target;
+pub(crate) use self::peers::{Air, Fleet, Leg, Member, Message, Reckoning, Shared};
+pub(crate) use self::station::StationPose;
+pub(crate) use self::streams::Clock;
+pub use self::uwb::Range;
+pub(crate) use self::uwb::{PeerRange, Turn, turns};
+
+/// Readings of one tick. Inertial readings come at every tick, the others when they are due.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Readings<'a> {
+    /// The true motion, for the estimator `truth` alone.
+    pub truth: &'a RigidBody,
+    /// Mean command of the motors since the last tick, as a share of the largest.
+    pub throttle: f64,
+    /// Gyroscope, body frame.
+    pub rate_rad_s: Vector3<f64>,
+    /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
+    pub(crate) specific_force_m_s2: Vector3<f64>,
+    /// Position in the world, where the positioning gives positions.
+    pub position_m: Option<Vector3<f64>>,
+    /// Lighthouse sweeps.
+    pub sweeps: &'a [Sweep],
+    /// Ultra-wideband ranges.
+    pub ranges: &'a [Range],
+    /// Ultra-wideband ranges to other drones.
+    pub(crate) peer_ranges: &'a [PeerRange],
+    /// Heights that are due, m: what each sensor measures.
+    pub heights: &'a [(HeightSensor, f64)],
+}
+
+impl<'a> Readings<'a> {
+    /// Inertial readings alone.
+    pub(crate) fn inertial(
+        truth: &'a RigidBody,
+        rate_rad_s: Vector3<f64>,
+        specific_force_m_s2: Vector3<f64>,
+    ) -> Self {
+        Self {
+            truth,
+            throttle: 0.0,
+            rate_rad_s,
+            specific_force_m_s2,
+            position_m: None,
+            sweeps: &[],
+            ranges: &[],
+            peer_ranges: &[],
+            heights: &[],
+        }
+    }
+
+    /// Whether anything besides the inertial readings is due.
+    pub(crate) fn measures_place(&self) -> bool {
+        !self.sweeps.is_empty()
+            || !self.ranges.is_empty()
+            || self.position_m.is_some()
+            || !self.heights.is_empty()
+    }
+}
+
+/// Sensors of one drone.
+#[derive(Debug)]
+pub struct Sensors {
+    imu: Imu,
+    locator: Locator,
+    altimeters: Vec<Altimeter>,
+    /// Of the last tick.
+    heights: Vec<(HeightSensor, f64)>,
+    tick_s: f64,
+    ticks: u32,
+}
+
+/// Measurement of the position.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one a drone")]
+enum Locator {
+    Position(PositionSensor),
+    CrossingBeams(Lighthouse, CrossingBeams),
+    Sweeps(Lighthouse),
+    Uwb(Uwb),
+    Gnss(Gnss),
+}
+
+/// Measurement of the height.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a few a drone")]
+enum Altimeter {
+    TimeOfFlight(TimeOfFlight),
+    Barometer(Barometer),
+}
+
+impl Sensors {
+    /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
+    /// and one of the room.
+    ///
+    /// # Panics
+    ///
+    /// As `Uwb::new`.
+    pub(crate) fn new(
+        options: &SensorOptions,
+        floor: &FloorOptions,
+        rate_hz: u32,
+        [seed, room_seed]: [u64; 2],
+        fleet: &Fleet,
+    ) -> Self {
+        let drone = fleet.members[fleet.place].index;
+        let streams = &Streams { seed, room_seed, drone };
+        let lighthouse = &options.lighthouse;
+        let altimeter = |sensor: &HeightSensor| match sensor {
+            HeightSensor::TimeOfFlight => {
+                let sensor = TimeOfFlight::new(&options.time_of_flight, floor, streams);
+                Altimeter::TimeOfFlight(sensor)
+            }
+            HeightSensor::Barometer => {
+                Altimeter::Barometer(Barometer::new(&options.barometer, streams))
+            }
+        };
+        let has = |sensor: &&HeightSensor| options.heights.contains(sensor);
+        Self {
+            imu: Imu::new(&options.imu, rate_hz, streams),
+            locator: match options.positioning {
+                Positioning::Position => {
+                    Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
+                }
+                Positioning::CrossingBeams => Locator::CrossingBeams(
+                    Lighthouse::new(lighthouse, streams),
+                    CrossingBeams::new(&lighthouse.stations),
+                ),
+                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
+                Positioning::UwbTwr | Positioning::UwbTdoa => {
+                    Locator::Uwb(Uwb::new(options, fleet, streams))
+                }
+                Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
+            },
+            altimeters: HeightSensor::ALL.iter().filter(has).map(altimeter).collect(),
+            heights: Vec::new(),
+            tick_s: 1.0 / f64::from(rate_hz),
+            ticks: 0,
+        }
+    }
+
+    /// Initial estimate of the position of a drone at rest: the true one, and for positions with a
+    /// distortion the distorted one.
+    pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
+        match &self.locator {
+            Locator::Position(sensor) => sensor.settled_m(position_m),
+            _ => position_m,
+        }
+    }
+
+    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
+    /// a drone alone needs none.
+    pub(crate) fn read<'a>(
+        &'a mut self,
+        body: &'a RigidBody,
+        specific_force_m_s2: Vector3<f64>,
+        fleet_m: &[Vector3<f64>],
+    ) -> Readings<'a> {
+        let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
+        self.ticks += 1;
+        let position_m = body.position_m;
+        // Not needed at most ticks.
+        let world_from_body = || body.matrix();
+        let mut readings = Readings::inertial(
+            body,
+            self.imu.rate_rad_s(body.rate_rad_s),
+            self.imu.specific_force_m_s2(specific_force_m_s2),
+        );
+        match &mut self.locator {
+            Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
+            Locator::CrossingBeams(lighthouse, beams) => {
+                let sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
+                readings.position_m = beams.fix_m(sweeps, time_s);
+            }
+            Locator::Sweeps(lighthouse) => {
+                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
+            }
+            Locator::Uwb(uwb) => {
+                (readings.ranges, readings.peer_ranges) = uwb.read(&position_m, fleet_m, time_s);
+            }
+            Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
+        }
+        self.heights.clear();
+        self.heights.extend(self.altimeters.iter_mut().filter_map(|altimeter| {
+            Some(match altimeter {
+                Altimeter::TimeOfFlight(sensor) => {
+                    (HeightSensor::TimeOfFlight, sensor.read(&position_m, world_from_body, time_s)?)
+                }
+                Altimeter::Barometer(sensor) => {
+                    (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
+                }
+            })
+        }));
+        readings.heights = &self.heights;
+        readings
+    }
+
+    /// Bias of the barometer at its last reading; 0 without one.
+    pub fn barometer_bias_m(&self) -> f64 {
+        let time_s = f64::from(self.ticks) * self.tick_s;
+        let bias_m = |altimeter: &Altimeter| match altimeter {
+            Altimeter::Barometer(barometer) => Some(barometer.bias_m(time_s)),
+            Altimeter::TimeOfFlight(_) => None,
+        };
+        self.altimeters.iter().find_map(bias_m).unwrap_or(0.0)
+    }
+
+    /// A warning about the base stations.
+    pub fn warning(&self) -> Option<Warning> {
+        let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
+        else {
+            return None;
+        };
+        let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
+        (blind_s > 0.0).then_some(Warning::Unseen(blind_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::density::white_density;
+    use super::*;
+    use crate::sensors::Generation;
+    use noctograph_core::crazyflie::GRAVITY_M_S2;
+
+    const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
+
+    /// Readings as owned values.
+    #[derive(Debug, PartialEq)]
+    struct Written {
+        inertial: [Vector3<f64>; 2],
+        position_m: Option<Vector3<f64>>,
+        sweeps: Vec<Sweep>,
+        ranges: Vec<Range>,
+        heights: Vec<(HeightSensor, f64)>,
+    }
+
+    fn sensors(options: &SensorOptions, seeds: [u64; 2], drone: u64) -> Sensors {
+        Sensors::new(options, &FloorOptions::default(), 500, seeds, &Fleet::alone(drone))
+    }
+
+    fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
+        let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
+        let mut sensors = sensors(options, [1, 1], 0);
+        let read = |_| {
+            let r = sensors.read(&body, force, &[]);
+            Written {
+                inertial: [r.rate_rad_s, r.specific_force_m_s2],
+                position_m: r.position_m,
+                sweeps: r.sweeps.to_vec(),
+                ranges: r.ranges.to_vec(),
+                heights: r.heights.to_vec(),
+            }
+        };
+        (0..n).map(read).collect()
+    }
+
+    #[test]
+    fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
+        let at_m = Vector3::new(0.4, -0.1, 0.9);
+        let body = RigidBody::at(at_m);
+        let options = SensorOptions::default();
+        let settled_m = |seed, drone| sensors(&options, [seed; 2], drone).settled_m(at_m);
+        assert_eq!(settled_m(1, 0), settled_m(1, 3), "one room");
+        assert_ne!(settled_m(1, 0), settled_m(2, 0), "another room");
+        let first = |drone| {
+            sensors(&options, [1, 1], drone).read(&body, Vector3::z() * 9.81, &[]).position_m
+        };
+        assert_ne!(first(0), first(1), "each has jitter of its own");
+
+        // Base stations that are not where the estimator has them, without any noise.
+        let mut sweeps =
+            SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
+        sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
+        let settled_m = |seeds, drone| {
+            let mut sensors = sensors(&sweeps, seeds, drone);
+            let read = |_| sensors.read(&body, Vector3::z() * 9.81, &[]).position_m;
+            (0..500).filter_map(read).last().unwrap()
+        };
+        let off_m = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm();
+        let (one, other) = (settled_m([1, 1], 0), settled_m([9, 1], 3));
+        assert!(off_m(one, other) < 1e-6, "one room, two drones, two flights: {one} {other}");
+        assert!(off_m(one, settled_m([1, 2], 0)) > 1e-3, "another room");
+    }
+
+    #[test]
+    fn ideal_sensors_read_the_truth() {
+        for &positioning in Positioning::ALL {
+            let heights = HeightSensor::ALL.to_vec();
+            let options = SensorOptions { positioning, heights, ..SensorOptions::ideal() };
+            let anchors_m = options.uwb.anchors();
+            for reading in readings(&options, 200) {
+                assert_eq!(reading.inertial, [Vector3::zeros(), Vector3::z() * GRAVITY_M_S2]);
+                let off_m = reading.position_m.map_or(0.0, |found_m| (found_m - PLACE_M).norm());
+                assert!(off_m < 1e-9, "{positioning:?}: {off_m}");
+                for (sensor, height_m) in reading.heights {
+                    assert!((height_m - PLACE_M.z).abs() < 1e-12, "{sensor:?}: {height_m}");
+                }
+                for range in reading.ranges {
+                    let true_m = |anchor: usize| (anchors_m[anchor] - PLACE_M).norm();
+                    let wanted_m = true_m(range.anchor) - range.minus.map_or(0.0, true_m);
+                    assert!((range.distance_m - wanted_m).abs() < 1e-12, "{range:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_further_sensor_leaves_the_others_as_they_are() {
+        let with = |positioning, heights: &[HeightSensor]| {
+            let heights = heights.to_vec();
+            readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
+        };
+        for &positioning in Positioning::ALL {
+            let alone = with(positioning, &[]);
+            let beside = with(positioning, HeightSensor::ALL);
+            let gyro = with(Positioning::Position, &[]);
+            for ((a, b), c) in alone.iter().zip(&beside).zip(&gyro) {
+                assert_eq!(a.inertial, c.inertial, "{positioning:?}");
+                assert_eq!((&a.sweeps, &a.ranges), (&b.sweeps, &b.ranges), "{positioning:?}");
+                assert_eq!(a.position_m, b.position_m, "{positioning:?}");
+            }
+        }
+        let mut options = SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
+        let two = readings(&options, 200);
+        let lighthouse = &mut options.lighthouse;
+        lighthouse.stations.push(lighthouse.stations[0].clone());
+        lighthouse.sweep_loss_frac = 0.5;
+        let first = |written: &[Written]| -> Vec<Sweep> {
+            written.iter().flat_map(|w| w.sweeps.clone()).filter(|s| s.station == 0).collect()
+        };
+        let (two, three) = (first(&two), first(&readings(&options, 200)));
+        assert!(three.len() > 10 && three.iter().all(|sweep| two.contains(sweep)), "a subset");
+    }
+
+    #[test]
+    fn a_sensor_without_noise_leaves_the_others_as_they_are() {
+        let loud = readings(&SensorOptions::default(), 20);
+        let mut options = SensorOptions::default();
+        options.imu.gyro_noise_rad_s_sqrt_hz = 0.0;
+        for (quiet, loud) in readings(&options, 20).iter().zip(&loud) {
+            assert_eq!(quiet.position_m, loud.position_m);
+            assert_eq!(quiet.inertial[1], loud.inertial[1]);
+            assert_eq!(quiet.inertial[0], Vector3::zeros());
+        }
+    }
+
+    #[test]
+    fn no_two_sensors_share_their_noise() {
+        let mut options = SensorOptions::default();
+        options.lighthouse.distortion_m = 0.0;
+        let reading = &readings(&options, 1)[0];
+        let sampled = f64::sqrt(250.0);
+        let [rate, force] = reading.inertial;
+        let first = [
+            (reading.position_m.unwrap().x - PLACE_M.x) / options.lighthouse.jitter_m,
+            rate.x / (options.imu.gyro_noise_rad_s_sqrt_hz * sampled),
+            force.x / (options.imu.accelerometer_noise_m_s2_sqrt_hz * sampled),
+            (force.z - GRAVITY_M_S2) / (options.imu.accelerometer_noise_m_s2_sqrt_hz * sampled),
+        ];
+        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            assert!((first[i] - first[j]).abs() > 1e-6, "{first:?}");
+        }
+    }
+
+    #[test]
+    fn positions_are_white_where_the_drone_stands() {
+        let readings = readings(&SensorOptions::default(), 1 << 16);
+        let heights_m: Vec<f64> = readings.iter().map(|r| r.position_m.unwrap().z).collect();
+        for density in white_density(&heights_m, 500.0) {
+            let want = 0.001 / f64::sqrt(250.0);
+            assert!((density / want - 1.0).abs() < 0.15, "{density:e} m/√Hz of {want:e}");
+        }
+    }
+
+    #[test]
+    fn distortion_stands_still_where_the_drone_does() {
+        let mut options = SensorOptions::default();
+        options.lighthouse.jitter_m = 0.0;
+        let readings = readings(&options, 50);
+        assert!(readings.iter().all(|r| r.position_m == readings[0].position_m));
+        assert!((readings[0].position_m.unwrap() - PLACE_M).norm() > 1e-4, "is there");
+    }
+
+    #[test]
+    fn sweeps_spread_as_stated_and_as_many_arrive() {
+        for (generation, sigma, per_second) in
+            [(Generation::V1, 60e-6, 30.0 * 0.87), (Generation::V2, 28e-6, 50.1 * 0.87)]
+        {
+            let mut options =
+                SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
+            options.lighthouse.stations.iter_mut().for_each(|s| s.generation = generation);
+            let seconds = 240;
+            let written = readings(&options, 500 * seconds);
+            let angles: Vec<f64> = (written.iter().flat_map(|w| &w.sweeps))
+                .filter(|sweep| (sweep.station, sweep.plane) == (1, 0))
+                .map(|sweep| sweep.angles_rad[2])
+                .collect();
+            let (n, seconds) = (angles.len() as f64, seconds as f64);
+            let rate = n / seconds;
+            assert!((rate / per_second - 1.0).abs() < 0.04, "{generation:?}: {rate} a second");
+            let mean = angles.iter().sum::<f64>() / n;
+            let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
+            assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
+            for density in white_density(&angles, rate) {
+                let want = sigma / (0.5 * rate).sqrt();
+                assert!((density / want - 1.0).abs() < 0.3, "{generation:?}: {density:e} rad/√Hz");
+            }
+        }
+    }
+}

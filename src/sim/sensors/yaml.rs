@@ -1,0 +1,19 @@
+//! YAML as Bitcraze's programs write it, read into plain structs.
+
+use serde::de::DeserializeOwned;
+
+use noctograph_core::error::{Error, Result};
+
+/// Reads a text with one document; `file` is its name in messages.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the line where it is not YAML, or not of this form. Keys twice, anchors
+/// that multiply and deep nesting are refused by the library.
+pub(super) fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
+    serde_saphyr::from_str(text).map_err(|error| {
+        let line = error.location().map_or(1, |location| location.line()).max(1);
+        let found = error.without_snippet().to_string();
+        Error::input("", found, "the form that Bitcraze's programs write", hint).at(file, line)
+    })
+}

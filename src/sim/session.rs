@@ -1,0 +1,219 @@
+//! A flight whose controller is outside the program.
+
+use super::controller::Reference;
+use super::fly::{Rig, rigs};
+use super::options::Drone;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
+use noctograph_core::plan::Plan;
+
+/// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while
+/// its setpoint is above the floor.
+#[derive(Debug)]
+pub struct Session {
+    plan: Plan,
+    rig: Rig,
+    tick: u32,
+    lands: bool,
+}
+
+impl Session {
+    /// A drone that waits for its first command.
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`](crate::fly).
+    ///
+    /// # Panics
+    ///
+    /// As [`fly`](crate::fly).
+    pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
+        Self::begun(plan, drone, false)
+    }
+
+    /// The same, whose flight has the standard deviation of the estimated position and its
+    /// normalized squared error (`estimate_sigma_m`, `estimate_nees`), where the drone's filter has
+    /// a covariance.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    ///
+    /// # Panics
+    ///
+    /// As [`Self::new`].
+    pub fn with_covariance(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
+        Self::begun(plan, drone, true)
+    }
+
+    fn begun(plan: Plan, drone: &Drone<'_>, logs_covariance: bool) -> Result<Self> {
+        let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
+        rig.avionics.logs_covariance |= logs_covariance;
+        let mut session = Self { plan, rig, tick: 0, lands: false };
+        session.run()?;
+        Ok(session)
+    }
+
+    /// Flies to the end by the drone's own controller.
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`](crate::fly).
+    pub fn fly_by_itself(&mut self) -> Result<()> {
+        while !self.lands {
+            let time_s = self.time_s();
+            self.rig.avionics.control(&self.plan, time_s);
+            self.conclude()?;
+            self.run()?;
+        }
+        Ok(())
+    }
+
+    /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
+    /// world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body
+    /// frame; and the design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
+    pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
+        let time_s = self.time_s();
+        (!self.lands).then(|| {
+            let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
+                self.rig.avionics.design(&self.plan, time_s);
+            let design = [position_m, velocity_m_s, acceleration_m_s2];
+            let design = std::array::from_fn(|i| design[i / 3][i % 3]);
+            ((*self.rig.avionics.estimate()).into(), design)
+        })
+    }
+
+    /// Time since the first setpoint, s.
+    pub fn time_s(&self) -> f64 {
+        f64::from(self.tick) * self.rig.tick_s
+    }
+
+    /// True position, m.
+    pub fn position_m(&self) -> [f64; 3] {
+        self.rig.plant.body().position_m.into()
+    }
+
+    /// Position of the design, m.
+    pub fn design_m(&self) -> [f64; 3] {
+        self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
+    }
+
+    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for a drone that turns over or flies away.
+    pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
+        if self.lands {
+            return Ok(());
+        }
+        self.rig.avionics.command(motors);
+        self.conclude().and_then(|()| self.run()).map_err(|error| match error {
+            Error::Infeasible { what, .. } => {
+                let hint = "check your controller's signs, units and gains".into();
+                Error::Infeasible { what, hint }
+            }
+            error => error,
+        })
+    }
+
+    /// The flight so far.
+    pub fn finish(self) -> Flight {
+        self.rig.finish()
+    }
+
+    /// Goes on until a command is due, or to the last setpoint.
+    fn run(&mut self) -> Result<()> {
+        while self.tick <= self.rig.n_ticks {
+            let time_s = self.time_s();
+            let Self { plan, rig, .. } = self;
+            if rig.avionics.sense(plan, time_s, &rig.plant, &[]) {
+                return Ok(());
+            }
+            self.conclude()?;
+        }
+        self.lands = true;
+        Ok(())
+    }
+
+    fn conclude(&mut self) -> Result<()> {
+        let time_s = self.time_s();
+        let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});
+        self.tick += 1;
+        concluded
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SimOptions;
+    use crate::fly::tests::flown;
+    use crate::tests::hover;
+
+    const PLACE_M: [f64; 3] = [0.1, 0.0, 0.5];
+
+    #[test]
+    fn the_commands_of_a_flight_lead_to_the_same_flight() {
+        let mut options = SimOptions::default();
+        options.rates.log_hz = options.rates.control_hz;
+        let (plan, drone) = (hover(PLACE_M, 2.0), Drone::new(&options, 1));
+        let flight = flown(&plan, &options, 1).unwrap();
+        let mut session = Session::new(plan, &drone).unwrap();
+        for sample in &flight.samples {
+            let (state, design) = session.waits().unwrap();
+            assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            assert!((state[2] - sample.estimate_m.z).abs() < 1e-6);
+            session.command(sample.motors).unwrap();
+        }
+        assert_eq!(session.waits(), None, "landed");
+        let again = session.finish();
+        let pairs = flight.samples.iter().zip(&again.samples);
+        let apart_m = pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
+        assert!(apart_m < 1e-5, "{apart_m} m, of commands rounded to 1e-6");
+        assert_eq!(again.samples.len(), flight.samples.len());
+    }
+
+    #[test]
+    fn commands_are_held_within_the_range_of_the_motors() {
+        let options = SimOptions::default();
+        let mut session = Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1)).unwrap();
+        session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
+        let mut n = 1;
+        while session.waits().is_some() {
+            session.command([4e4; 4]).unwrap();
+            n += 1;
+        }
+        assert_eq!(n, 51, "500 a second, both ends");
+        assert_eq!(session.finish().samples[0].motors, [0.0, 65_535.0, 0.0, 5.0]);
+    }
+
+    #[test]
+    fn a_lost_drone_ends_with_advice_for_its_controller() {
+        let options = SimOptions::default();
+        let mut session = Session::new(hover(PLACE_M, 9.0), &Drone::new(&options, 1)).unwrap();
+        let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
+        assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
+    }
+
+    #[test]
+    fn a_filters_covariance_is_logged_and_changes_nothing() {
+        let mut options = SimOptions::default();
+        options.observer.kind = crate::EstimatorKind::Ekf;
+        let (plan, drone) = (hover(PLACE_M, 3.0), Drone::new(&options, 1));
+        let plain = flown(&plan, &options, 1).unwrap();
+        let mut session = Session::with_covariance(plan, &drone).unwrap();
+        session.fly_by_itself().unwrap();
+        let mut logged = session.finish();
+        let sigma_m = logged.extra.remove("estimate_sigma_m").unwrap();
+        let nees = logged.extra.remove("estimate_nees").unwrap();
+        assert_eq!(logged, plain, "the same flight");
+        assert_eq!((sigma_m.len(), nees.len()), (plain.samples.len(), plain.samples.len()));
+        for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
+            let error_m = (sample.estimate_m - sample.position_m).norm();
+            assert!((1e-4..0.5).contains(&sigma_m[row]), "{}", sigma_m[row]);
+            // Of a covariance whose largest axis is at most the whole.
+            assert!(3.0 * nees[row] >= 0.99 * (error_m / sigma_m[row]).powi(2) - 1e-4);
+        }
+    }
+}

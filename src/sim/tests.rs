@@ -1,0 +1,19 @@
+//! Plans that several tests look at.
+
+use nalgebra::Vector3;
+
+use noctograph_letters::{LetterOptions, write};
+use noctograph_plan::{Plan, PlanOptions, Setpoint, plan};
+
+/// The plan of a word in the reference team's letters.
+pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
+    plan(&write(word, &LetterOptions::default()).unwrap(), options).unwrap()
+}
+
+/// The drone hangs at one place from the start, and writes with its headlights.
+pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
+    let (position_m, letter) = (Vector3::from(position_m), Some(0));
+    let at = |time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() };
+    let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
+    Plan { setpoints: vec![at(0.0), at(end_s)], lights, ..Plan::default() }
+}

@@ -1,0 +1,227 @@
+//! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
+
+use nalgebra::Vector4;
+
+use super::{BatteryOptions, Compensation};
+
+const SECONDS_PER_HOUR: f64 = 3600.0;
+/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
+/// `pm_stm32f4.c` of firmware 2026.08): a sag at take-off empties no battery.
+const CUT_OFF_S: f64 = 5.0;
+
+/// Highest voltage of a motor that is looked for, in those of the battery, and bisections: to 1e-9
+/// V.
+const HIGHEST_V: f64 = 8.0;
+const BISECTIONS: u32 = 36;
+
+/// A battery in use.
+#[derive(Clone, Debug)]
+pub(super) struct Battery {
+    options: BatteryOptions,
+    capacity_a_s: f64,
+    charge_frac: f64,
+    /// Under load.
+    pub(super) voltage_v: f64,
+    /// Delivered so far.
+    pub(super) energy_j: f64,
+    /// For how long the voltage has been below the cut-off.
+    low_s: f64,
+}
+
+/// Limits of one motor at the present voltage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limit {
+    /// Delivered thrust per commanded thrust.
+    pub(super) gain: f64,
+    /// Largest thrust.
+    pub(super) max_n: f64,
+    /// Thrust below which a motor stops.
+    pub(super) least_n: f64,
+}
+
+impl Battery {
+    /// A battery under its idle current; `None` without a capacity: its voltage never sags.
+    pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
+        let mut battery = Self {
+            options: options.clone(),
+            capacity_a_s: options.capacity_ah * SECONDS_PER_HOUR,
+            charge_frac: options.charge_frac,
+            voltage_v: 0.0,
+            energy_j: 0.0,
+            low_s: 0.0,
+        };
+        battery.drain(0.0, 0.0);
+        (options.capacity_ah > 0.0).then_some(battery)
+    }
+
+    /// Whether the voltage has been below the cut-off for too long; the motors stay off from then
+    /// on.
+    pub(super) fn is_cut_off(&self) -> bool {
+        self.low_s >= CUT_OFF_S
+    }
+
+    /// Supplies a total thrust of all rotors for `dt_s`.
+    #[inline(always)]
+    pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
+        let options = &self.options;
+        let current_a = options.idle_current_a + options.current_a_per_n * thrust_n;
+        let spent = current_a * dt_s / self.capacity_a_s;
+        self.charge_frac = (self.charge_frac - spent).max(0.0);
+        self.voltage_v =
+            options.open_circuit_v(self.charge_frac) - options.resistance_ohm * current_a;
+        self.energy_j += self.voltage_v * current_a * dt_s;
+        if self.voltage_v < options.cut_off_v {
+            self.low_s += dt_s;
+        } else if !self.is_cut_off() {
+            self.low_s = 0.0;
+        }
+    }
+
+    /// Limits at the present voltage; `full_n` is the thrust of a motor's largest command.
+    #[inline(always)]
+    pub(super) fn limit(&self, full_n: f64) -> Limit {
+        if self.is_cut_off() {
+            return Limit { gain: 0.0, max_n: 0.0, least_n: 0.0 };
+        }
+        let max_n = self.thrust_n(self.voltage_v);
+        match self.options.compensation {
+            Compensation::Firmware => {
+                Limit { gain: 1.0, max_n, least_n: self.options.least_thrust_n }
+            }
+            Compensation::None => Limit { gain: max_n / full_n, max_n, least_n: 0.0 },
+        }
+    }
+
+    /// Thrusts that a battery gives that cannot give those wanted: with the firmware's
+    /// compensation, duty cycles lowered by what the largest one exceeds a full one; else each
+    /// motor full.
+    #[inline(never)]
+    pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
+        if self.is_cut_off() || self.options.compensation == Compensation::None {
+            return wanted_n.map(|wanted_n| wanted_n.min(max_n));
+        }
+        let motors_v = wanted_n.map(|wanted_n| self.motor_v(wanted_n));
+        let excess_v = motors_v.max() - self.voltage_v;
+        motors_v
+            .map(|motor_v| if motor_v > excess_v { self.thrust_n(motor_v - excess_v) } else { 0.0 })
+    }
+
+    /// Thrust of a motor at a voltage.
+    #[inline(always)]
+    fn thrust_n(&self, motor_v: f64) -> f64 {
+        let [a, b, c, d] = self.options.thrust_from_v_n;
+        (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
+    }
+
+    /// Voltage of a motor that gives a thrust, by bisection; 0 for none.
+    fn motor_v(&self, thrust_n: f64) -> f64 {
+        let [mut below_v, mut above_v] = [0.0, HIGHEST_V * self.voltage_v];
+        if thrust_n <= 0.0 {
+            return 0.0;
+        }
+        for _ in 0..BISECTIONS {
+            let middle_v = 0.5 * (below_v + above_v);
+            let is_below = self.thrust_n(middle_v) < thrust_n;
+            if is_below { below_v = middle_v } else { above_v = middle_v }
+        }
+        above_v
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SimOptions;
+
+    fn cf21() -> (Battery, f64) {
+        let options = SimOptions::cf21();
+        (Battery::new(&options.battery).unwrap(), options.vehicle.mass_kg * 9.81)
+    }
+
+    #[test]
+    fn take_off_and_hover_sag_as_on_98_real_flights() {
+        // Medians of 98 flights of NanoBench (arXiv 2603.09908): drop 0.57 V (quartiles 0.51 to
+        // 0.67), then −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
+        let (mut battery, weight_n) = cf21();
+        let on_floor_v = battery.voltage_v;
+        battery.drain(weight_n, 0.002);
+        let start_v = battery.voltage_v;
+        let drop_v = on_floor_v - start_v;
+        assert!((drop_v - 0.57).abs() < 0.01, "drop {drop_v} V");
+        for _ in 0..17_500 {
+            battery.drain(weight_n, 0.002);
+        }
+        let slope_v_s = (battery.voltage_v - start_v) / 35.0;
+        assert!((slope_v_s + 2.65e-3).abs() < 0.1e-3, "slope {slope_v_s} V/s");
+    }
+
+    #[test]
+    fn energy_is_voltage_times_current_times_time() {
+        let (mut battery, _) = cf21();
+        (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);
+        (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
+        (0..1000).for_each(|_| battery.drain(0.3, 0.002));
+        // 0.2 + 6 · 0.3 = 2 A leave 4 − 0.5 · 2 = 3 V: 6 W for 2 s.
+        assert!((battery.energy_j - 12.0).abs() < 1e-9, "{} J", battery.energy_j);
+    }
+
+    #[test]
+    fn the_open_circuit_voltage_is_the_table() {
+        let battery = SimOptions::cf21().battery;
+        for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)]
+        {
+            let found = battery.open_circuit_v(charge_frac);
+            assert!((found - want).abs() < 1e-12, "{found} V at {charge_frac}");
+        }
+    }
+
+    #[test]
+    fn firmware_holds_the_thrust_until_the_voltage_gives_out() {
+        let (mut battery, _) = cf21();
+        battery.voltage_v = 3.0;
+        let limit = battery.limit(0.12);
+        assert_eq!(limit.gain, 1.0);
+        // −0.01483 + 0.04724·3 − 0.01847·9 + 0.005961·27
+        assert!((limit.max_n - 0.12160).abs() < 1e-4, "{}", limit.max_n);
+        battery.options.compensation = Compensation::None;
+        assert!((battery.limit(0.12).gain - limit.max_n / 0.12).abs() < 1e-15, "scales");
+    }
+
+    #[test]
+    fn where_the_battery_is_the_limit_all_four_motors_are_lowered_alike() {
+        let (mut battery, _) = cf21();
+        battery.voltage_v = 3.0;
+        let max_n = battery.limit(0.12).max_n;
+        let wanted_n = Vector4::new(max_n + 0.02, max_n - 0.01, 0.05, 0.0);
+        let given_n = battery.lowered(&wanted_n, max_n);
+        assert!((given_n[0] - max_n).abs() < 1e-6, "the strongest is full");
+        let [motors_v, lowered_v] =
+            [wanted_n, given_n].map(|all_n| all_n.map(|thrust_n| battery.motor_v(thrust_n)));
+        for motor in 1..3 {
+            let by_v = [0, motor].map(|motor: usize| motors_v[motor] - lowered_v[motor]);
+            assert!((by_v[0] - by_v[1]).abs() < 1e-6, "alike: {by_v:?}");
+        }
+        assert_eq!(given_n[3], 0.0);
+        battery.options.compensation = Compensation::None;
+        assert_eq!(battery.lowered(&wanted_n, max_n)[1], wanted_n[1], "each alone");
+    }
+
+    #[test]
+    fn an_empty_battery_cuts_off_for_good() {
+        let (mut battery, weight_n) = cf21();
+        battery.charge_frac = 0.001;
+        battery.drain(weight_n, 4.5);
+        assert!(battery.voltage_v < 3.0 && !battery.is_cut_off(), "a sag");
+        battery.drain(0.0, 1e-3);
+        assert!(battery.voltage_v < 3.0, "{} V at rest", battery.voltage_v);
+        battery.drain(weight_n, 0.5);
+        assert!(battery.is_cut_off(), "{} V", battery.voltage_v);
+        battery.drain(0.0, 0.0);
+        assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");
+    }
+
+    #[test]
+    fn no_capacity_is_no_battery() {
+        assert!(Battery::new(&BatteryOptions::default()).is_none());
+    }
+}

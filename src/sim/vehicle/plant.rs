@@ -1,0 +1,372 @@
+//! The plant: rotors, battery, body, air and floor put together, advanced step by step.
+
+use nalgebra::{Vector3, Vector4};
+
+use super::battery::Battery;
+use super::body::{Inertia, RigidBody, Row};
+use super::ground_effect::Floor;
+use super::gusts::Wind;
+use super::rotors::{Load, Rotors};
+use super::wake::Wake;
+use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::flight::Warning;
+
+/// What a plant is made of: the drone and its battery, the air and the floor around it.
+#[derive(Clone, Copy, Debug)]
+pub struct PlantOptions<'a> {
+    /// The drone.
+    pub vehicle: &'a VehicleOptions,
+    /// Its battery.
+    pub battery: &'a BatteryOptions,
+    /// The air around it.
+    pub air: &'a AirOptions,
+    /// The floor below it.
+    pub floor: &'a FloorOptions,
+}
+
+/// One drone in the air or on the floor, driven by motor commands in steps of fixed length.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use noctograph_sim::{SimOptions, vehicle::Plant};
+///
+/// let options = SimOptions::default();
+/// let mut plant = Plant::new(options.plant(), 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
+/// let hover = options.vehicle.mass_kg * 9.81 / (4.0 * options.vehicle.k_f_n);
+/// for _ in 0..100 {
+///     plant.advance(&[hover; 4]);
+/// }
+/// assert!((plant.body().position_m.z - 0.5).abs() < 0.01);
+/// ```
+#[derive(Debug)]
+pub struct Plant {
+    row: Row,
+    rotors: Rotors,
+    battery: Option<Battery>,
+    inertia: Inertia,
+    floor: Floor,
+    steps: FloorOptions,
+    wind: Wind,
+    wind_m_s: Vector3<f64>,
+    dt_s: f64,
+    thrust_per_command_n: f64,
+    /// What each motor gives of the thrust that it is driven to.
+    given: Vector4<f64>,
+    full_thrust_n: f64,
+    short_steps: u32,
+    arm_m: f64,
+    /// What the rotors lose in the wakes of other drones, if they stand in any.
+    lost: Option<Load>,
+}
+
+impl Plant {
+    /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
+    /// already carry it; on the floor they stand still.
+    ///
+    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at
+    /// any.
+    pub fn new(
+        options: PlantOptions<'_>,
+        dt_s: f64,
+        seed: u64,
+        drone: u64,
+        position_m: Vector3<f64>,
+    ) -> Self {
+        let PlantOptions { vehicle, battery, air, floor } = options;
+        let floor_m = floor.height_m(position_m.x, position_m.y);
+        let carried = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
+        Self {
+            row: RigidBody::at(position_m).row(),
+            rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
+            battery: Battery::new(battery),
+            inertia: Inertia::new(vehicle),
+            floor: Floor::new(vehicle),
+            steps: floor.clone(),
+            wind: Wind::new(air, dt_s, seed, drone),
+            wind_m_s: air.wind_m_s.into(),
+            dt_s,
+            thrust_per_command_n: vehicle.k_f_n,
+            given: Vector4::from(vehicle.motor_loss_frac).map(|lost| 1.0 - lost),
+            full_thrust_n: vehicle.full_thrust_n(),
+            short_steps: 0,
+            arm_m: vehicle.arm_m,
+            lost: None,
+        }
+    }
+
+    /// The same drone, level and at rest, with its nose turned from world x toward y.
+    #[must_use]
+    pub fn facing(self, yaw_rad: f64) -> Self {
+        Self { row: self.body().facing(yaw_rad).row(), ..self }
+    }
+
+    /// The stream of air below the drone.
+    pub fn wake(&self) -> Wake {
+        let size_m = std::f64::consts::SQRT_2 * self.arm_m;
+        Wake::new(&self.body(), self.rotors.thrust_n(), size_m)
+    }
+
+    /// Puts the drone into the wakes of others, until it is put into the next ones.
+    pub fn enter<'a>(&mut self, wakes: impl Iterator<Item = &'a Wake>) {
+        let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
+        let lost_n: Vector4<f64> = wakes.map(|wake| wake.lost_n(&body, thrust_n, self.arm_m)).sum();
+        // No sum of wakes turns a rotor's thrust around.
+        let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
+        self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost(&lost_n));
+    }
+
+    /// One step under motor commands m1…m4, each from 0 to the largest.
+    #[inline(always)]
+    pub fn advance(&mut self, commands: &[f64; 4]) {
+        let thrusts_n = self.thrusts_n(commands);
+        // The ground effect changes slowly: it is held through the step, at its middle height.
+        let floor_m = self.floor_m(self.row[0], self.row[1]);
+        let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
+        let ground = self.floor.thrust_ratio(middle_m - floor_m);
+        let mut loads = self.rotors.advance(&thrusts_n, ground);
+        if !self.wind.is_steady() {
+            let gust = self.wind.advance();
+            self.wind_m_s = gust.wind_m_s;
+            loads.iter_mut().for_each(|load| load.torque_n_m += gust.torque_n_m);
+        }
+        if let Some(lost) = &self.lost {
+            loads.iter_mut().for_each(|load| *load = load.less(lost));
+        }
+        if let Some(battery) = &mut self.battery {
+            battery.drain(self.rotors.thrust_n(), self.dt_s);
+        }
+        let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
+        if self.row[2] <= floor_m || next[2] < self.floor_m(next[0], next[1]) {
+            self.touch(next, &loads[2]);
+        } else {
+            self.row = next;
+        }
+    }
+
+    /// Pose and motion of the drone.
+    #[inline(always)]
+    pub fn body(&self) -> RigidBody {
+        RigidBody::from_row(&self.row)
+    }
+
+    /// Voltage of the battery under load, V, and energy that it has delivered, J; `None` for a
+    /// drone whose battery never sags.
+    pub fn battery(&self) -> Option<(f64, f64)> {
+        self.battery.as_ref().map(|battery| (battery.voltage_v, battery.energy_j))
+    }
+
+    /// Steps so far in which the battery limited the thrust of a motor.
+    pub fn short_steps(&self) -> u32 {
+        self.short_steps
+    }
+
+    /// Reading of an ideal accelerometer at the body origin, body frame: all forces but gravity,
+    /// per mass.
+    #[inline(always)]
+    pub fn specific_force_m_s2(&self) -> Vector3<f64> {
+        let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
+        let mut load = self.rotors.load(self.floor.thrust_ratio(height_m));
+        if let Some(lost) = &self.lost {
+            load = load.less(lost);
+        }
+        if self.rests(&load) {
+            return Vector3::z() * GRAVITY_M_S2;
+        }
+        self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
+    }
+
+    /// Vertical acceleration per throttle at the present voltage, far from the floor.
+    pub fn gain_m_s2(&self) -> f64 {
+        let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
+        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n
+    }
+
+    /// Warnings about the battery.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let short_s = f64::from(self.short_steps) * self.dt_s;
+        let weak = (short_s > 0.0).then_some(Warning::BatteryWeak(short_s));
+        let is_empty = self.battery.as_ref().is_some_and(Battery::is_cut_off);
+        weak.into_iter().chain(is_empty.then_some(Warning::BatteryEmpty)).collect()
+    }
+
+    /// Thrust toward which each motor is driven.
+    #[inline(always)]
+    fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
+        let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
+        let Some(battery) = &self.battery else {
+            let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
+            return full_n.component_mul(&self.given);
+        };
+        let limit = battery.limit(self.full_thrust_n);
+        let stops = |wanted_n: f64| if wanted_n < limit.least_n { 0.0 } else { wanted_n };
+        let mut wanted_n = (thrusts_n * limit.gain).map(stops);
+        if wanted_n.max() > limit.max_n {
+            self.short_steps += 1;
+            wanted_n = battery.lowered(&wanted_n, limit.max_n);
+        }
+        wanted_n.component_mul(&self.given)
+    }
+
+    /// Height of the floor at a place.
+    #[inline(always)]
+    pub fn floor_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.steps.height_m(x_m, y_m)
+    }
+
+    /// Puts a drone on the floor that does not rise from it, or comes down to it.
+    #[inline(never)]
+    fn touch(&mut self, next: Row, load: &Load) {
+        let rests = self.rests(load);
+        if !rests {
+            self.row = next;
+        }
+        let floor_m = self.floor_m(self.row[0], self.row[1]);
+        if rests || next[2] < floor_m {
+            self.row = self.body().on_floor(floor_m).row();
+        }
+    }
+
+    /// Whether the drone is on the floor and its rotors do not lift it.
+    fn rests(&self, load: &Load) -> bool {
+        let on_floor = self.row[2] <= self.floor_m(self.row[0], self.row[1]);
+        on_floor && load.thrust_n <= self.inertia.weight_n
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SimOptions;
+    use crate::vehicle::{FloorStep, GustOptions, Gusts, VehicleOptions};
+
+    fn plant(options: &SimOptions, height_m: f64) -> Plant {
+        Plant::new(options.plant(), 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
+    }
+
+    fn hover(options: &SimOptions) -> f64 {
+        options.vehicle.mass_kg * GRAVITY_M_S2 / (4.0 * options.vehicle.k_f_n)
+    }
+
+    fn advance(plant: &mut Plant, command: f64, n: usize) {
+        for _ in 0..n {
+            plant.advance(&[command; 4]);
+        }
+    }
+
+    #[test]
+    fn the_floor_holds_carries_and_lets_go() {
+        let options = SimOptions::default();
+        let mut drone = plant(&options, 0.0);
+        let start = drone.body();
+        advance(&mut drone, 0.9 * hover(&options), 100);
+        assert_eq!(drone.body(), start, "stays put");
+        assert_eq!(drone.specific_force_m_s2(), Vector3::z() * GRAVITY_M_S2, "carried");
+        advance(&mut drone, 1.2 * hover(&options), 100);
+        assert!(drone.body().position_m.z > 0.01, "takes off");
+        let mut falling = plant(&options, 0.1);
+        falling.row[3] = 1.0;
+        advance(&mut falling, 0.0, 200);
+        let place = falling.body().position_m;
+        assert_eq!(falling.body(), RigidBody::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
+        assert!(place.x > 0.4, "flew on while it fell");
+        let mut sinking = plant(&options, 1e-3);
+        sinking.row[5] = -1.0;
+        sinking.advance(&[1.1 * hover(&options); 4]);
+        assert_eq!(sinking.body().position_m.z, 0.0, "no thrust lets it through");
+    }
+
+    #[test]
+    fn a_table_carries_the_drone_and_drops_it_at_its_edge() {
+        let mut options = SimOptions::default();
+        let table = FloorStep { x_m: [0.0, 1.0], y_m: [-1.0, 1.0], height_m: 0.5 };
+        options.floor.steps.push(table);
+        let mut drone = plant(&options, 0.5);
+        let start = drone.body();
+        advance(&mut drone, 0.9 * hover(&options), 100);
+        assert_eq!(drone.body(), start, "stands on the table");
+        let mut falling = plant(&options, 0.8);
+        advance(&mut falling, 0.0, 500);
+        assert_eq!(falling.body().position_m, Vector3::new(0.3, 0.0, 0.5), "falls onto it");
+        let mut leaving = plant(&options, 0.8);
+        leaving.row[3] = 3.5;
+        advance(&mut leaving, 0.0, 500);
+        let place_m = leaving.body().position_m;
+        assert!(place_m.z == 0.0 && place_m.x > 1.0, "flies over its edge: {place_m}");
+    }
+
+    #[test]
+    fn an_accelerometer_feels_thrust_and_drag() {
+        let vehicle = VehicleOptions { body_drag_n_s_m: [0.0351, 0.0, 0.0], ..Default::default() };
+        let mut drone = plant(&SimOptions { vehicle, ..Default::default() }, 1.0);
+        drone.row[3] = 2.0;
+        let want = Vector3::new(-2.0, 0.0, GRAVITY_M_S2);
+        assert!((drone.specific_force_m_s2() - want).norm() < 1e-12);
+    }
+
+    #[test]
+    fn near_the_floor_hover_thrust_lifts() {
+        let mut options = SimOptions::cf21();
+        options.vehicle.center_of_mass_m = [0.0, 0.0];
+        let mut drone = plant(&options, 0.02);
+        advance(&mut drone, hover(&options), 250);
+        assert!(drone.body().position_m.z > 0.025, "{}", drone.body().position_m.z);
+    }
+
+    #[test]
+    fn an_exhausted_battery_lets_the_drone_fall_and_says_so() {
+        let mut options = SimOptions::cf21();
+        options.battery.charge_frac = 0.02;
+        let mut drone = plant(&options, 1.0);
+        advance(&mut drone, hover(&options), 5000);
+        assert_eq!(drone.body().position_m.z, 0.0);
+        let warnings = drone.warnings();
+        assert!(
+            matches!(warnings[..], [Warning::BatteryWeak(_), Warning::BatteryEmpty]),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
+    fn thrust_beyond_the_battery_is_counted() {
+        let mut options = SimOptions::cf21();
+        options.battery.charge_frac = 0.3;
+        options.battery.resistance_ohm = 0.3;
+        options.battery.cut_off_v = 0.0;
+        let mut drone = plant(&options, 1.0);
+        advance(&mut drone, options.vehicle.motor_max, 100);
+        let warnings = drone.warnings();
+        assert!(matches!(warnings[..], [Warning::BatteryWeak(_)]), "{warnings:?}");
+    }
+
+    #[test]
+    fn a_motor_below_the_least_thrust_stands_still() {
+        let mut options = SimOptions::cf21();
+        options.battery.least_thrust_n = 0.0128;
+        let mut drone = plant(&options, 1.0);
+        let of = |thrust_n: f64| thrust_n / options.vehicle.k_f_n;
+        let thrusts_n = drone.thrusts_n(&[of(0.0127), of(0.0129), of(0.1), 0.0]);
+        assert!((thrusts_n - Vector4::new(0.0, 0.0129, 0.1, 0.0)).norm() < 1e-12, "{thrusts_n}");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bits() {
+        let mut options = SimOptions::cf21();
+        // Without a controller the torque of a room would turn it over.
+        let gusts = GustOptions { torque_sigma_n_m: [1e-7; 3], ..GustOptions::default() };
+        options.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
+        let end = |seed| {
+            let mut drone = Plant::new(options.plant(), 0.002, seed, 0, Vector3::z());
+            advance(&mut drone, hover(&options), 500);
+            drone.body()
+        };
+        assert_eq!(end(1), end(1));
+        assert_ne!(end(1), end(2));
+        // Recorded; the same in debug and release, on every machine.
+        let bits = end(1).position_m.map(f64::to_bits);
+        assert_eq!(
+            [bits.x, bits.y, bits.z],
+            [13_809_910_240_826_039_975, 13_805_344_770_072_206_819, 4_607_130_987_054_665_022,]
+        );
+    }
+}

@@ -1,0 +1,139 @@
+//! Frames of two flights: where one has no setpoints, its frame may be another.
+
+use nalgebra::{Rotation3, Vector3};
+use serde::Serialize;
+
+use super::{ComparisonOptions, mean, pairs};
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_core::input_error;
+
+/// Flights that are this far apart, root mean square, may be in two frames.
+const TWO_FRAMES_M: f64 = 0.15;
+/// Most that a transform may leave between two flights that are one.
+const MOST_LEFT_M: f64 = 0.05;
+/// Share of the distance that a transform of two frames leaves at most.
+const LEFT_SHARE: f64 = 0.3;
+/// Turns that are tried.
+const TURNS: u32 = 24;
+/// A path that is narrower has no direction.
+const NARROW_M: f64 = 0.05;
+
+/// What lays the frame of flight B onto that of A.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FrameAlignment {
+    /// Turn about the vertical.
+    pub turn_rad: f64,
+    /// Shift after it.
+    pub shift_m: Vector3<f64>,
+    /// Root mean square distance that is left.
+    pub left_m: f64,
+}
+
+impl FrameAlignment {
+    fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_rad)
+    }
+
+    /// Moves a sample: its positions and its heading.
+    pub fn place(&self, sample: &mut FlightSample) {
+        for place_m in [&mut sample.position_m, &mut sample.estimate_m] {
+            *place_m = self.rotation() * *place_m + self.shift_m;
+        }
+        let yaw_rad = sample.attitude.yaw_rad + self.turn_rad;
+        sample.attitude.yaw_rad = libm::remainder(yaw_rad, std::f64::consts::TAU);
+    }
+}
+
+/// The seconds to add to B's clock, and its placement, where it is in another frame than A: one of
+/// them has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
+///
+/// `clock` finds those seconds for a flight in the place of B.
+pub(super) fn place(
+    a: &Flight,
+    b: &Flight,
+    options: &ComparisonOptions,
+    offset_s: f64,
+    clock: &dyn Fn(&Flight) -> Result<f64>,
+) -> Result<(f64, Option<FrameAlignment>)> {
+    let design = |flight: &Flight| !flight.unlogged.contains(&Quantity::Design);
+    if design(a) && design(b) {
+        return Ok((offset_s, None));
+    }
+    let alignment = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
+        let [a, mut b] = [options.part.samples(a)?, options.part.samples(flight)?];
+        b.iter_mut().for_each(|sample| sample.time_s += offset_s);
+        Ok(fit(&pairs(&a, &b, options.max_gap_s)))
+    };
+    let Some((apart_m, mut best)) =
+        alignment(b, offset_s)?.filter(|(apart_m, _)| *apart_m >= TWO_FRAMES_M)
+    else {
+        return Ok((offset_s, None));
+    };
+    let placed = |placement: &FrameAlignment| {
+        let mut placed = b.clone();
+        placed.samples.iter_mut().for_each(|sample| placement.place(sample));
+        placed
+    };
+    let mut best_s = offset_s;
+    // A turned path sets the clock wrong: each turn has an offset of its own.
+    for step in 1..TURNS {
+        if best.left_m <= 0.5 * MOST_LEFT_M {
+            break;
+        }
+        let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
+        let turned = placed(&FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 });
+        let offset_s = clock(&turned)?;
+        if let Some((_, further)) =
+            alignment(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
+        {
+            best = FrameAlignment { turn_rad: turn_rad + further.turn_rad, ..further };
+            best_s = offset_s;
+        }
+    }
+    // Once more with the whole turn, which the last step of its search had in part.
+    let again_s = clock(&placed(&best))?;
+    if let Some((_, further)) = alignment(b, again_s)?.filter(|(_, f)| f.left_m < best.left_m) {
+        (best, best_s) = (further, again_s);
+    }
+    best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);
+    if best.left_m <= MOST_LEFT_M {
+        return Ok((best_s, Some(best)));
+    }
+    if best.left_m < LEFT_SHARE * apart_m {
+        let left_m = best.left_m;
+        return Err(input_error!(
+            "flights A and B",
+            "paths {apart_m:.2} m apart, and {left_m:.2} m after the best turn and shift",
+            "paths in one frame",
+            "they are in two frames: convert one log, or compare flights that have setpoints",
+        ));
+    }
+    Ok((offset_s, None))
+}
+
+/// The distance of pairs, and the turn and shift of B that make it least.
+fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
+    if pairs.len() < 10 {
+        return None;
+    }
+    let n = pairs.len() as f64;
+    let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
+    let (mut sin, mut cos, mut wide) = (0.0, 0.0, 0.0);
+    for [a, b] in pairs {
+        let (a, b) = (a.position_m - a_m, b.position_m - b_m);
+        sin += b.x * a.y - b.y * a.x;
+        cos += b.x * a.x + b.y * a.y;
+        wide += b.xy().norm_squared() / n;
+    }
+    let turn_rad = if wide.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
+    let mut placement = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
+    placement.shift_m = a_m - placement.rotation() * b_m;
+    let distance_m = |onto_a: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
+        let apart_m = pairs.iter().map(|[a, b]| a.position_m - onto_a(b.position_m));
+        (apart_m.map(|apart_m| apart_m.norm_squared()).sum::<f64>() / n).sqrt()
+    };
+    let (turn, shift_m) = (placement.rotation(), placement.shift_m);
+    placement.left_m = distance_m(&|b_m| turn * b_m + shift_m);
+    Some((distance_m(&|b_m| b_m), placement))
+}

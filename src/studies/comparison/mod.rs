@@ -1,0 +1,231 @@
+//! Comparison: differences between two flights, each sampled on its own clock.
+//!
+//! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
+//!
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
+//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's
+//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and
+//! outside the compared part of either flight.
+//!
+//! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn
+//! about the vertical and a shift leave centimeters, it is laid onto the other
+//! ([`FrameAlignment`]); where they leave more, and yet most of the distance is theirs, the
+//! comparison is refused.
+//!
+//! Not done: clocks of different rates, which are converted where a log is imported.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_core::geometry::Attitude;
+use noctograph_core::input_error;
+use noctograph_core::statistics::weighted_quantile;
+use noctograph_plan::tracking::{Part, angles_rad, attitude, mean, rms};
+
+mod align;
+mod cause;
+#[cfg(test)]
+#[path = "../../plan/tracking/constructed.rs"]
+mod constructed;
+mod frame;
+#[cfg(test)]
+mod tests;
+
+pub use cause::Discrepancy;
+pub use frame::FrameAlignment;
+
+/// Options of a comparison.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComparisonOptions {
+    /// Compared part of both flights.
+    pub part: Part,
+    /// Alignment of B's clock to A's.
+    pub alignment: Alignment,
+    /// Longest gap between two samples of B that is interpolated. A Crazyflie's log has a sample
+    /// every 10 to 30 ms; a longer limit hides oscillations of 1 to 4 Hz, a much shorter one
+    /// discards good samples.
+    pub max_gap_s: f64,
+}
+
+impl Default for ComparisonOptions {
+    fn default() -> Self {
+        Self { part: Part::Airborne, alignment: Alignment::Design, max_gap_s: 0.2 }
+    }
+}
+
+/// Alignment of the clock of flight B to that of flight A.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Alignment {
+    /// Best agreement of the designs. Where one design is held between setpoints and the other is
+    /// not, it is off by half the time between two setpoints.
+    Design,
+    /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
+    /// as those through the inverse of the position loop do.
+    Flown,
+    /// Seconds added to B's times.
+    Offset(f64),
+}
+
+/// Differences between two flights, A minus B, in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Part of the flights that the figures cover.
+    pub part: Part,
+    /// Time added to B's stamps.
+    pub offset_s: f64,
+    /// What laid B's frame onto A's; `None` where they are one.
+    #[serde(rename = "frame")]
+    pub placement: Option<FrameAlignment>,
+    /// Number of compared samples of A.
+    #[serde(rename = "samples")]
+    pub n_samples: usize,
+    /// First and last of them, on A's clock.
+    pub span_s: [f64; 2],
+    /// Root mean square of the position per axis.
+    pub rmse_m: Vector3<f64>,
+    /// Mean of the position per axis.
+    pub mean_m: Vector3<f64>,
+    /// Maximum distance in position.
+    pub max_m: f64,
+    /// Root mean square of the attitude; `None` where a flight has none.
+    #[serde(rename = "attitude_rmse_rad")]
+    pub attitude_rmse: Option<Attitude>,
+    /// What explains most of the difference, and its share of the mean square; `None` where there
+    /// is no difference.
+    #[serde(skip)]
+    pub first: Option<(Discrepancy, f64)>,
+}
+
+/// Compares two flights.
+///
+/// # Errors
+///
+/// [`Error::Input`] for an option out of range; where a flight has no sample in the part; where
+/// designs are aligned and a flight has none; and where the flights have no time in common.
+pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
+    within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
+    let clock = |b: &Flight| match options.alignment {
+        Alignment::Design => align::offset_s(a, b),
+        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?),
+        Alignment::Offset(offset_s) => Ok(offset_s),
+    };
+    let offset_s = clock(b)?;
+    match options.alignment {
+        Alignment::Design => check_words(a, b)?,
+        Alignment::Offset(offset_s) => within("offset_s", offset_s, -1e6, 1e6)?,
+        Alignment::Flown => {}
+    }
+    let (offset_s, placement) = frame::place(a, b, options, offset_s, &clock)?;
+    let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
+    for sample in &mut samples_b {
+        sample.time_s += offset_s;
+        placement.iter().for_each(|placement| placement.place(sample));
+    }
+    let pairs = pairs(&samples_a, &samples_b, options.max_gap_s);
+    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
+        let span =
+            |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
+        let found = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
+        let hint = "shift B's clock, or compare two flights of the same plan";
+        return Err(Error::input("flights A and B", found, "a time that both cover", hint));
+    };
+    let apart = || pairs.iter().map(|[a, b]| a.position_m - b.position_m);
+    let turned = pairs.iter().map(|[a, b]| {
+        let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
+        apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
+    });
+    let logged = [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Attitude));
+    Ok(Comparison {
+        part: options.part,
+        offset_s,
+        placement,
+        n_samples: pairs.len(),
+        span_s: [first[0].time_s, last[0].time_s],
+        rmse_m: rms(apart()),
+        mean_m: mean(apart()),
+        max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
+        attitude_rmse: logged.then(|| attitude(rms(turned))),
+        first: cause::first(&pairs),
+    })
+}
+
+/// A flight in the air whose design is what was flown.
+fn flown(flight: &Flight) -> Result<Flight> {
+    let samples = Part::Airborne.samples(flight)?.into_iter();
+    let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
+    Ok(Flight { samples, ..Flight::default() })
+}
+
+/// Distance of two flights' letters from which they are different ones: a fifth of a capital.
+const OTHER_LETTERS_M: f64 = 0.1;
+
+/// Refuses flights whose designs write different letters.
+fn check_words(a: &Flight, b: &Flight) -> Result<()> {
+    let points = |flight: &Flight| {
+        let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
+        let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
+        points.dedup_by(|at_m, last_m| (*last_m - *at_m).norm() < 0.02);
+        points
+    };
+    let [a, b] = [points(a), points(b)];
+    if a.is_empty() || b.is_empty() {
+        return Ok(());
+    }
+    // Nine tenths of the points: a way of flying may leave out an approach to a letter.
+    let apart_m = |from: &[Vector3<f64>], to: &[Vector3<f64>]| {
+        let nearest = |p: &Vector3<f64>| to.iter().map(|q| (p - q).norm()).fold(f64::MAX, f64::min);
+        let mut all: Vec<(f64, f64)> = from.iter().map(|p| (nearest(p), 1.0)).collect();
+        weighted_quantile(&mut all, 0.9).unwrap_or(0.0)
+    };
+    let apart_m = apart_m(&a, &b).max(apart_m(&b, &a));
+    if apart_m <= OTHER_LETTERS_M {
+        return Ok(());
+    }
+    Err(input_error!(
+        "flights A and B",
+        "letters that lie {apart_m:.2} m apart",
+        "two flights of the same word at the same place",
+        "compare flights of one word",
+    ))
+}
+
+/// Each sample of A with B at the same time, without those where B is unknown.
+fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
+    let mut next = 0;
+    let mut pairs = Vec::with_capacity(a.len());
+    for sample in a {
+        while b.get(next).is_some_and(|b| b.time_s < sample.time_s) {
+            next += 1;
+        }
+        let Some(after) = b.get(next) else { break };
+        let before = if next > 0 { &b[next - 1] } else { after };
+        if let Some(there) = between(before, after, sample.time_s, max_gap_s) {
+            pairs.push([*sample, there]);
+        }
+    }
+    pairs
+}
+
+/// Interpolates between two consecutive samples; `None` where they do not enclose the time or are
+/// too far apart.
+fn between(
+    before: &FlightSample,
+    after: &FlightSample,
+    time_s: f64,
+    max_gap_s: f64,
+) -> Option<FlightSample> {
+    if after.time_s == time_s {
+        return Some(*after);
+    }
+    let gap_s = after.time_s - before.time_s;
+    if time_s < before.time_s || gap_s > max_gap_s {
+        return None;
+    }
+    let done = (time_s - before.time_s) / gap_s;
+    let position_m = before.position_m + (after.position_m - before.position_m) * done;
+    let [from, to] = [before, after].map(|sample| angles_rad(&sample.attitude));
+    let turn = (to - from).map(|angle| libm::remainder(angle, std::f64::consts::TAU));
+    Some(FlightSample { time_s, position_m, attitude: attitude(from + turn * done), ..*before })
+}

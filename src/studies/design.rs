@@ -1,0 +1,212 @@
+//! The design of a study: which contender flies which word with which seed, and flying it.
+
+use std::collections::HashSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::{Conditions, Prepared, Record, Store};
+use noctograph_core::digest::fnv_1a;
+use noctograph_core::error::{Error, Result};
+use noctograph_pipeline::scene::NamedScene;
+use noctograph_pipeline::shoot::Stop;
+
+/// Most flights of a study: a week of one core.
+pub(super) const MAX_TRIALS: usize = 500_000;
+
+/// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
+/// any part of them can be flown anywhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Study {
+    /// Scenes under comparison.
+    pub contenders: Vec<NamedScene>,
+    /// Words, each with its number of seeds.
+    pub words: Vec<(String, u32)>,
+    /// How flights differ from their scene.
+    pub conditions: Conditions,
+    /// Seed of all seeds.
+    pub seed: u64,
+}
+
+/// One flight of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trial {
+    /// Index of the contender.
+    pub contender: usize,
+    /// Index of the word.
+    pub word: usize,
+    /// Seed of the flight, the same for every contender.
+    pub seed: u64,
+}
+
+impl Study {
+    /// Checks that there is something to compare, that names are distinct and that it is feasible.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the missing part.
+    pub fn check(&self) -> Result<()> {
+        let (contenders, n_trials) = (&self.contenders, self.n_trials());
+        if n_trials == 0 {
+            let found = format!("{} scenes, {} words", contenders.len(), self.words.len());
+            let hint = "name scenes and words, such as NOOR with 50 seeds";
+            return Err(Error::input("study", found, "at least one of each, and a seed", hint));
+        }
+        let mut names = HashSet::new();
+        if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
+            let wanted = "scenes of different names";
+            return Err(Error::input("study", &again.name, wanted, "rename the file"));
+        }
+        let mut words = HashSet::new();
+        if let Some((again, _)) = self.words.iter().find(|(word, _)| !words.insert(word)) {
+            let hint = "name each word once, with its number of seeds: NOOR:200";
+            return Err(Error::input("words", again, "each word once", hint));
+        }
+        if n_trials > MAX_TRIALS {
+            let wanted = format!("at most {MAX_TRIALS} flights");
+            return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
+        }
+        self.conditions.check()
+    }
+
+    /// Flights in all.
+    #[must_use]
+    pub fn n_trials(&self) -> usize {
+        let of_words: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
+        of_words.saturating_mul(self.contenders.len())
+    }
+
+    /// All flights in their order: contender by contender, word by word.
+    pub fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
+        (0..self.contenders.len()).flat_map(move |contender| {
+            self.words.iter().enumerate().flat_map(move |(word, (name, n))| {
+                let seeds = (0..*n).map(move |index| self.trial_seed(name, index));
+                seeds.map(move |seed| Trial { contender, word, seed })
+            })
+        })
+    }
+
+    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31,
+    /// so that a scene file takes it.
+    fn trial_seed(&self, word: &str, index: u32) -> u64 {
+        let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
+        fnv_1a(bytes.chain(word.bytes())) >> 33
+    }
+
+    /// Every contender made ready for every word, contender by contender.
+    ///
+    /// # Errors
+    ///
+    /// As [`Prepared::new`].
+    pub fn prepare(&self) -> Result<Vec<Prepared>> {
+        let of_contender = |contender| {
+            let words = self.words.par_iter();
+            words.map(move |(word, _)| Prepared::new(contender, word, &self.conditions))
+        };
+        self.contenders.par_iter().flat_map(of_contender).collect()
+    }
+}
+
+/// Flies trials with the scenes of [`Study::prepare`], on as many threads as rayon's pool has;
+/// trials in the store are not flown again, and new ones go into it at once. `done` is called with
+/// the number of trials that are done, from any thread; `stop` ends the study between two flights.
+///
+/// The records come in the order of the trials: they depend on nothing but the study.
+///
+/// # Errors
+///
+/// Those of the flights and the store, [`Error::Stopped`]; earlier trials stay in the store.
+pub fn evaluate(
+    study: &Study,
+    prepared: &[Prepared],
+    trials: &[Trial],
+    store: Option<&Store>,
+    stop: &Stop,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Record>> {
+    let count = counter(done);
+    let record = |trial: &Trial| {
+        stop.check()?;
+        let ready = &prepared[trial.contender * study.words.len() + trial.word];
+        let name = &study.contenders[trial.contender].name;
+        let record = match store.and_then(|store| store.get(ready.digest(), trial.seed)) {
+            Some(outcome) => ready.record(name, trial.seed, outcome),
+            None => {
+                let record = ready.record(name, trial.seed, ready.outcome(trial.seed)?);
+                store.map_or(Ok(()), |store| store.put(&record))?;
+                record
+            }
+        };
+        count();
+        Ok(record)
+    };
+    trials.par_iter().map(record).collect()
+}
+
+/// Tells, from any thread, how often it was called.
+pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
+    let finished = AtomicUsize::new(0);
+    move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::{Preset, Scene};
+
+    fn study() -> Study {
+        Study {
+            contenders: vec![
+                NamedScene::new("team", Scene::preset(Preset::Ae4832022)),
+                Scene::find("geometric", &[]).unwrap(),
+            ],
+            words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],
+            conditions: Conditions::default(),
+            seed: 0,
+        }
+    }
+
+    #[test]
+    fn contenders_share_their_seeds_and_words_do_not() {
+        let study = study();
+        let trials: Vec<Trial> = study.trials().collect();
+        assert_eq!((trials.len(), study.n_trials()), (6, 6));
+        let seeds = |contender: usize| -> Vec<u64> {
+            trials.iter().filter(|t| t.contender == contender).map(|t| t.seed).collect()
+        };
+        assert_eq!(seeds(0), seeds(1));
+        let mut all = seeds(0);
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 3);
+        assert!(all.iter().all(|seed| *seed < 1 << 31));
+    }
+
+    #[test]
+    fn any_number_of_threads_leaves_the_same_records() {
+        let study = study();
+        let trials: Vec<Trial> = study.trials().collect();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let ready = study.prepare().unwrap();
+            let fly = || evaluate(&study, &ready, &trials, None, &Stop::default(), &|_| {});
+            pool.install(fly).unwrap()
+        };
+        let json = |records: &[Record]| serde_json::to_string(records).unwrap();
+        assert_eq!(json(&on(1)), json(&on(3)));
+    }
+
+    #[test]
+    fn studies_that_compare_nothing_are_refused() {
+        let refused = |change: fn(&mut Study)| {
+            let mut study = study();
+            change(&mut study);
+            study.check().unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.contenders.clear()).contains("0 scenes"));
+        assert!(refused(|s| s.words.push(("I".into(), 5))).contains("each word once"));
+        assert!(refused(|s| s.contenders.push(s.contenders[0].clone())).contains("team"));
+        assert!(refused(|s| s.words[0].1 = u32::MAX).contains("at most"));
+        study().check().unwrap();
+    }
+}

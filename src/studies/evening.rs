@@ -1,0 +1,391 @@
+//! Evening: what the logs of an evening's flights say of drones and air, and the conditions
+//! ([`super::Conditions`]) that these make.
+//!
+//! In: a folder of logs, and the scene's drone, of which a log does not tell the mass. Out: a row
+//! for each log, with its figures and what speaks against it, and the widths of conditions as they
+//! were found. Each log is identified by itself ([`identify`]); of its figures the thrust per
+//! command is that over the weight, so that a heavy drone and a weak one are the same.
+//!
+//! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
+//! position; inertia; delay of the lamps; charge and age of the battery.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::conditions::{OUTAGE_EVERY_S, ROOM_GUST_M_S};
+use super::design::counter;
+use super::statistics::mean;
+use noctograph_core::error::Result;
+use noctograph_core::files::Limit;
+use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning, airborne, saturated_s};
+use noctograph_core::settings::Described;
+use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
+use noctograph_logs::{GatheredLog, ImportOptions, import, logs_in};
+use noctograph_pipeline::preflight::MAX_SATURATED_S;
+use noctograph_pipeline::scene::Scene;
+use noctograph_sim::vehicle::GustOptions;
+
+/// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that
+/// is 20 ms shorter.
+const LEAST_RATE_HZ: f64 = 500.0;
+/// Shortest flight that is used: the trim's error falls with its root.
+const LEAST_AIR_S: f64 = 10.0;
+/// Largest share of a flight of which the log knows nothing.
+const MOST_UNKNOWN: f64 = 0.1;
+/// Least gusts of a log: the quietest sensor's noise is more.
+const LEAST_GUST_M_S: f64 = 1e-6;
+/// Flights from which a spread is taken.
+const LEAST_FLIGHTS: usize = 3;
+/// Logs of an evening: thirty flights of ten minutes with fifty variables at 100 Hz.
+const LOGS: Limit = Limit {
+    bytes: 512 << 20,
+    what: "the logs of an evening",
+    hint: "import a part of the folder at a time, or log fewer variables",
+};
+/// Logs that are read at once: each may take 240 MiB of its
+/// [`Budget`](noctograph_core::files::Budget).
+const AT_ONCE: usize = 3;
+
+/// The logs of a folder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evening {
+    /// One for each flight, in the order of the drones' names and of their own: 2 before 10.
+    pub logs: Vec<EveningLog>,
+}
+
+/// A log, and what it says.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EveningLog {
+    /// Its drone's name.
+    pub drone: String,
+    /// Its path within the folder.
+    pub log: String,
+    /// What speaks against it; a sound one has none.
+    pub flaws: Vec<Flaw>,
+    /// What it says of its drone; `None` where it says nothing.
+    pub figures: Option<LogFigures>,
+    /// What was guessed, mended or left out as it was read.
+    pub warnings: Vec<String>,
+}
+
+/// What speaks against a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flaw {
+    /// It is the file of this other log: a link to it, or a name of the same.
+    Again(String),
+    /// It cannot be read, for this reason.
+    Unreadable(String),
+    /// It has no motor commands, or is of the floor: for this reason nothing is identified.
+    Silent(String),
+    /// It is in the air for so many seconds only.
+    Short(f64),
+    /// It knows nothing of this share of the flight.
+    Gaps(f64),
+    /// A motor was at its limit for so many seconds.
+    Saturated(f64),
+    /// Nothing turns the drone: its rows are one repeated.
+    Frozen,
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Again(log) => write!(f, "the same file as {log}"),
+            Self::Unreadable(why) => write!(f, "unreadable: {why}"),
+            Self::Silent(why) => write!(f, "no figures: {why}"),
+            Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
+            Self::Gaps(share) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * share),
+            Self::Frozen => write!(f, "frozen: its rows repeat one"),
+            Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),
+        }
+    }
+}
+
+/// What a log says of its drone and its air.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LogFigures {
+    /// Time in the air.
+    pub air_s: f64,
+    /// Longest time of which nothing is known.
+    pub longest_gap_s: f64,
+    /// Thrust per command and weight, as a share of the scene's.
+    pub thrust_frac: f64,
+    /// Center of mass in body x and y.
+    pub trim_m: [f64; 2],
+    /// Its standard deviation by uneven air; `None` for a flight too short.
+    pub trim_sigma_m: Option<[f64; 2]>,
+    /// Lag of the rotors; `None` where the log does not show it.
+    pub lag_s: Option<f64>,
+    /// Its standard deviation.
+    pub lag_sigma_s: Option<f64>,
+    /// Gusts that turn a drone as its air did, σ; `None` for a flight too short.
+    pub gust_m_s: Option<f64>,
+}
+
+/// A width of the conditions that was found, with what it was found from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundCondition {
+    /// Key of [`super::Conditions`].
+    pub key: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// From what.
+    pub from: String,
+}
+
+/// Mean of the sound flights' figures, which a scene of these drones has.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeanDrone {
+    /// Thrust of a motor per unit of its command, with the scene's mass.
+    pub k_f_n: f64,
+    /// Center of mass in body x and y.
+    pub center_of_mass_m: [f64; 2],
+    /// Lag of the rotors; `None` where no log shows it.
+    pub lag_s: Option<f64>,
+}
+
+impl Evening {
+    /// Reads and identifies the logs of a folder ([`logs_in`]). `done` is told how many are.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`logs_in`] and of options out of range. A log that cannot be read is a row.
+    pub fn import(
+        folder: &Path,
+        options: &ImportOptions,
+        scene: &Scene,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> Result<Self> {
+        options.check("import", None)?;
+        let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
+        let options = &ImportOptions { sample_rate_hz, ..options.clone() };
+        let (logs, count) = (logs_in(folder)?, counter(done));
+        LOGS.check_all(logs.iter().map(|log| &log.path))?;
+        // A file that links lead to again is no other flight, and is read once.
+        let mut firsts = HashMap::new();
+        for log in logs.iter().rev() {
+            firsts.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
+        }
+        let first = |log: &GatheredLog| firsts.get(&log.path.canonicalize().ok()?).copied();
+        let row = |log: &GatheredLog| {
+            let row = match first(log).filter(|first| *first != log.name) {
+                Some(first) => {
+                    EveningLog::of(log, vec![Flaw::Again(first.to_owned())], None, Vec::new())
+                }
+                None => EveningLog::new(log, import(&log.path, options), scene),
+            };
+            count();
+            row
+        };
+        let at_once = logs.chunks(AT_ONCE);
+        let rows = at_once.flat_map(|logs| logs.par_iter().map(row).collect::<Vec<_>>());
+        let mut logs: Vec<EveningLog> = rows.collect();
+        logs.sort_by_cached_key(|log| [natural(&log.drone), natural(&log.log)]);
+        Ok(Self { logs })
+    }
+
+    /// The drones with their logs.
+    #[must_use]
+    pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
+        let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
+        drones.map(|logs| (&logs[0].drone[..], logs)).collect()
+    }
+
+    /// Figures of the sound flights.
+    pub fn sound(&self) -> impl Iterator<Item = &LogFigures> {
+        self.logs.iter().filter(|log| log.flaws.is_empty()).filter_map(|log| log.figures.as_ref())
+    }
+
+    /// The mean of the sound flights; `None` where there are none.
+    #[must_use]
+    pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
+        self.sound().next()?;
+        let of = |figure: fn(&LogFigures) -> f64| mean(self.sound().map(figure));
+        let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
+        Some(MeanDrone {
+            k_f_n: scene.vehicle.k_f_n * of(|f| f.thrust_frac),
+            center_of_mass_m: [of(|f| f.trim_m[0]), of(|f| f.trim_m[1])],
+            lag_s: (!lags_s.is_empty()).then(|| mean(&lags_s)),
+        })
+    }
+
+    /// The widths of conditions that the sound flights show, about their own mean; what they do not
+    /// show is a room's. In the order of a conditions file.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<FoundCondition> {
+        let figures: Vec<&LogFigures> = self.sound().collect();
+        let n = figures.len();
+        let spread_of = |value: &dyn Fn(&LogFigures) -> (f64, f64)| {
+            spread(&figures.iter().map(|figures| value(figures)).collect::<Vec<_>>())
+        };
+        let thrust = spread_of(&|f| (f.thrust_frac, 0.0));
+        let trims_m = [0, 1].map(|axis: usize| {
+            spread_of(&|f| (f.trim_m[axis], f.trim_sigma_m.map_or(0.0, |sigma_m| sigma_m[axis])))
+        });
+        let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
+        // The spread of a uniform number is its largest over the root of twelve. The mean is no
+        // use: it has the errors that all logs of an evening share.
+        let lags_s: Vec<(f64, f64)> =
+            figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
+        let lag_s = 12_f64.sqrt() * spread(&lags_s);
+        let gusts: Vec<f64> = figures.iter().filter_map(|f| f.gust_m_s).collect();
+        let gust_m_s = mean(gusts.iter().map(|gust| gust * gust)).sqrt();
+        let outages_s: Vec<f64> =
+            figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| f.mean_outage_s()).collect();
+        let enough = |n: usize| n >= LEAST_FLIGHTS;
+        let flights = |n: usize, what: &str| format!("{what}, {n} flights");
+        let (n_lags, n_gusts, n_gaps) = (lags_s.len(), gusts.len(), outages_s.len());
+        let (lags, gaps) = ("spread of the rotors' lag", "longest gaps, of one in 10 s");
+        let found = [
+            ("mass_frac", enough(n), thrust, flights(n, "thrust over weight")),
+            ("center_of_mass_m", enough(n), trim_m, flights(n, "trim beyond what gusts explain")),
+            ("motor_lag_s", enough(n_lags), lag_s, flights(n_lags, lags)),
+            ("gust_m_s", n_gusts > 0, gust_m_s, flights(n_gusts, "torque of uneven air")),
+            ("radio_outage_s", n_gaps > 0, mean(&outages_s), gaps.to_owned()),
+        ];
+        let shown = found.into_iter().filter(|(_, is_shown, ..)| *is_shown);
+        shown.map(|(key, _, value, from)| FoundCondition { key, value, from }).collect()
+    }
+
+    /// A conditions file (TOML) with what was found.
+    #[must_use]
+    pub fn conditions_toml(&self, found: &[FoundCondition]) -> String {
+        let (n, drones) = (self.sound().count(), self.drones().len());
+        let mut toml = format!(
+            "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
+             # room's: rank and preview --spread take this file as --conditions.\n",
+            self.logs.len()
+        );
+        for FoundCondition { key, value, from } in found {
+            toml += &format!("{key} = {value:.3e}  # {from}\n");
+        }
+        toml
+    }
+}
+
+impl LogFigures {
+    /// The mean of its outages by the longest, which of n exponential times is
+    /// 1 + 1/2 + … + 1/n times their mean.
+    fn mean_outage_s(&self) -> f64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
+        let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
+        self.longest_gap_s / (1..=n).map(|k| 1.0 / f64::from(k)).sum::<f64>()
+    }
+}
+
+impl EveningLog {
+    fn of(
+        log: &GatheredLog,
+        flaws: Vec<Flaw>,
+        figures: Option<LogFigures>,
+        warnings: Vec<String>,
+    ) -> Self {
+        Self { drone: log.drone.clone(), log: log.name.clone(), flaws, figures, warnings }
+    }
+
+    fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
+        let flight = match flight {
+            Ok(flight) => flight,
+            Err(error) => {
+                let flaw = Flaw::Unreadable(error.to_string());
+                return Self::of(log, vec![flaw], None, Vec::new());
+            }
+        };
+        // Figures need the motors and the body's rates: what else is not logged is not missed.
+        let read = flight.warnings.iter().filter(|it| !matches!(it, Warning::Unlogged(_)));
+        let mut warnings: Vec<String> = read.map(ToString::to_string).collect();
+        let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
+        let figures = match figures(&flight, samples, scene) {
+            Ok(figures) => figures,
+            Err(flaw) => return Self::of(log, vec![flaw], None, warnings),
+        };
+        let LogFigures { air_s, gust_m_s, .. } = figures;
+        let unknown = gaps_s(&flight, samples).iter().sum::<f64>() / air_s;
+        let saturated_s = saturated_s(samples, scene.vehicle.motor_max);
+        let flaws = [
+            (air_s < LEAST_AIR_S).then_some(Flaw::Short(air_s)),
+            (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
+            (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
+            gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
+        ];
+        if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
+            let lagless = "its setpoints stay at one place, or are not logged: it does not show \
+                           the rotors' lag";
+            warnings.push(lagless.to_owned());
+        }
+        Self::of(log, flaws.into_iter().flatten().collect(), Some(figures), warnings)
+    }
+}
+
+/// Times in the air of which a log knows nothing.
+fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
+    let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
+    let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);
+    within.map(|[start_s, end_s]| end_s - start_s).collect()
+}
+
+/// The figures of a flight by its samples in the air; or why it has none.
+fn figures(
+    flight: &Flight,
+    air: &[FlightSample],
+    scene: &Scene,
+) -> std::result::Result<LogFigures, Flaw> {
+    if !flight.unlogged.contains(&Quantity::Motors) && !air.is_empty() && is_frozen(air) {
+        return Err(Flaw::Frozen);
+    }
+    let vehicle = &scene.vehicle;
+    let identified =
+        identify(flight, &Assumed::of(vehicle)).map_err(|error| Flaw::Silent(error.to_string()))?;
+    let lag = identified.lag.filter(RotorLag::is_identifiable);
+    let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
+    let room = GustOptions::default().torque_sigma_n_m;
+    Ok(LogFigures {
+        air_s: air[air.len() - 1].time_s - air[0].time_s,
+        longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
+        thrust_frac: identified.k_f_n / vehicle.k_f_n,
+        trim_m: identified.center_of_mass_m,
+        // A torque about y is a center of mass off in x, and the other way around.
+        trim_sigma_m: identified
+            .air
+            .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
+        lag_s: lag.map(|lag| lag.lag_s),
+        lag_sigma_s: lag.map(|lag| lag.half_width_s / T_95),
+        gust_m_s: identified.air.map(|air| {
+            let [x, y] = [0, 1].map(|axis: usize| air.torque_sigma_n_m[axis] / room[axis]);
+            ROOM_GUST_M_S * 0.5 * (x + y)
+        }),
+    })
+}
+
+/// Standard deviation of values beyond that which each one has by itself; 0 of fewer than two.
+fn spread(values: &[(f64, f64)]) -> f64 {
+    let n = values.len() as f64;
+    let middle = mean(values.iter().map(|(value, _)| value));
+    let square: f64 = values.iter().map(|(value, _)| (value - middle) * (value - middle)).sum();
+    let own: f64 = values.iter().map(|(_, own)| own * own).sum();
+    (square / (n - 1.0) - own / n).max(0.0).sqrt()
+}
+
+/// What puts names in the order of the numbers in them: numbers, then other characters; the name
+/// itself last.
+fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
+    let mut parts: Vec<(bool, u64)> = Vec::new();
+    for c in name.chars() {
+        match (c.to_digit(10).map(u64::from), parts.last_mut()) {
+            (Some(digit), Some((false, number))) => {
+                *number = number.saturating_mul(10).saturating_add(digit);
+            }
+            (Some(digit), _) => parts.push((false, digit)),
+            (None, _) => parts.push((true, c.into())),
+        }
+    }
+    (parts, name.to_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,65 @@
+//! The full simulator at constant altitude: a slow level flight on the altitude filter's estimates.
+
+use nalgebra::Vector3;
+
+use super::scenario::{HoldScenario, SPEED_M_S};
+use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
+use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::error::Result;
+use noctograph_plan::{Plan, Setpoint};
+use noctograph_sim::vehicle::Plant;
+use noctograph_sim::{Avionics, Drone, SimOptions, fly_watched};
+
+/// Flies a scenario, as [`super::hold`] says.
+pub(super) fn hold(
+    believed: &SimOptions,
+    scenario: HoldScenario,
+    duration_s: f64,
+    seed: u64,
+) -> Result<Hold> {
+    let actual = scenario.applied(believed, seed);
+    let plan = level_flight(duration_s);
+    let rate_hz = actual.rates.control_hz;
+    let ticks_per_sample = (rate_hz / SAMPLES_HZ).max(1);
+    let (mut samples, mut readings, mut steps) = (Vec::new(), Vec::new(), 0);
+    let drone = Drone { believed, ..Drone::new(&actual, seed) };
+    let mut watch = |tick: u32, plant: &Plant, avionics: &Avionics| {
+        let Some(filter) = avionics.altitude() else { return };
+        readings.extend_from_slice(filter.readings());
+        if tick.is_multiple_of(ticks_per_sample) {
+            let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
+            let truth = truth(plant, &actual, avionics.sensors().barometer_bias_m());
+            let time_s = f64::from(tick) / f64::from(rate_hz);
+            let readings = std::mem::take(&mut readings);
+            samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
+            steps = filter.steps();
+        }
+    };
+    fly_watched(&[(&plan, drone)], &mut watch, &mut |_| {})?;
+    Ok(Hold { set_m: SET_M, samples, steps })
+}
+
+/// True states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The floor
+/// is the one that the tilted ranger sees; a steady draft is part of α⁰.
+fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
+    let body = plant.body();
+    let (at_m, down) = (body.position_m, -body.matrix().column(2));
+    let ranger_m = -actual.floor.distance_m(&at_m, &down) * down.z - at_m.z;
+    let (v, gain) = (body.velocity_m_s.z, plant.gain_m_s2());
+    let vehicle = &actual.vehicle;
+    let draft_m_s2 = vehicle.body_drag_n_s_m[2] / vehicle.mass_kg * actual.air.wind_m_s[2];
+    [at_m.z, v, draft_m_s2 - GRAVITY_M_S2, gain, ranger_m, barometer_m]
+}
+
+/// Setpoints along x at a steady speed, one a second.
+fn level_flight(duration_s: f64) -> Plan {
+    let at = |time_s: f64| Setpoint {
+        time_s,
+        position_m: Vector3::new(SPEED_M_S * time_s, 0.0, SET_M),
+        velocity_m_s: Vector3::x() * SPEED_M_S,
+        acceleration_m_s2: Vector3::zeros(),
+        letter: None,
+    };
+    let whole = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
+    Plan { setpoints: whole.chain([duration_s]).map(at).collect(), ..Plan::default() }
+}

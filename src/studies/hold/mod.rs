@@ -1,0 +1,237 @@
+//! Altitude hold from three imperfect sensors, with an unknown thrust map.
+//!
+//! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
+//! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
+//! changes with the battery: `z̈ = α⁰ + α¹ τ`.
+//! [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates altitude, vertical
+//! velocity, α⁰, α¹ and both biases; [`hold()`] holds an altitude on its estimates through
+//! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
+//!
+//! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart
+//! (rank 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
+//! that one, and α¹ with its standard deviation.
+
+mod figures;
+mod full;
+mod scalar;
+mod scenario;
+
+pub use self::figures::{
+    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, hold_figures,
+};
+pub use self::scenario::HoldScenario;
+use noctograph_core::error::{Error, Result, within};
+use noctograph_core::settings::settings;
+use noctograph_sim::{AltitudeFilter, AltitudeState, EstimatorKind, HeightReading, SimOptions};
+
+/// Longest flight.
+const MAX_DURATION_S: f64 = 3600.0;
+/// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
+const SAMPLES_HZ: u32 = 10;
+/// A change of the floor that is an event.
+const EVENT_M: f64 = 0.1;
+/// Altitude that is held.
+const SET_M: f64 = 1.5;
+
+settings! {
+    /// What flies.
+    pub enum HoldModel {
+        /// Vertical motion alone: a gain, an offset, a lag of the motors and gusts.
+        "scalar" => Scalar,
+        /// The full simulator: body, rotors, battery, sensors, controller.
+        "full" => Full,
+    }
+}
+
+/// Holds an altitude for a time through a scenario, with the noise of a seed.
+///
+/// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
+/// differs from what they say, by a share drawn from the seed.
+///
+/// # Errors
+///
+/// As [`SimOptions::check`]; [`Error::Input`] for options without an altitude filter, and for a
+/// duration out of range; [`Error::Infeasible`] for a drone that does not stay in the air.
+pub fn hold(
+    model: HoldModel,
+    options: &SimOptions,
+    scenario: HoldScenario,
+    duration_s: f64,
+    seed: u64,
+) -> Result<Hold> {
+    options.check()?;
+    let kind = options.observer.kind;
+    if kind != EstimatorKind::Altitude {
+        let hint = "name the preset bzzz, or set the kind and sensors of the altitude";
+        return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
+    }
+    within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
+    match model {
+        HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
+        HoldModel::Full => full::hold(options, scenario, duration_s, seed),
+    }
+}
+
+/// A flight at constant altitude.
+#[derive(Clone, Debug)]
+pub struct Hold {
+    /// Altitude that is held.
+    pub set_m: f64,
+    /// Samples, ten a second.
+    pub samples: Vec<HoldSample>,
+    /// Steps of the floor that the filter found.
+    pub steps: u32,
+}
+
+/// Truth, estimate and readings at one instant.
+#[derive(Clone, Debug)]
+pub struct HoldSample {
+    /// Time since the start.
+    pub time_s: f64,
+    /// True states, in the order of [`AltitudeState`].
+    pub truth: [f64; 6],
+    /// Estimated states.
+    pub estimate: [f64; 6],
+    /// Standard deviations of the estimates.
+    pub sigma: [f64; 6],
+    /// Throttle that is commanded from now on.
+    pub throttle: f64,
+    /// Readings since the sample before.
+    pub readings: Vec<HeightReading>,
+}
+
+/// All states, in order.
+const STATES: [AltitudeState; 6] = [
+    AltitudeState::Altitude,
+    AltitudeState::Velocity,
+    AltitudeState::Offset,
+    AltitudeState::Gain,
+    AltitudeState::Ranger,
+    AltitudeState::Barometer,
+];
+
+/// Their names in tables.
+pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
+
+impl HoldSample {
+    fn new(
+        time_s: f64,
+        truth: [f64; 6],
+        filter: &AltitudeFilter,
+        throttle: f64,
+        readings: Vec<HeightReading>,
+    ) -> Self {
+        let estimate = STATES.map(|state| filter.estimate(state));
+        let sigma = STATES.map(|state| filter.sigma(state));
+        Self { time_s, truth, estimate, sigma, throttle, readings }
+    }
+
+    /// Throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
+    #[must_use]
+    pub fn hover_throttle(&self) -> [f64; 2] {
+        [self.truth, self.estimate].map(|states| -states[2] / states[3])
+    }
+}
+
+impl Hold {
+    /// Times at which the floor that the ranger sees stepped, for two samples at least.
+    #[must_use]
+    pub fn events_s(&self) -> Vec<f64> {
+        let floor_m = |sample: &HoldSample| sample.truth[4];
+        let (mut events_s, mut last_m) = (Vec::new(), self.samples.first().map_or(0.0, floor_m));
+        for pair in self.samples.windows(2) {
+            if pair.iter().all(|sample| (floor_m(sample) - last_m).abs() > EVENT_M) {
+                events_s.push(pair[0].time_s);
+                last_m = floor_m(&pair[0]);
+            }
+        }
+        events_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::{Preset, Scene};
+    use noctograph_sim::sensors::Positioning;
+
+    /// Root mean square of the distance from the set altitude, from 5 s on.
+    fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
+        let flight = hold(model, options, HoldScenario::Step, 60.0, seed).unwrap();
+        let settled = flight.samples.iter().filter(|s| s.time_s > 5.0);
+        let squares: Vec<f64> = settled.map(|s| (s.truth[0] - 1.5) * (s.truth[0] - 1.5)).collect();
+        (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
+    }
+
+    #[test]
+    fn without_the_step_test_a_table_moves_the_drone() {
+        let sighted = Scene::preset(Preset::Bzzz).sim();
+        let mut blind = sighted.clone();
+        blind.observer.altitude.step_gate_sigmas = 1e3;
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            let (with_m, without_m) = (rms_m(model, &sighted, 1), rms_m(model, &blind, 1));
+            assert!(without_m > 2.0 * with_m, "{model:?}: {without_m} m against {with_m} m");
+        }
+    }
+
+    #[test]
+    fn uncertainty_grows_while_the_satellites_are_silent_and_is_back_within_a_second() {
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            let flight =
+                hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
+                    .unwrap();
+            let sigma_m = |time_s: f64| {
+                let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
+                at.map_or(0.0, |s| s.sigma[0])
+            };
+            // It grows at once to what the ranger over a known floor bounds, and stays there.
+            let before_m = sigma_m(19.9);
+            assert!(sigma_m(20.1) > 1.1 * before_m, "{model:?}: {} m", sigma_m(20.1));
+            for time_s in [20.5, 22.0, 25.0, 29.9] {
+                let found_m = sigma_m(time_s);
+                assert!(found_m > 1.3 * before_m, "{model:?}: {found_m} m at {time_s} s");
+            }
+            assert!(sigma_m(31.1) < 1.05 * before_m, "{model:?}: {} m", sigma_m(31.1));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_held_is_refused_with_the_key() {
+        let refused = |change: fn(&mut SimOptions)| {
+            let mut options = Scene::preset(Preset::Bzzz).sim();
+            change(&mut options);
+            hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err().to_string()
+        };
+        type Change = fn(&mut SimOptions);
+        let cases: [(&str, Change); 9] = [
+            ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
+            ("sensors.time_of_flight.noise_m", |o| o.sensors.time_of_flight.noise_m = f64::NAN),
+            ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {
+                o.sensors.gnss.silent_s = vec![[30.0, 20.0]];
+            }),
+            ("sensors.gnss.silent_s[1]: found 25 to 40 s, wanted a beginning after", |o| {
+                o.sensors.gnss.silent_s = vec![[20.0, 30.0], [25.0, 40.0]];
+            }),
+            ("observer.kind: found altitude, with no sensor", |o| {
+                o.sensors.positioning = Positioning::Position;
+                o.sensors.heights.clear();
+            }),
+            ("observer.altitude.barometer_sigma_m", |o| {
+                o.observer.altitude.barometer_sigma_m = 0.0
+            }),
+            ("observer.kind: found ekf, wanted altitude", |o| {
+                o.observer.kind = EstimatorKind::Ekf;
+            }),
+            ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
+                let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
+                o.floor.steps =
+                    vec![noctograph_sim::vehicle::FloorStep { x_m, y_m, height_m: 3.0 }];
+            }),
+            ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
+        ];
+        for (want, change) in cases {
+            let found = refused(change);
+            assert!(found.starts_with(want), "{found}");
+        }
+    }
+}

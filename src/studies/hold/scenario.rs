@@ -1,0 +1,147 @@
+//! Events of a flight at constant altitude, in the scalar model and in the full simulator.
+
+use noctograph_core::random::Noise;
+use noctograph_core::settings::settings;
+use noctograph_sim::SimOptions;
+use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
+
+/// Spread of the true lift per throttle about the vehicle's, as a share of it.
+pub(super) const GAIN_SPREAD: f64 = 0.05;
+/// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
+pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
+/// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
+pub(super) const GUST: [f64; 2] = [0.15, 2.0];
+
+/// Height of the table, m, and when it is below the drone, s.
+const TABLE_M: f64 = 0.5;
+const TABLE_S: [f64; 2] = [20.0, 40.0];
+/// When the satellites are silent, s.
+const SILENT_S: [f64; 2] = [20.0, 30.0];
+/// Share of the lift that the battery loses, and the time that this takes, s.
+const DRAIN_FRAC: f64 = 0.25;
+const DRAIN_S: f64 = 60.0;
+/// Drift of the air pressure, m/s.
+const DRIFT_M_S: f64 = 0.02;
+/// Level speed in the full simulator, where the table waits until the drone comes, m/s.
+pub(super) const SPEED_M_S: f64 = 0.2;
+/// Half the width of the table, m.
+const TABLE_HALF_WIDTH_M: f64 = 50.0;
+/// Steps of the search for the drained battery's voltage.
+const BISECTIONS: u32 = 60;
+
+settings! {
+    /// Events of a flight at constant altitude.
+    pub enum HoldScenario {
+        /// Nothing happens.
+        "calm" => Calm,
+        /// A table of 0.5 m is below the drone from 20 s to 40 s.
+        "step" => Step,
+        /// The satellites are silent from 20 s to 30 s.
+        "silent" => Silent,
+        /// The battery loses a quarter of its lift in 60 s.
+        "drain" => Drain,
+        /// Air pressure drifts by 2 cm/s.
+        "drift" => Drift,
+        /// Step and silence together: the barometer alone must find the step.
+        "step-silent" => StepSilent,
+    }
+}
+
+impl HoldScenario {
+    /// Whether a table is below the flight.
+    #[must_use]
+    pub fn has_step(self) -> bool {
+        matches!(self, Self::Step | Self::StepSilent)
+    }
+
+    /// Height of the floor at a time, m.
+    pub(super) fn floor_m(self, time_s: f64) -> f64 {
+        let is_above = self.has_step() && (TABLE_S[0]..TABLE_S[1]).contains(&time_s);
+        if is_above { TABLE_M } else { 0.0 }
+    }
+
+    /// Whether the satellites are heard at a time.
+    pub(super) fn hears_gnss(self, time_s: f64) -> bool {
+        !(self.is_silent() && (SILENT_S[0]..SILENT_S[1]).contains(&time_s))
+    }
+
+    fn is_silent(self) -> bool {
+        matches!(self, Self::Silent | Self::StepSilent)
+    }
+
+    /// Share of the full lift that the battery gives at a time.
+    pub(super) fn lift_frac(self, time_s: f64) -> f64 {
+        if self == Self::Drain { 1.0 - DRAIN_FRAC * time_s / DRAIN_S } else { 1.0 }
+    }
+
+    /// Drift of the barometer, m/s.
+    pub(super) fn drift_m_s(self) -> f64 {
+        if self == Self::Drift { DRIFT_M_S } else { 0.0 }
+    }
+
+    /// The drone that truly flies the scenario in the full simulator.
+    pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
+        let mut actual = believed.clone();
+        let mut drawn = Noise::new(seed, 0, DRONE);
+        let lift = 1.0 + GAIN_SPREAD * drawn.normal();
+        let offset_m_s2 = OFFSET_SPREAD_M_S2 * drawn.normal();
+        actual.vehicle.k_f_n *= lift;
+        actual.battery.thrust_from_v_n.iter_mut().for_each(|term| *term *= lift);
+        actual.sensors.barometer.drift_m_s += self.drift_m_s();
+        if self.has_step() {
+            let (x_m, y_m) = (TABLE_S.map(|s| s * SPEED_M_S), TABLE_HALF_WIDTH_M);
+            actual.floor.steps = vec![FloorStep { x_m, y_m: [-y_m, y_m], height_m: TABLE_M }];
+        }
+        if self.is_silent() {
+            actual.sensors.gnss.silent_s = vec![SILENT_S];
+        }
+        if self == Self::Drain {
+            drain(&mut actual);
+        }
+        let [sigma_m_s2, time_s] = GUST;
+        let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
+        if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
+            let wind_m_s = |a_m_s2: f64| a_m_s2 * actual.vehicle.mass_kg / drag_n_s_m;
+            let sigma_m_s = wind_m_s(sigma_m_s2).min(50.0);
+            actual.air.wind_m_s[2] += wind_m_s(offset_m_s2).clamp(-50.0, 50.0);
+            actual.air.gusts = Gusts::OrnsteinUhlenbeck(GustOptions {
+                sigma_m_s: [0.0, 0.0, sigma_m_s],
+                time_s,
+                ..GustOptions::default()
+            });
+        }
+        actual
+    }
+}
+
+/// Name of the noise that draws the true drone, the same in both models.
+pub(super) const DRONE: &str = "hold drone";
+
+/// Gives a drone in hover a battery whose lift falls as the scenario says, through its own
+/// resistance and thrust: a straight open-circuit curve, and a charge that lasts as long.
+fn drain(options: &mut SimOptions) {
+    let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
+    let battery = &mut options.battery;
+    let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
+    let lift_n = |open_v: f64| {
+        let [a, b, c, d] = battery.thrust_from_v_n;
+        let v = open_v - battery.resistance_ohm * current_a;
+        a + v * (b + v * (c + v * d))
+    };
+    let full_v = battery.open_circuit_v(battery.charge_frac);
+    let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(full_v);
+    let (mut low_v, mut high_v) = (0.0, full_v);
+    for _ in 0..BISECTIONS {
+        let middle_v = 0.5 * (low_v + high_v);
+        *if lift_n(middle_v) < wanted_n { &mut low_v } else { &mut high_v } = middle_v;
+    }
+    let tenth_v = (full_v - low_v) / 10.0;
+    *battery = BatteryOptions {
+        capacity_ah: current_a * DRAIN_S / 3600.0,
+        charge_frac: 1.0,
+        open_circuit_v: std::array::from_fn(|tenths| low_v + tenth_v * tenths as f64),
+        compensation: Compensation::None,
+        cut_off_v: 0.0,
+        ..battery.clone()
+    };
+}

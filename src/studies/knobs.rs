@@ -1,0 +1,283 @@
+//! Knobs: the settings of a scene that a search varies, named by their keys.
+
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+use noctograph_core::error::{Error, Result};
+use noctograph_pipeline::scene::{Scene, reason};
+use noctograph_sim::ControllerKind;
+
+/// One setting that a search turns, or several by one factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Knob {
+    /// Keys of the scene, such as `controller.lqr.q[0]`.
+    pub keys: Vec<String>,
+    /// How far it turns.
+    pub turn: Turn,
+}
+
+/// How far a knob turns.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Turn {
+    /// The scene's own value times a factor, evenly in its logarithm.
+    Times([f64; 2]),
+    /// A value, evenly in its logarithm.
+    To([f64; 2]),
+    /// One of several words.
+    Choice(Vec<String>),
+}
+
+/// The usual knobs of controllers by regulators, without a gain of one's own.
+const LQR: &str = "
+    controller.kind=lqr|lqr-feedforward|lqr-integral
+    controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
+    controller.lqr.q[2]*=0.1..10
+    controller.lqr.q[4]+controller.lqr.q[5]=0.001..10
+    controller.lqr.q[6]+controller.lqr.q[7]*=0.03..30
+    controller.lqr.q[8]*=0.1..10
+    controller.lqr.q[9]+controller.lqr.q[10]*=0.001..3
+    controller.lqr.q_integral[0]+controller.lqr.q_integral[1]+controller.lqr.q_integral[2]=1..300
+    controller.lqr.r[0]+controller.lqr.r[1]*=0.1..30
+    controller.lqr.r[3]*=0.1..10";
+const ALTITUDE: &str = "
+    controller.altitude.error_m*=0.3..3
+    controller.altitude.acceleration_m_s2*=0.3..3
+    controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
+    controller.lqr.r[0]+controller.lqr.r[1]*=0.1..30";
+const GEOMETRIC: &str = "
+    controller.geometric.k_position*=0.3..3
+    controller.geometric.k_velocity*=0.3..3
+    controller.geometric.k_position_integral=0.1..20
+    controller.geometric.k_attitude[0]+controller.geometric.k_attitude[1]*=0.3..3
+    controller.geometric.k_rate[0]+controller.geometric.k_rate[1]*=0.3..3";
+const PID: &str = "
+    controller.pid.pos_x[0]+controller.pid.pos_y[0]*=0.3..3
+    controller.pid.pos_z[0]*=0.3..3
+    controller.pid.vel_x[0]+controller.pid.vel_y[0]*=0.3..3
+    controller.pid.vel_z[0]*=0.3..3
+    controller.pid.vel_z[1]*=0.1..10
+    controller.pid.roll[0]+controller.pid.pitch[0]*=0.5..2";
+/// Those of the filter and of the plan.
+const TRUST_AND_SPEED: &str = "
+    observer.luenberger.q[0]+observer.luenberger.q[1]+observer.luenberger.q[2]*=0.05..5
+    plan.stroke_speed_m_s=0.12..0.4";
+
+impl Knob {
+    /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
+    /// the measured position, speed; of these, what has an effect in it.
+    #[must_use]
+    pub fn usual(scene: &Scene) -> Vec<Self> {
+        let of_controller = match scene.controller.kind {
+            _ if scene.controller.lqr.k.is_some() => "",
+            ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+                LQR
+            }
+            ControllerKind::Altitude => ALTITUDE,
+            ControllerKind::Geometric => GEOMETRIC,
+            ControllerKind::Pid => PID,
+        };
+        let texts = [of_controller, TRUST_AND_SPEED].map(str::split_whitespace);
+        let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a knob of ours"));
+        let mut knobs: Vec<Self> = knobs.collect();
+        let idle = without_effect(scene, &knobs);
+        knobs.retain(|knob| !idle.iter().any(|(key, _why)| knob.keys.contains(key)));
+        knobs
+    }
+
+    /// Sets the knob in a scene to `at`, 0 to 1.
+    fn set(&self, scene: &mut toml::Value, at: f64) -> Result<()> {
+        let between =
+            |[least, most]: [f64; 2]| libm::exp(libm::log(least) + at * libm::log(most / least));
+        for key in &self.keys {
+            let value = find(scene, key)?;
+            *value = match (&self.turn, value.as_float()) {
+                (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range)),
+                (Turn::To(range), Some(_)) => toml::Value::Float(between(*range)),
+                (Turn::Choice(words), None) if value.is_str() => {
+                    #[expect(clippy::cast_possible_truncation, reason = "a few words")]
+                    let index = (at * words.len() as f64) as usize;
+                    toml::Value::String(words[index.min(words.len() - 1)].clone())
+                }
+                _ => {
+                    let wanted = "a number for a range, a word for a choice";
+                    return Err(Error::input(key, value.to_string(), wanted, HINT));
+                }
+            };
+        }
+        Ok(())
+    }
+}
+
+const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
+                    controller.kind=lqr|lqr-feedforward";
+
+/// A scene with its knobs set to a point of the unit cube.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and as
+/// [`Scene::check`].
+pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
+    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    for (knob, at) in knobs.iter().zip(point) {
+        knob.set(&mut value, *at)?;
+    }
+    let scene: Scene = value.try_into().map_err(|error: toml::de::Error| {
+        let found = error.message().to_owned();
+        Error::input("knob", found, "values that the scene's keys take", HINT)
+    })?;
+    scene.check()?;
+    Ok(scene)
+}
+
+/// Keys of knobs that have no effect in a scene, whatever its choices are turned to, each with the
+/// reason.
+pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
+    let mut scenes = vec![scene.clone()];
+    for knob in knobs {
+        let Turn::Choice(words) = &knob.turn else { continue };
+        let unchosen = scenes.clone();
+        for at in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
+            let turn = |scene| turned(scene, std::slice::from_ref(knob), &[at]).ok();
+            scenes.extend(unchosen.iter().filter_map(turn));
+        }
+    }
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    keys.filter_map(|key| {
+        let named = key.split('[').next().unwrap_or(key);
+        let mut reasons = scenes.iter().map(|scene| reason(scene, named));
+        let first = reasons.next()??;
+        reasons.all(|reason| reason.is_some()).then(|| (key.clone(), first))
+    })
+    .collect()
+}
+
+/// The scene's own values of the keys that knobs turn, by key.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a key that the scene lacks.
+pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::Value>> {
+    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    keys.map(|key| Ok((key.clone(), find(&mut value, key)?.clone()))).collect()
+}
+
+/// The value of a key such as `controller.lqr.q[0]`.
+fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value> {
+    let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
+    parts
+        .try_fold(scene, |value, part| match value {
+            toml::Value::Table(table) => table.get_mut(part),
+            toml::Value::Array(array) => array.get_mut(part.parse::<usize>().ok()?),
+            _ => None,
+        })
+        .ok_or_else(|| Error::input("knob", key, "a key of the scene", HINT))
+}
+
+impl FromStr for Knob {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let broken = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
+        let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
+        let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        let keys = keys.split('+').map(str::to_owned).collect();
+        let turn = if let Some((low, high)) = turn.split_once("..") {
+            let number = |text: &str| text.parse::<f64>().map_err(|_not_a_number| broken());
+            let range @ [low, high] = [number(low)?, number(high)?];
+            if !(0.0 < low && low < high && high.is_finite()) {
+                return Err(broken());
+            }
+            if times { Turn::Times(range) } else { Turn::To(range) }
+        } else {
+            let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
+            if times || words.len() < 2 || words.iter().any(String::is_empty) {
+                return Err(broken());
+            }
+            Turn::Choice(words)
+        };
+        Ok(Self { keys, turn })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::Preset;
+
+    #[test]
+    fn knobs_turn_what_they_name_and_nothing_else() {
+        let knobs = [
+            "controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10",
+            "plan.stroke_speed_m_s=0.1..0.4",
+            "controller.kind=lqr|lqr-integral",
+        ];
+        let knobs = knobs.map(|text| text.parse::<Knob>().unwrap());
+        let scene = Scene::preset(Preset::Ae4832022);
+        let turned = turned(&scene, &knobs, &[0.75, 0.5, 0.6]).unwrap();
+        let mut want = scene.clone();
+        let root = libm::exp(0.5 * libm::log(10.0));
+        want.controller.lqr.q[0] = turned.controller.lqr.q[0];
+        want.controller.lqr.q[1] = turned.controller.lqr.q[1];
+        assert!((turned.controller.lqr.q[0] / (120.0 * root) - 1.0).abs() < 1e-12);
+        assert!((turned.controller.lqr.q[1] / (80.0 * root) - 1.0).abs() < 1e-12);
+        want.plan.stroke_speed_m_s = turned.plan.stroke_speed_m_s;
+        assert!((turned.plan.stroke_speed_m_s - 0.2).abs() < 1e-12);
+        want.controller.kind = ControllerKind::LqrIntegral;
+        assert_eq!(turned, want);
+        let values = settings(&turned, &knobs).unwrap();
+        let speed_m_s = values["plan.stroke_speed_m_s"].as_float().unwrap();
+        assert_eq!((values.len(), speed_m_s), (4, turned.plan.stroke_speed_m_s), "in m/s");
+        assert_eq!(values["controller.kind"].as_str(), Some("lqr-integral"));
+    }
+
+    #[test]
+    fn the_usual_knobs_fit_every_controller() {
+        for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+            let mut scene = Scene::preset(Preset::Ae4832022);
+            scene.controller.kind = kind;
+            let knobs = Knob::usual(&scene);
+            for at in [0.0, 0.5, 0.999] {
+                turned(&scene, &knobs, &vec![at; knobs.len()]).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn a_usual_knob_has_an_effect_in_its_scene() {
+        // The default drone's filter is an EKF, the team's an observer of constant gain.
+        let keys = |scene: &Scene| Knob::usual(scene).into_iter().flat_map(|knob| knob.keys);
+        let trusts = |scene: &Scene| keys(scene).any(|key| key.starts_with("observer.luenberger"));
+        assert!(!trusts(&Scene::preset(Preset::default())));
+        assert!(trusts(&Scene::preset(Preset::Ae4832022)));
+        // A choice lends effect to what it may turn to: here the integral of lqr-integral.
+        let scene = Scene::preset(Preset::Ae4832022);
+        assert!(keys(&scene).any(|key| key == "controller.lqr.q_integral[0]"));
+        for &preset in Preset::ALL {
+            for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+                let mut scene = Scene::preset(preset);
+                scene.controller.kind = kind;
+                assert_eq!(without_effect(&scene, &Knob::usual(&scene)), [], "{preset:?} {kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn broken_knobs_are_named() {
+        for text in ["q", "a=1", "a=2..1", "a=-1..1", "a=0..1", "a=nan..1", "a*=x|y", "a=1..inf"] {
+            assert!(text.parse::<Knob>().unwrap_err().to_string().contains(text), "{text}");
+        }
+        let wrong = |text: &str, found: &str| {
+            let knob = text.parse::<Knob>().unwrap();
+            let error =
+                turned(&Scene::preset(Preset::Ae4832022), &[knob], &[0.5]).unwrap_err().to_string();
+            assert!(error.contains(found), "{error}");
+        };
+        wrong("controller.lqr.q[12]=1..2", "controller.lqr.q[12]");
+        wrong("plan.style_x=1..2", "plan.style_x");
+        wrong("controller.kind=1..2", "controller.kind");
+        wrong("controller.kind=lqr|pud", "pud");
+        wrong("vehicle.mass_kg=1000..2000", "vehicle.mass_kg");
+    }
+}

@@ -1,0 +1,57 @@
+//! Study: which controller paints the most legible word, with confidence intervals.
+//!
+//! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
+//!
+//! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
+//!    the reader's own resolution on a small film and read: one [`Outcome`].
+//! 2. The seed alone decides gusts, noise and how the drone departs from its scene, so controllers
+//!    are compared flight by flight under common random numbers.
+//! 3. Every outcome goes into a [`Store`] at once; trials in there are never flown again. An
+//!    interrupted study continues with the numbers of an uninterrupted one, on any number of
+//!    threads and machines.
+//!
+//! Sources: common random numbers and paired comparison, Law, "Simulation Modeling and Analysis"
+//! (2015), chapter 11; bootstrap intervals, Efron, Tibshirani (1993).
+//!
+//! Not modeled: readers who differ, learning pilots, photographers who choose another exposure for
+//! each controller.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+pub mod comparison;
+mod conditions;
+mod design;
+mod evening;
+mod hold;
+mod knobs;
+mod outcome;
+mod rank;
+mod remedy;
+pub mod report;
+mod search;
+mod shard;
+mod spread;
+pub mod statistics;
+mod store;
+mod tables;
+mod trial;
+mod tune;
+
+pub use conditions::Conditions;
+pub use design::{Study, Trial, evaluate};
+pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
+pub use hold::{
+    Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
+    HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,
+};
+pub use knobs::{Knob, Turn, settings, turned};
+pub use outcome::{Flown, Outcome};
+pub use rank::{Measures, Pair, Ranking, rank};
+pub use remedy::{Remedy, SEEDS, remedies};
+pub use shard::{Shard, shards};
+pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
+pub use store::{Record, Store};
+pub use tables::{candidates_csv, flights_csv, ranking_csv};
+pub use trial::Prepared;
+pub use tune::{Candidate, TuneOptions, Tuned, tune};

@@ -1,0 +1,274 @@
+//! The result of one trial.
+
+use serde::{Deserialize, Serialize};
+
+use super::statistics::mean;
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{ENERGY_J, Flight, FlightSample, SATURATED_S};
+use noctograph_plan::tracking::{Part, track};
+use noctograph_score::Verdict;
+use noctograph_sim::SimOptions;
+
+/// Log-odds are limited to ± this: those of an illegible word are infinite.
+const MAX_LOG_ODDS: f64 = 10.0;
+
+/// Largest figure of a flight: the energy of a large battery, in J, is far below.
+const MAX_FIGURE: f64 = 1e12;
+
+/// The result of one trial: a line of a [`super::Store`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The letters that were read.
+    pub read: String,
+    /// Whether every letter was read as intended.
+    pub all_read: bool,
+    /// Whether the word counts as legible.
+    pub legible: bool,
+    /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
+    /// [`Verdict::read_probability`].
+    pub probability: f64,
+    /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
+    pub log_odds: f64,
+    /// Mean share of the intended letters, 0 to 1: it has a slope where the probability has none.
+    pub similarity: f64,
+    /// Figures of the flight; `None` where a drone was lost.
+    #[serde(flatten)]
+    pub flown: Option<Flown>,
+    /// How a drone was lost; `None` where none was.
+    pub lost: Option<String>,
+}
+
+/// Declares [`Flown`] with the list of its figures.
+macro_rules! figures {
+    ($($(#[$doc:meta])* $name:ident,)*) => {
+        /// Figures of a flight, over the letters where nothing else is said. Of several drones: the
+        /// mean, but the largest drift, tilt and duration, and all energy.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        pub struct Flown<T = f64> {
+            $($(#[$doc])* pub $name: T,)*
+        }
+
+        impl<T> Flown<T> {
+            /// Names of the figures in files.
+            pub const NAMES: [&str; 10] = [$(stringify!($name)),*];
+
+            /// All figures in the order of [`Self::NAMES`].
+            #[must_use]
+            pub fn values(self) -> [T; 10] {
+                [$(self.$name),*]
+            }
+
+            /// Figures in the order of [`Self::NAMES`].
+            pub(super) fn from_values([$($name),*]: [T; 10]) -> Self {
+                Self { $($name),* }
+            }
+        }
+    };
+}
+
+figures! {
+    /// Mean distance from the path in the word's plane.
+    contour_m,
+    /// Lag behind the design.
+    lag_s,
+    /// Root mean square error against the design along x.
+    rmse_x_m,
+    /// Along y.
+    rmse_y_m,
+    /// Along z.
+    rmse_z_m,
+    /// Largest distance from the word's plane.
+    drift_y_m,
+    /// Largest tilt: roll or pitch.
+    tilt_rad,
+    /// Share of the time in which a motor is saturated.
+    saturated_frac,
+    /// Duration of the whole flight.
+    duration_s,
+    /// Energy of the whole flight: current of the thrust and of the electronics at the
+    /// open-circuit voltage.
+    energy_j,
+}
+
+impl Outcome {
+    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters
+    /// where these are flat (ten for perfect letters, to be of the same size).
+    #[must_use]
+    pub fn merit(&self) -> f64 {
+        self.log_odds + MAX_LOG_ODDS * self.similarity
+    }
+
+    /// Checks figures that were read from a file at a place.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the figure that is none.
+    pub(super) fn check(&self, place: &str) -> Result<()> {
+        let scores = [
+            ("probability", self.probability, 0.0..=1.0),
+            ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
+            ("similarity", self.similarity, -1.01..=1.01),
+        ];
+        let figures = self
+            .flown
+            .into_iter()
+            .flat_map(|flown| Flown::<f64>::NAMES.into_iter().zip(flown.values()));
+        let figures = figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE));
+        for (name, value, range) in scores.into_iter().chain(figures) {
+            if !range.contains(&value) {
+                let wanted = format!("a number from {} to {}", range.start(), range.end());
+                let hint = "take the line out, or name another folder";
+                return Err(Error::input(format!("{place}: {name}"), value, wanted, hint));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
+        let (p, letters) = (verdict.read_probability(), &verdict.letters);
+        Self {
+            read: verdict.read.clone(),
+            all_read: letters.iter().all(|letter| letter.best == Some(letter.expected)),
+            legible: verdict.legible,
+            probability: p,
+            log_odds: libm::log(p / (1.0 - p)).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
+            similarity: mean(letters.iter().filter_map(|letter| letter.p)),
+            flown: Some(flown),
+            lost: None,
+        }
+    }
+
+    /// The outcome of a lost drone: no photo, and how it was lost.
+    #[must_use]
+    pub fn lost(word: &str, how: String) -> Self {
+        Self {
+            read: "?".repeat(word.chars().count()),
+            all_read: false,
+            legible: false,
+            probability: 0.0,
+            log_odds: -MAX_LOG_ODDS,
+            similarity: 0.0,
+            flown: None,
+            lost: Some(how),
+        }
+    }
+}
+
+#[cfg(test)]
+impl Outcome {
+    /// An outcome that was never flown.
+    pub(super) fn example(probability: f64) -> Self {
+        Self {
+            read: "I".into(),
+            all_read: probability > 0.5,
+            legible: probability > 0.7,
+            probability,
+            log_odds: 0.0,
+            similarity: 0.5,
+            flown: None,
+            lost: None,
+        }
+    }
+}
+
+impl Flown {
+    /// Figures of the flights of one photo.
+    pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
+        let each = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
+        let each: Vec<[f64; 10]> = each.collect::<Result<_>>()?;
+        let figure = |index: usize| {
+            let of_drones = each.iter().map(|values| values[index]);
+            match Self::NAMES[index] {
+                "drift_y_m" | "tilt_rad" | "duration_s" => of_drones.fold(0.0, f64::max),
+                "energy_j" => of_drones.sum(),
+                _ => mean(of_drones),
+            }
+        };
+        Ok(Self::from_values(std::array::from_fn(figure)))
+    }
+
+    fn from_flight(flight: &Flight, believed: &SimOptions) -> Result<Self> {
+        let tracking = track(flight, Part::Letters)?;
+        let tilt_rad =
+            tracking.attitude.map_or(0.0, |a| a.max.pitch_rad.abs().max(a.max.roll_rad.abs()));
+        Ok(Self {
+            contour_m: tracking.contour.mean_m,
+            lag_s: tracking.lag_s,
+            rmse_x_m: tracking.rmse_m.x,
+            rmse_y_m: tracking.rmse_m.y,
+            rmse_z_m: tracking.rmse_m.z,
+            drift_y_m: tracking.drift.max_y_m.max(-tracking.drift.min_y_m),
+            tilt_rad,
+            saturated_frac: saturated_frac(flight),
+            duration_s: flight.samples.last().map_or(0.0, |last| last.time_s),
+            // Where the scene has no battery, that of a full one.
+            energy_j: flight
+                .at_end(ENERGY_J)
+                .unwrap_or_else(|| modeled_energy_j(&flight.samples, believed)),
+        })
+    }
+}
+
+/// Share of the time over the letters in which a motor is saturated.
+fn saturated_frac(flight: &Flight) -> f64 {
+    let Some(so_far_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
+    let (mut written_s, mut saturated_s) = (0.0, 0.0);
+    for (pair, so_far_s) in flight.samples.windows(2).zip(so_far_s.windows(2)) {
+        if pair[0].letter.is_some() {
+            written_s += pair[1].time_s - pair[0].time_s;
+            saturated_s += so_far_s[1] - so_far_s[0];
+        }
+    }
+    if written_s > 0.0 { saturated_s / written_s } else { 0.0 }
+}
+
+/// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.
+fn modeled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
+    let battery = &options.battery;
+    let volts = battery.open_circuit_v(battery.charge_frac);
+    let power_w = |sample: &FlightSample| {
+        let thrust_n = options.vehicle.k_f_n * sample.motors.iter().sum::<f64>();
+        volts * (battery.idle_current_a + battery.current_a_per_n * thrust_n)
+    };
+    samples.windows(2).map(|pair| power_w(&pair[0]) * (pair[1].time_s - pair[0].time_s)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::{Preset, Scene};
+    use noctograph_pipeline::shoot::Shoot;
+    use noctograph_plan::PlanOptions;
+
+    fn flights(scene: Scene) -> Vec<Flight> {
+        Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap()
+    }
+
+    #[test]
+    fn energy_is_current_times_voltage_times_time() {
+        let mut sample =
+            flights(Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) })[0].samples[0];
+        sample.motors = [10_000.0; 4];
+        let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
+        // 40 000 units of 1.95 µN draw 6.68 A/N; a full battery has 4.2 V.
+        let want_j = 2.0 * 4.2 * (0.24 + 6.68 * 0.078);
+        let found_j = modeled_energy_j(&[sample, later], &SimOptions::default());
+        assert!((found_j - want_j).abs() < 1e-9, "{found_j} for {want_j}");
+    }
+
+    #[test]
+    fn figures_of_several_drones_are_means_largest_values_and_a_sum() {
+        let mut scene = Scene {
+            word: "ON".into(),
+            plan: PlanOptions::even(),
+            ..Scene::preset(Preset::Ae4832022)
+        };
+        scene.plan.drones = 2;
+        let (flights, sim) = (flights(scene.clone()), scene.sim());
+        let both = Flown::new(&flights, &sim).unwrap();
+        let [a, b] = [0, 1].map(|drone| Flown::new(&flights[drone..=drone], &sim).unwrap());
+        assert_eq!(both.contour_m, 0.5 * (a.contour_m + b.contour_m));
+        assert_eq!(both.duration_s, a.duration_s.max(b.duration_s));
+        assert_eq!(both.energy_j, a.energy_j + b.energy_j);
+    }
+}

@@ -1,0 +1,247 @@
+//! Ranking: contenders in order of legibility, and which of them are indistinguishable.
+
+use serde::Serialize;
+
+use super::statistics::{
+    Estimate, LEVEL, bootstrap, center, least_for_center, mean, mean_of_probabilities,
+    mean_of_strata, share, worst_decile,
+};
+use super::{Flown, Record, Study};
+
+/// Contenders in order of their mean probability of being read, the best first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ranking {
+    /// One a contender.
+    pub measures: Vec<Measures>,
+    /// Every two of them.
+    pub pairs: Vec<Pair>,
+    /// Flights of each contender below which no two can be told apart, however they differ.
+    pub least_flights: u32,
+}
+
+/// How a contender did over all its flights.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measures {
+    /// Its name.
+    pub contender: String,
+    /// 1 for the best; those indistinguishable from a better one share its place.
+    pub place: usize,
+    /// Flights.
+    pub n_flights: usize,
+    /// Flights in which the drone was lost.
+    pub n_lost: usize,
+    /// Mean probability that a viewer reads the word and no other at first sight
+    /// ([`Verdict::read_probability`](noctograph_score::Verdict::read_probability)).
+    pub legibility: Estimate,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
+    /// Mean of its worst tenth.
+    pub worst_decile: Estimate,
+    /// Share of flights in which every letter was read as it should.
+    pub all_read: Estimate,
+    /// Mean of the figures of the flights that were not lost; `None` where all were.
+    pub flown: Option<Flown<Estimate>>,
+    /// Trials whose photo is the median and the worst, as indices into the records.
+    #[serde(skip)]
+    pub median_and_worst: [usize; 2],
+}
+
+/// Two contenders, flight against flight of the same word and seed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pair {
+    /// The better one.
+    pub better: String,
+    /// The other.
+    pub worse: String,
+    /// Mean difference of probability, with an interval at a level that holds for all pairs
+    /// together (Bonferroni): by typical values, from -1 to 1 where the flights are too few.
+    pub difference: Estimate,
+    /// Whether the interval excludes zero.
+    pub distinguishable: bool,
+}
+
+/// Ranks the contenders of a study by its records, which are those of all its trials in order.
+///
+/// # Panics
+///
+/// If there is not a record for every trial.
+#[must_use]
+pub fn rank(study: &Study, records: &[Record]) -> Ranking {
+    assert_eq!(records.len(), study.n_trials(), "a record for every trial");
+    let n_each = (records.len() / study.contenders.len().max(1)).max(1);
+    let of_contenders = records.chunks(n_each).enumerate();
+    let mut measures: Vec<Measures> =
+        of_contenders.map(|(index, records)| measure(study, records, index * n_each)).collect();
+    measures.sort_by(|a, b| b.legibility.value.total_cmp(&a.legibility.value));
+    let probabilities = |contender: &str| {
+        let records = records.iter().filter(|record| record.contender == contender);
+        records.map(|record| record.outcome.probability).collect()
+    };
+    let names = measures.iter().map(|measures| measures.contender.as_str());
+    let (pairs, least_flights) = pairs(&names.map(|n| (n, probabilities(n))).collect::<Vec<_>>());
+    for measures in &mut measures {
+        let worse = pairs.iter().filter(|pair| pair.worse == measures.contender);
+        measures.place += worse.filter(|pair| pair.distinguishable).count();
+    }
+    Ranking { measures, pairs, least_flights }
+}
+
+/// Every two contenders, by their probabilities flight by flight, the better ones first; and the
+/// flights that are needed to tell any apart.
+fn pairs(contenders: &[(&str, Vec<f64>)]) -> (Vec<Pair>, u32) {
+    let n_pairs = contenders.len() * contenders.len().saturating_sub(1) / 2;
+    let level = 1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64;
+    let mut pairs = Vec::with_capacity(n_pairs);
+    for (place, (better, a)) in contenders.iter().enumerate() {
+        for (worse, b) in &contenders[place + 1..] {
+            let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let unknown = Estimate { value: mean(&apart), low: -1.0, high: 1.0 };
+            let difference = center(&apart, level).unwrap_or(unknown);
+            pairs.push(Pair {
+                better: (*better).to_owned(),
+                worse: (*worse).to_owned(),
+                difference,
+                distinguishable: difference.low > 0.0 || difference.high < 0.0,
+            });
+        }
+    }
+    (pairs, least_for_center(level))
+}
+
+/// The values of one contender's records that have one, word by word.
+fn strata(
+    study: &Study,
+    mut records: &[Record],
+    value: impl Fn(&Record) -> Option<f64>,
+) -> Vec<Vec<f64>> {
+    let of_word = |(_, n): &(String, u32)| {
+        let of_word = records.split_off(..*n as usize).unwrap_or_default();
+        of_word.iter().filter_map(&value).collect()
+    };
+    study.words.iter().map(of_word).collect()
+}
+
+/// Measures of the best place, of one contender's records; `first` is the number of its first.
+fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
+    let probabilities = strata(study, records, |record| Some(record.outcome.probability));
+    // A lost drone leaves no photo.
+    let mut photos: Vec<usize> =
+        (0..records.len()).filter(|at| records[*at].outcome.flown.is_some()).collect();
+    photos.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|at| &records[*at].outcome);
+        a.probability.total_cmp(&b.probability).then(a.similarity.total_cmp(&b.similarity))
+    });
+    let photo = |at: usize| first + photos.get(at).copied().unwrap_or(0);
+    let figure = |index: usize| {
+        let value = |record: &Record| Some(record.outcome.flown?.values()[index]);
+        mean_of_strata(&strata(study, records, value))
+    };
+    Measures {
+        contender: records[0].contender.clone(),
+        place: 1,
+        n_flights: records.len(),
+        n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
+        legibility: mean_of_probabilities(&probabilities),
+        legible: share(records.iter().map(|record| record.outcome.legible)),
+        worst_decile: bootstrap(&probabilities, worst_decile),
+        all_read: share(records.iter().map(|record| record.outcome.all_read)),
+        flown: (!photos.is_empty()).then(|| Flown::from_values(std::array::from_fn(figure))),
+        median_and_worst: [photo(photos.len() / 2), photo(0)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Conditions, Outcome};
+    use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+    use rayon::prelude::*;
+
+    /// A ranking of made-up probabilities: one list a contender, one word.
+    fn ranked(probabilities: &[&[f64]]) -> Ranking {
+        let names = ["a", "b", "c"];
+        let contenders = (0..probabilities.len())
+            .map(|index| NamedScene::new(names[index], Scene::preset(Preset::Ae4832022)))
+            .collect();
+        let n = u32::try_from(probabilities[0].len()).unwrap();
+        let words = vec![("I".to_owned(), n)];
+        let study = Study { contenders, words, conditions: Conditions::still(), seed: 0 };
+        let values = probabilities.iter().flat_map(|list| list.iter());
+        let records: Vec<Record> = study
+            .trials()
+            .zip(values)
+            .map(|(trial, &probability)| Record {
+                scene: String::new(),
+                contender: study.contenders[trial.contender].name.clone(),
+                word: "I".into(),
+                seed: trial.seed,
+                outcome: Outcome::example(probability),
+            })
+            .collect();
+        rank(&study, &records)
+    }
+
+    #[test]
+    fn a_small_steady_difference_is_distinguishable_and_a_large_random_one_is_not() {
+        let steps: Vec<f64> = (0..40).map(|k| 0.3 + 0.01 * f64::from(k)).collect();
+        let steadily_better: Vec<f64> = steps.iter().map(|p| p + 0.004).collect();
+        let ranking = ranked(&[&steps, &steadily_better]);
+        assert_eq!(ranking.measures[0].contender, "b", "paired, 0.004 is enough");
+        assert!(ranking.pairs[0].distinguishable, "{:?}", ranking.pairs);
+        assert_eq!((ranking.measures[0].place, ranking.measures[1].place), (1, 2));
+
+        let shuffled: Vec<f64> = (0..40).map(|k| 0.306 + 0.01 * f64::from(k * 7 % 40)).collect();
+        let ranking = ranked(&[&steps, &shuffled]);
+        assert!(ranking.pairs[0].difference.value > 0.005);
+        assert!(!ranking.pairs[0].distinguishable, "{:?}", ranking.pairs);
+        assert_eq!((ranking.measures[0].place, ranking.measures[1].place), (1, 1));
+    }
+
+    /// Share of studies in which contenders that do not differ are told apart.
+    fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
+        let told_apart = |study: &u32| {
+            let mut rng = ChaCha8Rng::seed_from_u64(u64::from(*study));
+            let mut normal = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+            // Probabilities near 0.9, as flights have: skewed, and alike within a seed.
+            let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal()).collect();
+            let mut list =
+                || seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal()))).collect();
+            let lists: Vec<(&str, Vec<f64>)> = (0..n_contenders).map(|_| ("x", list())).collect();
+            pairs(&lists).0.iter().any(|pair| pair.distinguishable)
+        };
+        let n_wrong = (0..n_studies).into_par_iter().filter(told_apart).count();
+        n_wrong as f64 / f64::from(n_studies)
+    }
+
+    #[test]
+    fn equal_contenders_are_told_apart_in_at_most_six_of_a_hundred_studies() {
+        for (n_contenders, n_studies) in [(2, 2000), (5, 400), (10, 150)] {
+            for n_flights in [5, 10, 20, 50] {
+                let error = family_wise_error(n_contenders, n_flights, n_studies);
+                assert!(error <= 0.06, "{n_contenders} contenders, {n_flights} flights: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn too_few_flights_tell_nothing_apart_and_the_number_wanted_is_known() {
+        let ranking = ranked(&[&[0.9; 5], &[0.1; 5]]);
+        assert_eq!((ranking.least_flights, ranking.pairs[0].distinguishable), (6, false));
+        assert_eq!(ranking.pairs[0].difference.low, -1.0);
+        assert!(ranked(&[&[0.9; 6], &[0.1; 6]]).pairs[0].distinguishable);
+    }
+
+    #[test]
+    fn figures_are_those_of_the_flights() {
+        let values: Vec<f64> = (0..20).map(|k| 0.05 * f64::from(k)).collect();
+        let ranking = ranked(&[&values]);
+        let found = &ranking.measures[0];
+        assert!((found.legibility.value - 0.475).abs() < 1e-12);
+        assert!((found.worst_decile.value - 0.025).abs() < 1e-12, "mean of 0 and 0.05");
+        assert!((found.legible.value - 0.3).abs() < 1e-12, "six are above 0.7: {found:?}");
+        assert!((found.all_read.value - 0.45).abs() < 1e-12, "nine are above a half");
+        assert!(ranking.pairs.is_empty() && found.place == 1);
+    }
+}

@@ -1,0 +1,190 @@
+//! Remedies: settings that make the word of a scene easier to read.
+//!
+//! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
+//! candidate is planned, flown, exposed on the scene's own film and read with the scene's seed;
+//! those that gain are flown with two seeds more, and one that loses under any is no remedy. What
+//! nobody sets, such as gusts or the delay of the radio, is left as it is.
+
+use rayon::prelude::*;
+
+use super::statistics::mean;
+use noctograph_core::camera::{CameraOptions, Framing, Metering};
+use noctograph_core::error::Result;
+use noctograph_picture::expose::BackendChoice;
+use noctograph_picture::light::{Deck, RingEffect};
+use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::shoot::{Judging, Shoot};
+use noctograph_plan::{LightClock, PlanOptions, ReferenceKind, Style};
+use noctograph_sim::ControllerKind;
+
+/// A change of a scene that makes its word easier to read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Remedy {
+    /// Keys with their new values.
+    pub changes: Vec<Change>,
+    /// Gain in the probability of being read, the mean over [`SEEDS`] flights.
+    pub gain: f64,
+}
+
+/// Flights of the scene and of a remedy.
+pub const SEEDS: u64 = 3;
+/// Most remedies.
+const MOST: usize = 3;
+/// Gains below this are no reason for advice.
+const LEAST_GAIN: f64 = 0.02;
+/// Cap height and luminance of the room that are good, as in the default scene.
+const GOOD_CAP_HEIGHT_M: f64 = 0.5;
+const DARK_ROOM_CD_M2: f64 = 0.008;
+/// Speed from which strokes are flown slower.
+const SLOW_M_S: f64 = 0.05;
+
+/// The changes that gain most, the most gainful first.
+///
+/// # Errors
+///
+/// Those of the stages for the scene itself; a change that cannot be flown is none.
+pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
+    let scene = &shoot.scene;
+    let own = read_probability(scene, scene.seed)?;
+    let gain = |(changes, scene): (Vec<Change>, Scene)| {
+        let after = read_probability(&scene, scene.seed).ok()?;
+        (after - own >= LEAST_GAIN).then_some((after - own, changes, scene))
+    };
+    let wanted = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
+    let candidates = wanted.map(|(_, changes)| Ok((changes.clone(), changed(scene, &changes)?)));
+    let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
+    let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
+    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
+    let before: Vec<f64> =
+        further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
+    let mut remedies: Vec<Remedy> = Vec::new();
+    for (first, changes, scene) in gains {
+        let after = further.par_iter().map(|seed| read_probability(&scene, *seed));
+        let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
+        let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+        gains.push(first);
+        let gain = mean(&gains);
+        if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
+            remedies.push(Remedy { changes, gain });
+        }
+        if remedies.len() == MOST {
+            break;
+        }
+    }
+    remedies.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    Ok(remedies)
+}
+
+/// Probability that the scene's word is read with a seed; 0 where nothing is read.
+fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
+    let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
+    (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
+    let verdict = shoot.take(&|_, _| {})?.verdict;
+    Ok(verdict.map_or(0.0, |verdict| verdict.read_probability()))
+}
+
+/// A scene after some changes. A style of flying brings its own defaults, and leaves the lamps.
+fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
+    let mut scene = scene.clone();
+    if changes.iter().any(|change| change.key == "plan.style") {
+        scene.plan = PlanOptions { lights: scene.plan.lights, ..PlanOptions::even() };
+    }
+    let values = changes.iter().filter_map(|change| Some((change.key, change.value.as_deref()?)));
+    Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
+}
+
+/// Whether a change is one for a scene, and what it sets.
+type Candidate = (bool, Vec<Change>);
+
+fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
+    (wanted, vec![Change::new(key, value)])
+}
+
+/// Changes of letters, plan, drone and lamps.
+fn writing(scene: &Scene) -> Vec<Candidate> {
+    let Scene { plan, letters, light, controller, .. } = scene;
+    let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
+    let is_slower = slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s;
+    let is_word = letters.drawing.is_empty();
+    let is_low = is_word && letters.cap_height_m < GOOD_CAP_HEIGHT_M;
+    let other_lights = plan.lights != ["headlights"] && light.deck == Deck::LedRing;
+    vec![
+        set(matches!(plan.style, Style::Team(_)), "plan.style", "even"),
+        set(plan.light_clock == LightClock::Setpoint, "plan.light_clock", "light"),
+        set(plan.reference == ReferenceKind::Design, "plan.reference", "inverse"),
+        set(is_slower, "plan.stroke_speed_m_s", slower_m_s),
+        set(is_word && letters.font != "simplex", "letters.font", "simplex"),
+        set(letters.spacing_m < 0.0, "letters.spacing_m", 0),
+        set(is_low, "letters.cap_height_m", GOOD_CAP_HEIGHT_M),
+        set(controller.kind == ControllerKind::Lqr, "controller.kind", "lqr-integral"),
+        set(other_lights, "plan.lights", "[\"headlights\"]"),
+        set(light.ring != RingEffect::Off, "light.ring", "off"),
+        set(light.led_bitmask != 128, "light.led_bitmask", 128),
+    ]
+}
+
+/// Changes of camera and room.
+fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
+    let Scene { camera, photo, .. } = &shoot.scene;
+    let good = CameraOptions::default();
+    let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
+    let end_s = ends_s.fold(0.0, f64::max).ceil();
+    let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
+    let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
+    let away_m = (100.0 * away_m).round() / 100.0;
+    let is_near = camera.focus_m.is_some_and(|focus_m| focus_m != away_m) && away_m > 0.0;
+    let shutter =
+        vec![Change::new("camera.shutter_open_s", 0), Change::new("camera.shutter_close_s", end_s)];
+    let size = vec![
+        Change::new("camera.width_px", good.width_px),
+        Change::new("camera.height_px", good.height_px),
+    ];
+    let is_bright = photo.ambient_cd_m2 > DARK_ROOM_CD_M2;
+    Ok(vec![
+        set(!matches!(camera.framing, Framing::Word(_)), "camera.framing", "word"),
+        set(camera.metering == Metering::Off, "camera.metering", "trail"),
+        (camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(), shutter),
+        set(is_near, "camera.focus_m", away_m),
+        (camera.width_px < good.width_px, size),
+        set(is_bright, "photo.ambient_cd_m2", DARK_ROOM_CD_M2),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::Preset;
+
+    fn of(change: impl FnOnce(&mut Scene)) -> Vec<Remedy> {
+        let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
+        (scene.camera.width_px, scene.camera.height_px) = (480, 270);
+        change(&mut scene);
+        remedies(&Shoot::new(scene).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_shutter_that_closes_early_and_a_camera_that_looks_away_are_mended() {
+        let shutter = of(|scene| scene.camera.shutter_close_s = Some(4.0));
+        assert_eq!(shutter[0].changes[0], Change::new("camera.shutter_open_s", 0), "{shutter:?}");
+        assert!(shutter[0].gain > 0.3, "{shutter:?}");
+        let away = of(|scene| {
+            let pose = noctograph_core::camera::FixedPose {
+                position_m: [1.5, -3.0, 0.75],
+                target_m: Some([4.0, 0.0, 0.75]),
+                ..Default::default()
+            };
+            scene.camera.framing = Framing::Fixed(pose);
+        });
+        assert_eq!(away[0].changes, [Change::new("camera.framing", "word")]);
+    }
+
+    #[test]
+    fn a_scene_that_reads_needs_none() {
+        let found = of(|_| {});
+        assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
+        let scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
+        let own = read_probability(&scene, 1).unwrap();
+        assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
+    }
+}

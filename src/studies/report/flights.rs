@@ -1,0 +1,212 @@
+//! Plots of flights: from above, from the front, and their errors over time.
+
+use std::ops::Range;
+
+use super::canvas::Pen;
+use super::figure::{
+    BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, VERMILION, range,
+};
+use noctograph_core::flight::{BATTERY_V, Flight, FlightSample};
+use noctograph_plan::tracking::CORRIDOR_M;
+
+/// A flight to draw.
+#[derive(Clone, Debug)]
+pub struct NamedFlight {
+    /// Its name in the legend.
+    pub name: String,
+    /// The samples to draw, in order of time. A design of zeros is none.
+    pub samples: Vec<FlightSample>,
+}
+
+/// A line is interrupted where a flight has no sample for longer than this.
+const LONGEST_LINE_S: f64 = 0.2;
+/// Heights of a panel with equal scales on both axes; a flight wider or taller gets more air.
+const VIEW_PX: [f64; 2] = [160.0, 720.0];
+const DESIGN: Pen = Pen::new(GRAY, 5.0);
+const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
+
+/// The flights from above, x to the right and y up, over the first trace's design, with black lines
+/// where the safety corridor ends. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn top_view(traces: &[NamedFlight]) -> String {
+    let mut view = View::new(traces, |p| (p.x, p.y));
+    let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
+    let line = |y_m: f64| vec![(x.start, y_m), (x.end, y_m)];
+    let edges = Curve { pen: CORRIDOR, pieces: vec![line(-CORRIDOR_M), line(CORRIDOR_M)] };
+    view.curves.push(edges);
+    view.legend.push(("y = ±0.2 m".to_owned(), CORRIDOR));
+    view.svg("Flight from above", "y (m)", [x, y])
+}
+
+/// The flights from the front, x to the right and z up, over the first trace's design. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn front_view(traces: &[NamedFlight]) -> String {
+    View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
+}
+
+/// Flown minus design over time, a panel an axis, each flight against its own design. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn error_over_time(traces: &[NamedFlight]) -> String {
+    let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
+    let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
+    let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
+    let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
+    let curves = |axis: usize| {
+        let error = |s: &FlightSample| (s.time_s, (s.position_m - s.design_m)[axis]);
+        designed().rev().map(|(trace, pen)| trace.curve(pen, error)).collect()
+    };
+    Figure {
+        title: "Flown minus design".to_owned(),
+        legend: designed().map(|(trace, pen)| (trace.name.clone(), pen)).collect(),
+        x_name: "time (s)",
+        panels: error_panels(&time_s, 0.05, curves),
+    }
+    .svg()
+}
+
+/// A panel an axis of errors over time, about zero, with at least some meters to either side.
+pub(super) fn error_panels(
+    time_s: &Range<f64>,
+    least_m: f64,
+    curves: impl Fn(usize) -> Vec<Curve>,
+) -> Vec<Panel> {
+    let axes = [0, 1, 2].map(curves);
+    let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
+    let most_m = 1.05 * errors_m.fold(least_m, f64::max);
+    let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
+    let panel = |(y_name, mut curves): (&'static str, Vec<Curve>)| {
+        curves.insert(0, zero.clone());
+        Panel::new([time_s.clone(), -most_m..most_m], 150.0, y_name, curves)
+    };
+    ["x error (m)", "y error (m)", "z error (m)"].into_iter().zip(axes).map(panel).collect()
+}
+
+/// Samples of a simulated flight of which the strongest motor is drawn: 50 ms.
+const LOAD_SAMPLES: usize = 12;
+/// A motor's command at full power.
+const FULL: f64 = 65_535.0;
+
+/// The load of drones over time: the command of the strongest motor and, of drones with a battery,
+/// its voltage. SVG.
+pub(super) fn load_over_time(flights: &[Flight]) -> String {
+    let power = |flight: &Flight, at: usize| {
+        let samples = flight.samples[at..].iter().take(LOAD_SAMPLES);
+        let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
+        Some(100.0 * most / FULL)
+    };
+    let volts = |flight: &Flight, at: usize| flight.extra.get(BATTERY_V)?.get(at).copied();
+    let curves = |value: &dyn Fn(&Flight, usize) -> Option<f64>| -> Vec<Curve> {
+        let curve = |(index, flight): (usize, &Flight)| {
+            let samples = flight.samples.iter().enumerate().step_by(LOAD_SAMPLES);
+            let points = samples.filter_map(|(at, s)| Some((s.time_s, value(flight, at)?)));
+            Curve::whole(pen(index), points)
+        };
+        flights.iter().enumerate().map(curve).collect()
+    };
+    let (power, volts) = (curves(&power), curves(&volts));
+    let time_s = range(power.iter().flat_map(Curve::points).map(|(time_s, _)| time_s));
+    let volts_v = range(volts.iter().flat_map(Curve::points).map(|(_, volts_v)| volts_v));
+    let panel = |y_name, y, curves| Panel::new([time_s.clone(), y], 150.0, y_name, curves);
+    let mut panels = vec![panel("strongest motor (%)", 0.0..105.0, power)];
+    if volts_v.start <= volts_v.end {
+        panels.push(panel("battery (V)", volts_v.start - 0.05..volts_v.end + 0.05, volts));
+    }
+    let legend = (0..flights.len()).map(|index| (format!("drone {}", index + 1), pen(index)));
+    Figure {
+        title: "Load of motors and battery".to_owned(),
+        legend: legend.collect(),
+        x_name: "time (s)",
+        panels,
+    }
+    .svg()
+}
+
+fn pen(index: usize) -> Pen {
+    Pen::new([BLUE, VERMILION][index % 2], 1.75)
+}
+
+/// The traces with their pens. The last is drawn first, so that the first lies on top.
+fn pens(traces: &[NamedFlight]) -> impl DoubleEndedIterator<Item = (&NamedFlight, Pen)> {
+    traces.iter().enumerate().map(|(index, trace)| (trace, pen(index)))
+}
+
+impl NamedFlight {
+    fn has_design(&self) -> bool {
+        self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
+    }
+
+    fn curve(&self, pen: Pen, value: impl Fn(&FlightSample) -> (f64, f64)) -> Curve {
+        let pieces = self.samples.chunk_by(|a, b| b.time_s - a.time_s <= LONGEST_LINE_S);
+        let pieces = pieces.map(|piece| piece.iter().map(&value).collect());
+        Curve { pen, pieces: pieces.collect() }
+    }
+}
+
+/// A projection of flights, with the same scale on both axes.
+#[derive(Default)]
+pub(super) struct View {
+    pub(super) curves: Vec<Curve>,
+    pub(super) marks: Vec<Mark>,
+    pub(super) legend: Vec<(String, Pen)>,
+}
+
+impl View {
+    fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
+        let mut view = Self::default();
+        if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
+            view.curves.push(trace.curve(DESIGN, |sample| project(sample.design_m)));
+            view.legend.push(("design".to_owned(), DESIGN));
+        }
+        let flown = pens(traces).rev().map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
+        view.curves.extend(flown);
+        view.legend.extend(pens(traces).map(|(trace, pen)| (trace.name.clone(), pen)));
+        view
+    }
+
+    /// What both axes cover, with a margin and these heights, so that a meter is as long on either.
+    fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
+        let points = || self.curves.iter().flat_map(Curve::points);
+        let with_margin = |range: Range<f64>| {
+            let margin = (0.04 * (range.end - range.start)).max(0.02);
+            range.start - margin..range.end + margin
+        };
+        let x = with_margin(range(points().map(|(x, _)| x)));
+        let y = with_margin(range(points().map(|(_, y)| y).chain(heights_m)));
+        let per_m = PANEL_WIDTH_PX / (x.end - x.start);
+        let [low_px, high_px] = VIEW_PX;
+        let y = widened(y, low_px / per_m);
+        [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
+    }
+
+    /// The view of x to the right and z up. SVG.
+    pub(super) fn svg_from_front(self, title: &str) -> String {
+        let ranges = self.ranges([]);
+        self.svg(title, "z (m)", ranges)
+    }
+
+    fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
+        let height_px = (PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start)).round();
+        let panel = Panel::new([x, y], height_px, y_name, self.curves);
+        let panels = vec![Panel { marks: self.marks, ..panel }];
+        Figure { title: title.to_owned(), legend: self.legend, x_name: "x (m)", panels }.svg()
+    }
+}
+
+/// The range, or one about the same middle that is at least this long.
+fn widened(range: Range<f64>, least: f64) -> Range<f64> {
+    let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
+    let half = 0.5 * length.max(least);
+    middle - half..middle + half
+}

@@ -1,0 +1,47 @@
+//! Report: products as pictures and pages for people.
+//!
+//! Products in: [`Flight`](noctograph_core::flight::Flight)s,
+//! [`Plan`](noctograph_plan::Plan)s and [`Photo`](noctograph_picture::photo::Photo)s.
+//! Products out: plots as SVG text, and one photo laid over another ([`photos`]).
+//!
+//! Method: curves are thinned to what a pixel can show and drawn on one canvas; nothing but the
+//! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colors are those of
+//! Okabe and Ito (2008), which people with any color vision can tell apart.
+//!
+//! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
+//!
+//! Studies come as sheets of photos ([`study_sheet`]) and as plots of their figures.
+
+mod bound;
+mod canvas;
+mod coverage;
+mod evening;
+mod figure;
+mod flights;
+mod hold;
+mod labels;
+mod overlay;
+mod page;
+pub mod photos;
+mod place;
+mod plans;
+mod sheet;
+mod shot;
+mod spread;
+mod studies;
+
+pub use bound::bound_map;
+pub use canvas::escaped;
+pub use coverage::coverage_map;
+pub use evening::evening_page;
+pub use flights::{NamedFlight, error_over_time, front_view, top_view};
+pub use hold::hold_figure;
+pub use labels::{Label, labeled};
+pub use overlay::{overlay_photo, overlay_svg};
+pub use page::Page;
+pub use plans::plan_view;
+pub use sheet::{spread_sheet, study_sheet};
+pub use shot::{LEAST_SHARE, rivals};
+pub use shot::{ShotNotes, shot_page};
+pub use spread::{spread_front, spread_over_time};
+pub use studies::pareto;

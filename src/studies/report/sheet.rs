@@ -1,0 +1,156 @@
+//! A sheet of photos: rows with a name, photos with a caption.
+
+use ab_glyph::{Font, FontRef, ScaleFont, point};
+
+use crate::{Measures, Prepared, Ranking, Record, Study};
+use noctograph_core::error::Result;
+use noctograph_picture::photo::Photo;
+
+/// Roboto Thin (Apache 2.0, see fonts/README.md); its capitals keep to a pixel at this size.
+const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
+/// Size of the text.
+const TEXT_PX: f32 = 22.0;
+/// Height of a line of text with its air.
+const LINE_PX: usize = 32;
+/// Room around the photos.
+const GAP_PX: usize = 12;
+/// The sheet, where nothing is.
+const GROUND: u8 = 24;
+/// Its text.
+const INK: u8 = 235;
+
+/// Photos of a spread beside each other.
+const ROW_PHOTOS: usize = 4;
+/// Height of a capital in the photos of a study.
+const CAP_HEIGHT_PX: f64 = 110.0;
+
+/// The median and the worst photo of each scene of a study, which was prepared
+/// ([`Study::prepare`]).
+///
+/// # Errors
+///
+/// As [`Prepared::photo`].
+pub fn study_sheet(
+    study: &Study,
+    ready: &[Prepared],
+    ranking: &Ranking,
+    records: &[Record],
+) -> Result<Photo> {
+    let trials: Vec<_> = study.trials().collect();
+    let row = |measures: &Measures| {
+        let p = measures.legibility.value;
+        let title = format!("{}: read with probability {p:.3}", measures.contender);
+        let mut photos = Vec::new();
+        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
+            let (trial, Record { word, outcome, .. }) = (trials[at], &records[at]);
+            if outcome.flown.is_some() {
+                let ready = &ready[trial.contender * study.words.len() + trial.word];
+                let (read, p) = (&outcome.read, outcome.probability);
+                let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
+                photos.push((photo, format!("{name}: {word} as {read}, {p:.2}")));
+            }
+        }
+        Ok((title, photos))
+    };
+    let rows: Vec<_> = ranking.measures.iter().map(row).collect::<Result<_>>()?;
+    Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
+}
+
+/// Photos with their captions, in rows of a few.
+#[must_use]
+pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
+    let titles = std::iter::once(title).chain(std::iter::repeat(""));
+    contact_sheet(titles.zip(photos.chunks(ROW_PHOTOS)))
+}
+
+/// Lays out photos with their captions in rows below their titles, each at its own size, from the
+/// left.
+fn contact_sheet<'a>(rows: impl Iterator<Item = (&'a str, &'a [(Photo, String)])>) -> Photo {
+    let rows: Vec<_> = rows.collect();
+    let side = |px: u32| px as usize;
+    let width_of = |photos: &[(Photo, String)]| {
+        photos.iter().map(|(photo, _)| side(photo.width_px) + GAP_PX).sum::<usize>()
+    };
+    let height_of = |photos: &[(Photo, String)]| {
+        photos.iter().map(|(photo, _)| side(photo.height_px)).max().unwrap_or(0)
+    };
+    let width =
+        GAP_PX + rows.iter().map(|(_, photos)| width_of(photos)).max().unwrap_or(0).max(400);
+    let heights = rows.iter().map(|(_, photos)| height_of(photos) + 2 * LINE_PX + GAP_PX);
+    let height = GAP_PX + heights.sum::<usize>();
+    let px = |side: usize| u32::try_from(side).expect("a sheet of photos");
+    let rgb8 = vec![GROUND; 3 * width * height];
+    let mut sheet = Photo { width_px: px(width), height_px: px(height), rgb8, scene_toml: None };
+    let mut top = GAP_PX;
+    for (title, photos) in rows {
+        write(&mut sheet, title, [GAP_PX, top]);
+        let (mut left, height) = (GAP_PX, height_of(photos));
+        for (photo, caption) in photos {
+            paste(&mut sheet, photo, [left, top + LINE_PX]);
+            write(&mut sheet, caption, [left, top + LINE_PX + height]);
+            left += side(photo.width_px) + GAP_PX;
+        }
+        top += height + 2 * LINE_PX + GAP_PX;
+    }
+    sheet
+}
+
+fn paste(sheet: &mut Photo, photo: &Photo, [left, top]: [usize; 2]) {
+    let [width, row_bytes] = [sheet.width_px as usize, 3 * photo.width_px as usize];
+    for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
+        let start = 3 * ((top + y) * width + left);
+        sheet.rgb8[start..start + row_bytes].copy_from_slice(row);
+    }
+}
+
+/// Writes one line of text with its upper left corner at a pixel; what does not fit is cut off.
+fn write(sheet: &mut Photo, text: &str, [left, top]: [usize; 2]) {
+    let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
+    let scaled = font.as_scaled(TEXT_PX);
+    let width = sheet.width_px as usize;
+    let mut pen = point(left as f32, top as f32 + scaled.ascent() + 2.0);
+    for character in text.chars() {
+        let id = font.glyph_id(character);
+        let glyph = id.with_scale_and_position(TEXT_PX, pen);
+        pen.x += scaled.h_advance(id);
+        let Some(outline) = font.outline_glyph(glyph) else { continue };
+        let corner = outline.px_bounds().min;
+        outline.draw(|x, y, cover| {
+            #[expect(clippy::cast_possible_truncation, reason = "pixels of a sheet")]
+            let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
+            let at = 3 * (y * width + x);
+            if x < width && at + 3 <= sheet.rgb8.len() {
+                // Thin strokes cover half a pixel: they are drawn twice as strong.
+                let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
+                #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
+                sheet.rgb8[at..at + 3].fill((f32::from(GROUND) + ink) as u8);
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_stand_in_rows_with_their_text() {
+        let photo = |width_px: u32, level: u8| Photo {
+            width_px,
+            height_px: 20,
+            rgb8: vec![level; 60 * width_px as usize],
+            scene_toml: None,
+        };
+        let row = |level| {
+            vec![(photo(300, level), "median".to_owned()), (photo(200, level), "worst".to_owned())]
+        };
+        let (team, tuned) = (row(100), row(200));
+        let sheet = contact_sheet([("team", &team[..]), ("tuned", &tuned[..])].into_iter());
+        assert_eq!((sheet.width_px, sheet.height_px), (12 + 312 + 212, 12 + 2 * (20 + 64 + 12)));
+        let at = |x: usize, y: usize| sheet.rgb8[3 * (y * 536 + x)];
+        assert_eq!([at(12, 44), at(311, 63), at(312, 50), at(324, 44)], [100, 100, GROUND, 100]);
+        assert_eq!(at(12, 44 + 96), 200, "the second row");
+        let title = (12..30).flat_map(|y| (12..100).map(move |x| at(x, y)));
+        assert!(title.filter(|level| *level > 200).count() > 20, "something is written");
+    }
+}

@@ -1,0 +1,209 @@
+//! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
+
+use std::path::Path;
+
+use super::flights::{NamedFlight, error_over_time, front_view, load_over_time, top_view};
+use super::overlay::marks_svg;
+use super::page::Page;
+use super::place::shot_plan;
+use super::plans::plan_view;
+use noctograph_core::camera::INFINITY_M;
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_picture::expose::Film;
+use noctograph_picture::light::Lamp;
+use noctograph_picture::photo;
+use noctograph_pipeline::preflight::{Checked, ShotPlan};
+use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::shoot::{Shot, in_stops, writing};
+use noctograph_score::{LetterVerdict, Verdict};
+
+/// Moments of the exposure, and the width of their pictures.
+const N_MOMENTS: u32 = 12;
+const MOMENT_PX: u32 = 560;
+/// Most places of the path in space, of all drones.
+const MAX_PLACES: usize = 2000;
+/// Quality of photos, and of the moments' small ones.
+const JPEG_QUALITY: [u8; 2] = [85, 80];
+/// Shares below this are not printed.
+pub const LEAST_SHARE: f64 = 0.01;
+
+/// What the page shows beside the shot.
+#[derive(Debug)]
+pub struct ShotNotes<'a> {
+    /// The verdict in a sentence; empty where there is none.
+    pub lead: &'a str,
+    /// The table that the terminal shows.
+    pub printed: &'a str,
+    /// Findings of the preflight.
+    pub findings: &'a [Checked],
+    /// Where things stand in the room, where it is known.
+    pub placement: Option<&'a ShotPlan>,
+    /// Changes of settings with their gain in readability, as one types them.
+    pub remedies: &'a [(f64, String)],
+    /// A change in the words of the program that makes the page.
+    pub typed: fn(&Change) -> String,
+    /// The command that makes the shot again.
+    pub command: &'a str,
+    /// Further drawings of the flight, such as its band over many flights (SVG).
+    pub drawings: &'a [String],
+}
+
+/// The report of a shot.
+///
+/// # Errors
+///
+/// As [`Shot::moments`].
+pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
+    let scene = &shot.scene;
+    let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
+    let subject = match scene.word.as_str() {
+        "" => drawing.to_string_lossy().into_owned(),
+        word => word.replace('\n', " "),
+    };
+    let over = shot.marks.as_ref().zip(shot.verdict.as_ref());
+    let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
+    let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
+    let shows = format!("simulated long-exposure photograph of {subject}");
+    let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
+    page = verdict_section(page, shot.verdict.as_ref(), notes);
+    let mut moments = Vec::new();
+    shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
+        moments.push((photo::jpeg(&photo, JPEG_QUALITY[1]), format!("{time_s:.1} s")));
+        Ok(())
+    })?;
+    page = page.section("The exposure as it accumulates").film(&moments);
+    page = flight_section(page, shot, notes);
+    if !notes.findings.is_empty() {
+        page = page.section("Safety sheet").table(
+            ["", "check", "found"],
+            notes.findings.iter().map(|checked| {
+                let [mark, check, mut found, wanted, change] = checked.cells(notes.typed);
+                if !wanted.is_empty() {
+                    found += &format!("; wanted: {wanted}; change: {change}");
+                }
+                [mark, check, found]
+            }),
+        );
+    }
+    page = page.section("Camera").table(["setting", "value"], camera(shot));
+    page = page.section("Shot plan");
+    if let Some(placement) = notes.placement {
+        page = page.table(["what", "where"], placement.rows());
+    }
+    page = page.drawings(&shot_plan(shot, notes.placement));
+    page = page.section("To make it again").printed(notes.command);
+    let changes = with_names(scene).changes();
+    let base = format!("Settings that differ from the preset {}", scene.preset.name());
+    let head = ["key", "value", "in the preset"];
+    page =
+        page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
+    let digests =
+        [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
+    let digests = digests.into_iter().filter_map(|(of, sha256)| Some([of.to_owned(), sha256?]));
+    Ok(page.table(["digest", "SHA-256"], digests).section("As printed").printed(notes.printed))
+}
+
+fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<'_>) -> Page {
+    let Some(verdict) = verdict else { return page };
+    let letter = |letter: &LetterVerdict| {
+        [
+            letter.expected.to_string(),
+            letter.p.map_or("not judged".into(), |p| format!("{p:.2}")),
+            letter.best.map_or("none".into(), String::from),
+            rivals(letter),
+        ]
+    };
+    page = page
+        .section("Letters")
+        .table(["letter", "share", "reads as", "rivals"], verdict.letters.iter().map(letter));
+    let gain = |gain: Option<f64>| gain.map_or("?".into(), |gain| format!("{gain:+.2}"));
+    let flown = notes.remedies.iter().map(|(by, change)| [gain(Some(*by)), change.clone()]);
+    let read = verdict.advice.iter().map(|advice| [gain(advice.gain), advice.text.clone()]);
+    let rows: Vec<_> = if notes.remedies.is_empty() { read.collect() } else { flown.collect() };
+    if rows.is_empty() { page } else { page.section("What helps").table(["gain", "change"], rows) }
+}
+
+/// A scene with the names of its files in place of their paths, which are of this machine alone.
+fn with_names(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for path in [&mut scene.letters.font, &mut scene.letters.drawing] {
+        if let Some(name) = Path::new(path).file_name() {
+            *path = name.to_string_lossy().into_owned();
+        }
+    }
+    scene
+}
+
+/// Letters that are likely besides the expected one, each with its share.
+pub fn rivals(letter: &LetterVerdict) -> String {
+    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
+    rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
+}
+
+fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
+    let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
+        let numbers = shot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
+        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word, numbers)]);
+    }
+    let trace = |(index, flight): (usize, &Flight)| NamedFlight {
+        name: format!("drone {}", index + 1),
+        samples: flight.samples.clone(),
+    };
+    let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
+    if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
+        return page;
+    }
+    let mut drawings = vec![front_view(&traces), top_view(&traces), error_over_time(&traces)];
+    if shot.flights.iter().all(|flight| !flight.unlogged.contains(&Quantity::Motors)) {
+        drawings.push(load_over_time(&shot.flights));
+    }
+    drawings.extend_from_slice(notes.drawings);
+    page.section("Flight").paths(&paths(shot)).drawings(&drawings)
+}
+
+/// The way of all drones; a place is lit where a lamp of its drone writes.
+fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
+    let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
+    let step = n_samples.div_ceil(MAX_PLACES).max(1);
+    let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
+    let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
+        let own = |lamp: &Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
+        let place = |sample: &FlightSample| {
+            #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
+            let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
+            (place_mm, lamps.iter().any(|lamp| own(lamp) && is_lit(lamp, sample.time_s)))
+        };
+        flight.samples.iter().step_by(step).map(place).collect()
+    };
+    shot.flights.iter().enumerate().map(of_drone).collect()
+}
+
+fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
+    let next = lamp.samples.partition_point(|sample| sample.time_s <= time_s);
+    next > 0 && lamp.samples[next - 1].level > 0.0
+}
+
+fn camera(shot: &Shot) -> Vec<[String; 2]> {
+    let camera = &shot.camera;
+    let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
+    let focus = match focus_m < INFINITY_M {
+        true => format!("{focus_m:.2} m, by hand"),
+        false => "infinity, by hand".to_owned(),
+    };
+    let [focal_mm, sensor_mm] = [camera.focal_length_m, camera.sensor_width_m].map(|m| 1e3 * m);
+    let (opens_s, open_s) = (camera.shutter_open_s, camera.shutter_close_s - camera.shutter_open_s);
+    let adds_up = shot.metered.is_some_and(|metered| metered.longest_s.is_some());
+    let mode = if adds_up { "night or light-trail mode" } else { "bulb" };
+    let rows = [
+        ("lens", format!("{focal_mm:.0} mm on a sensor {sensor_mm:.1} mm wide")),
+        ("aperture", format!("f/{}", camera.f_number)),
+        ("sensitivity", format!("ISO {}", camera.iso)),
+        ("shutter", format!("{mode}, {open_s:.0} s, from {opens_s:.1} s of the flight on")),
+        ("focus", focus),
+        ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
+    ];
+    let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
+    rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
+}

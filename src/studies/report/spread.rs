@@ -1,0 +1,84 @@
+//! Plots of a spread: its flights from the front, and its bands over time.
+
+use nalgebra::Vector3;
+
+use super::canvas::Pen;
+use super::figure::{BLUE, Curve, Figure, GRAY, VERMILION};
+use super::flights::{View, error_panels};
+use crate::{BAND_FRAC, Band, Spread};
+use noctograph_core::flight::{Flight, FlightSample};
+
+const DESIGN: Pen = Pen::new(GRAY, 5.0);
+const FLIGHT: Pen = Pen::new(BLUE, 0.6);
+const ALL: Pen = Pen::new(BLUE, 1.75);
+const WITHIN: Pen = Pen::new(VERMILION, 1.75);
+
+/// The lit strokes of a spread's flights from the front, over their design. SVG.
+///
+/// # Panics
+///
+/// If every flight is lost.
+#[must_use]
+pub fn spread_front(spread: &Spread) -> String {
+    let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
+    let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
+    let n_drones = spread.all.len();
+    let design = flights[..n_drones].iter();
+    let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
+    let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
+    curves.extend(flights.iter().map(|flight| Curve {
+        pen: FLIGHT,
+        pieces: lit(flight, |s| (s.position_m.x, s.position_m.z)),
+    }));
+    let n = flights.len() / n_drones;
+    let legend = vec![("design".to_owned(), DESIGN), (format!("{n} flights"), FLIGHT)];
+    View { curves, legend, marks: Vec::new() }
+        .svg_from_front("Front view of the flights, their conditions varied")
+}
+
+/// The pieces of a flight on which a light is commanded.
+fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    let is_lit = |index: usize| flight.lights.values().any(|levels| levels[index] > 0.0);
+    let rows: Vec<(bool, (f64, f64))> =
+        flight.samples.iter().enumerate().map(|(i, s)| (is_lit(i), place(s))).collect();
+    let parts = rows.chunk_by(|a, b| a.0 == b.0).filter(|part| part[0].0);
+    parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
+}
+
+/// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis.
+/// SVG.
+///
+/// # Panics
+///
+/// If a band has no moments.
+#[must_use]
+pub fn spread_over_time(all: &Band, within: &Band) -> String {
+    let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
+    let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
+    let time_s = all.time_s[first]..all.time_s[last].max(all.time_s[first] + 0.1);
+    let curves = |axis: usize| {
+        let edges = |band: &Band, pen: Pen| {
+            let edge = |end: usize| {
+                let off_m = |(ends_m, design_m): (&[Vector3<f64>; 3], &Vector3<f64>)| {
+                    ends_m[end][axis] - design_m[axis]
+                };
+                let off_m = band.ends_m.iter().zip(&band.design_m).map(off_m);
+                let edge = band.time_s.iter().copied().zip(off_m);
+                edge.skip(first).take(last + 1 - first).collect()
+            };
+            Curve { pen, pieces: [0, 2].map(edge).to_vec() }
+        };
+        vec![edges(all, ALL), edges(within, WITHIN)]
+    };
+    let legend = vec![
+        ("each its own room and drone".to_owned(), ALL),
+        ("one drone in one room".to_owned(), WITHIN),
+    ];
+    let title = if all.holds_frac() < BAND_FRAC {
+        format!("Band of all {} flights, relative to the design", all.n_flights)
+    } else {
+        format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
+    };
+    let panels = error_panels(&time_s, 0.02, curves);
+    Figure { title, legend, x_name: "time (s)", panels }.svg()
+}

@@ -1,0 +1,282 @@
+//! Spread: how far flights of one plan lie apart, and whether their photos read.
+//!
+//! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
+//! and two [`Band`]s for each drone: of flights that each have a room and a drone of their own, and
+//! of flights of one drone in one room. What [`Conditions`] draw is constant over a flight: the
+//! drone's mass, trim, rotors and charge, and the geometry of the room's base stations. Gusts and
+//! the noise of sensors differ within a flight.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::Conditions;
+use super::design::counter;
+use super::statistics::mean;
+use super::trial::{or_lost, reader, shrink};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_picture::expose::BackendChoice;
+use noctograph_picture::photo::Photo;
+use noctograph_pipeline::shoot::{Judging, Shoot, Shot};
+use noctograph_score::{Verdict, is_judged};
+
+/// Share of flights that a band holds at every moment.
+pub const BAND_FRAC: f64 = 0.9;
+/// Fewest flights of which a band can hold that share: two of twenty lie outside.
+pub const LEAST_FLIGHTS: usize = 19;
+/// Time between two moments of a band.
+const STEP_S: f64 = 0.1;
+/// Farthest in time from a moment that a sample stands for it.
+const NEAR_S: f64 = 0.02;
+/// Height of a capital in the photos.
+const CAP_HEIGHT_PX: f64 = 64.0;
+
+/// Flights of one plan under conditions.
+#[derive(Clone, Debug)]
+pub struct Spread {
+    /// Each with a room and drones of its own.
+    pub flights: Vec<SpreadFlight>,
+    /// Their band, for each drone.
+    pub all: Vec<Band>,
+    /// The band of as many flights of the first one's drone in its room, for each drone.
+    pub within: Vec<Band>,
+}
+
+/// One flight of a spread.
+#[derive(Clone, Debug)]
+pub struct SpreadFlight {
+    /// Seed of its noise and of its departures from the scene.
+    pub seed: u64,
+    /// Flights of all drones, photo and verdict; or how a drone was lost.
+    pub shot: std::result::Result<SpreadShot, String>,
+}
+
+/// What came of a flight.
+#[derive(Clone, Debug)]
+pub struct SpreadShot {
+    /// Flights, one for each drone.
+    pub flights: Vec<Flight>,
+    /// The photo, on a small film.
+    pub photo: Photo,
+    /// The verdict; `None` where the reader does not know the letters.
+    pub verdict: Option<Verdict>,
+}
+
+/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment; of fewer than
+/// [`LEAST_FLIGHTS`], where all of them are ([`Band::holds_frac`]).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Band {
+    /// Flights that it was made of.
+    pub n_flights: usize,
+    /// Moments.
+    pub time_s: Vec<f64>,
+    /// Lower end, median and upper end of the positions, at each.
+    pub ends_m: Vec<[Vector3<f64>; 3]>,
+    /// Design at each.
+    pub design_m: Vec<Vector3<f64>>,
+    /// Whether a letter is written at each.
+    pub writes: Vec<bool>,
+}
+
+/// How a flight lies in a band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// Share of its moments inside, on each axis.
+    pub inside: Vector3<f64>,
+    /// Width of the band over that of one about the same median that holds [`BAND_FRAC`] of them.
+    pub width: Vector3<f64>,
+}
+
+impl Band {
+    /// The band of flights of one plan.
+    #[must_use]
+    pub fn new(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
+        let mut band = Self { n_flights: flights.len(), ..Self::default() };
+        let Some(first) = flights.first() else { return band };
+        let mut next_s = f64::NEG_INFINITY;
+        for (index, sample) in first.samples.iter().enumerate() {
+            if sample.time_s < next_s - 1e-9 {
+                continue;
+            }
+            next_s = sample.time_s.max(next_s) + STEP_S;
+            let same = flights.iter().filter_map(|flight| flight.samples.get(index));
+            let places_m: Vec<Vector3<f64>> = same.map(&place_m).collect();
+            let axes = [0, 1, 2].map(|axis| ends(places_m.iter().map(|p| p[axis]).collect()));
+            band.time_s.push(sample.time_s);
+            band.ends_m.push([0, 1, 2].map(|end| Vector3::from(axes.map(|ends| ends[end]))));
+            band.design_m.push(sample.design_m);
+            band.writes.push(sample.letter.is_some());
+        }
+        band
+    }
+
+    /// Share of further flights that it holds at every moment: [`BAND_FRAC`], and of fewer than
+    /// [`LEAST_FLIGHTS`] flights the share that lies between the least and the most of n,
+    /// `(n − 1) / (n + 1)`.
+    #[must_use]
+    pub fn holds_frac(&self) -> f64 {
+        let n = self.n_flights as f64;
+        BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
+    }
+
+    /// Mean of half its width while letters are written; over all moments where none are known.
+    #[must_use]
+    pub fn half_width_m(&self) -> Vector3<f64> {
+        let any = self.writes.contains(&true);
+        let writes = self.ends_m.iter().zip(&self.writes).filter(|(_, writes)| **writes || !any);
+        let widths_m: Vec<Vector3<f64>> =
+            writes.map(|([low, _, high], _)| 0.5 * (high - low)).collect();
+        let n = widths_m.len().max(1) as f64;
+        widths_m.iter().sum::<Vector3<f64>>() / n
+    }
+
+    /// How another flight lies in it, over the moments that it has samples near to.
+    #[must_use]
+    pub fn held(&self, samples: &[FlightSample]) -> Held {
+        let mut shares: [Vec<f64>; 3] = Default::default();
+        for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
+            let after = samples.partition_point(|sample| sample.time_s < *time_s);
+            let off_s = |sample: &&FlightSample| (sample.time_s - time_s).abs();
+            let near = samples[after.saturating_sub(1)..].iter().take(2);
+            let near = near.min_by(|a, b| off_s(a).total_cmp(&off_s(b)));
+            let Some(sample) = near.filter(|sample| off_s(sample) <= NEAR_S) else { continue };
+            for (axis, shares) in shares.iter_mut().enumerate() {
+                let off_m = sample.position_m[axis] - middle[axis];
+                let end_m = if off_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
+                shares.push((off_m / end_m).max(0.0));
+            }
+        }
+        shares.iter_mut().for_each(|shares| shares.sort_by(f64::total_cmp));
+        let shares = shares.each_ref();
+        Held {
+            inside: shares.map(|all| mean(all.iter().map(|s| f64::from(*s <= 1.0)))).into(),
+            width: shares.map(|sorted| 1.0 / quantile(sorted, BAND_FRAC)).into(),
+        }
+    }
+}
+
+/// Lower end, median and upper end of some values.
+fn ends(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let tail = 0.5 * (1.0 - BAND_FRAC);
+    [tail, 0.5, 1.0 - tail].map(|share| quantile(&values, share))
+}
+
+/// The quantile of sorted values below which the next value lies with this probability, as far as
+/// they reach.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let place = (share * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    let below = place.floor() as usize;
+    let above = (below + 1).min(last);
+    sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())
+}
+
+/// Flies a shoot `n` times under conditions, and again as often with one drone in one room. The
+/// seeds follow the scene's; `done` is told how many flights are done.
+///
+/// # Errors
+///
+/// Those of the stages, except that of a lost drone; [`Error::Infeasible`] where every flight is
+/// lost.
+pub fn spread(
+    shoot: &Shoot,
+    conditions: &Conditions,
+    n: usize,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Spread> {
+    conditions.check()?;
+    let mut base = Shoot { judging: Judging::Scored, format: None, ..shoot.clone() };
+    base.backend = BackendChoice::Cpu;
+    if let Some(strokes) = base.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
+        base.reader = Some(reader(strokes, &base.scene.score)?);
+    }
+    shrink(&mut base, CAP_HEIGHT_PX)?;
+    let first = shoot.scene.seed;
+    let drawn = |seed: u64, of: u64| {
+        let mut shoot = Shoot { room_seed: Some(of), ..base.clone() };
+        let actual = (0..).map(|drone| conditions.draw(&base.scene, of, drone));
+        shoot.actual = actual.take(base.plans.len()).collect();
+        shoot.scene.seed = seed;
+        shoot
+    };
+    let count = counter(done);
+    let seeds: Vec<u64> = (first..).take(n).collect();
+    let one = |seed: &u64| {
+        let shot = or_lost(drawn(*seed, *seed).take(&|_, _| {}));
+        count();
+        let kept = |Shot { flights, photo, verdict, .. }| SpreadShot { flights, photo, verdict };
+        Ok(SpreadFlight { seed: *seed, shot: shot?.map(kept) })
+    };
+    let flights: Vec<SpreadFlight> = seeds.par_iter().map(one).collect::<Result<_>>()?;
+    let again = |seed: &u64| {
+        let flown = or_lost(drawn(*seed, first).fly(&|_, _| {}));
+        count();
+        flown
+    };
+    let again: Vec<_> = seeds.par_iter().map(again).collect::<Result<_>>()?;
+    let flown: Vec<&Vec<Flight>> =
+        flights.iter().filter_map(|flight| Some(&flight.shot.as_ref().ok()?.flights)).collect();
+    let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
+    if flown.is_empty() || again.is_empty() {
+        let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
+        return Err(Error::Infeasible {
+            what: format!("every flight is lost: {}", lost.map_or("", String::as_str)),
+            hint: "fly the scene without its spread, or under milder conditions".into(),
+        });
+    }
+    let bands = |flown: &[&Vec<Flight>]| {
+        let of_drone = |drone: usize| {
+            let flights: Vec<&Flight> = flown.iter().map(|flights| &flights[drone]).collect();
+            Band::new(&flights, |sample| sample.position_m)
+        };
+        (0..base.plans.len()).map(of_drone).collect()
+    };
+    Ok(Spread { all: bands(&flown), within: bands(&again), flights })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::{Preset, Scene};
+
+    fn at(time_s: f64, x_m: f64) -> FlightSample {
+        let position_m = Vector3::new(x_m, 0.0, 1.0);
+        FlightSample { time_s, position_m, letter: Some(0), ..FlightSample::default() }
+    }
+
+    #[test]
+    fn a_band_holds_nine_tenths_of_equal_flights() {
+        let flight = |k: u32| {
+            let samples =
+                (0..1000).map(|i| at(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
+            Flight { samples: samples.collect(), ..Flight::default() }
+        };
+        let flights: Vec<Flight> = (0..199).map(flight).collect();
+        let band = Band::new(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
+        let held = band.held(&flight(3).samples);
+        assert!(
+            (held.inside.x - 0.9).abs() < 0.02 && (held.width.x - 1.0).abs() < 0.02,
+            "{held:?}"
+        );
+        assert!((band.half_width_m().x - 90.0).abs() < 1.0, "{}", band.half_width_m());
+        assert_eq!((band.n_flights, band.holds_frac()), (199, BAND_FRAC));
+        let of = |n_flights| Band { n_flights, ..Band::default() }.holds_frac();
+        assert_eq!((of(2), of(18) < BAND_FRAC, of(LEAST_FLIGHTS)), (1.0 / 3.0, true, BAND_FRAC));
+        let narrow: Vec<FlightSample> = (0..1000).map(|i| at(0.1 * f64::from(i), 99.0)).collect();
+        assert!((band.held(&narrow).inside.x - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn flights_of_one_room_and_drone_lie_closer_than_those_of_many() {
+        let scene = Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) };
+        let shoot = Shoot::new(scene).unwrap();
+        let found = spread(&shoot, &Conditions::any_drone(), 19, &|_| {}).unwrap();
+        let [all_m, within_m] = [&found.all[0], &found.within[0]].map(Band::half_width_m);
+        assert!(within_m.x < 0.7 * all_m.x, "{within_m} of {all_m}");
+        assert!(found.flights.iter().all(|flight| flight.shot.is_ok()));
+        let still = spread(&shoot, &Conditions::still(), 19, &|_| {}).unwrap();
+        assert!(still.all[0].half_width_m().x < within_m.x, "noise alone");
+    }
+}

@@ -1,0 +1,426 @@
+//! Tuning: a scene's knobs are turned until its words read as surely as they can.
+//!
+//! A candidate flies the training words with the training seeds; its mean merit
+//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits, is the
+//! objective. Half of its flights come first: a candidate that is then below the median of the
+//! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
+//! to the promising. At last the best few and the scene as it was fly again with fresh seeds, and
+//! the winner of those is the result: the luckiest of many is not the best.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::design::evaluate;
+use super::knobs::{Knob, settings, turned, without_effect};
+use super::search::Search;
+use super::statistics::{Estimate, mean, median, share};
+use super::{Conditions, Flown, Record, Store, Study, Trial};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::input_error;
+use noctograph_pipeline::scene::{NamedScene, Scene};
+use noctograph_pipeline::shoot::Stop;
+use noctograph_plan::tracking::CORRIDOR_M;
+use noctograph_sim::ControllerKind;
+use noctograph_sim::design::{MOTOR_LAG_S, design};
+
+/// Candidates that fly again at the end.
+const FINALISTS: usize = 6;
+/// A finalist flies so many times the training flights.
+const FINAL_TIMES: u32 = 4;
+/// Candidates below which a search is no search.
+const LEAST_CANDIDATES: usize = 10;
+/// Penalty for exceeding a limit by its own size, in merit.
+const PENALTY: f64 = 20.0;
+
+/// Limits of a candidate, for the mean of its flights. Error against the design along x, y, z, root
+/// mean square: twice the team's Table 1.
+const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
+/// Farthest from the word's plane: the team's corridor, for visitors.
+const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
+/// Largest tilt: that at which the Lighthouse deck still sees its stations.
+const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
+/// Share of the time with a motor at its limit.
+const MAX_SATURATED_FRAC: f64 = 0.05;
+
+/// How to tune.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TuneOptions {
+    /// The knobs.
+    pub knobs: Vec<Knob>,
+    /// Words that are trained on, each with its number of seeds for a candidate.
+    pub words: Vec<(String, u32)>,
+    /// Flights in all, finals included.
+    pub budget: usize,
+    /// Longest flight of a candidate; `None`: as long as the scene's that it begins from.
+    pub longest_s: Option<f64>,
+    /// How flights differ from their scene.
+    pub conditions: Conditions,
+    /// Seed of the search and of all seeds.
+    pub seed: u64,
+}
+
+impl TuneOptions {
+    /// Flights of a candidate.
+    fn n_each(&self) -> usize {
+        self.words.iter().map(|(_, n)| *n as usize).sum()
+    }
+
+    /// Flights of the finals.
+    fn finals(&self) -> usize {
+        FINALISTS * self.n_each() * FINAL_TIMES as usize
+    }
+
+    /// Least budget: the scene as it was and nine more candidates, and the finals.
+    #[must_use]
+    pub fn least_budget(&self) -> usize {
+        self.finals() + LEAST_CANDIDATES * self.n_each()
+    }
+
+    /// Checks that there is something to turn, to write and to spend.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the least budget for these words and seeds.
+    pub fn check(&self) -> Result<()> {
+        let (n_each, least, n_knobs) = (self.n_each(), self.least_budget(), self.knobs.len());
+        if n_each > 0 && n_knobs > 0 && self.budget >= least {
+            return Ok(());
+        }
+        let (budget, n_final) = (self.budget, n_each * FINAL_TIMES as usize);
+        Err(input_error!(
+            "budget",
+            "{budget} flights, {n_knobs} knobs",
+            "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates of {n_each} flights, \
+             and {FINALISTS} finalists of {n_final}",
+            "raise the budget, or train on fewer words and seeds",
+        ))
+    }
+}
+
+/// One setting of the knobs with its figures.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Its number, in the order of asking.
+    pub number: usize,
+    /// Setting of each knob, 0 to 1; empty for the scene as it was.
+    #[serde(skip)]
+    pub point: Vec<f64>,
+    /// The scene's values of the keys that the knobs turn, in their own units.
+    pub settings: BTreeMap<String, toml::Value>,
+    /// Flights that it was judged by.
+    pub n_flights: usize,
+    /// Mean merit.
+    pub merit: f64,
+    /// Mean probability of being read.
+    pub legibility: f64,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
+    /// Mean time of a flight; `None` where every one was lost.
+    pub duration_s: Option<f64>,
+    /// How much of its limits it broke: 0 keeps to all, 1 is a whole limit.
+    pub broken: f64,
+    /// Given up after half of its flights.
+    pub given_up: bool,
+}
+
+impl Candidate {
+    fn cost(&self) -> f64 {
+        PENALTY * self.broken - self.merit
+    }
+}
+
+/// The result of tuning.
+#[derive(Clone, Debug)]
+pub struct Tuned {
+    /// The scene with the best knobs; the scene as it was where none did better.
+    pub scene: Scene,
+    /// Its figures in the finals.
+    pub best: Candidate,
+    /// Figures of the scene as it was in the same finals.
+    pub before: Candidate,
+    /// Every candidate in the order of asking; the first is the scene as it was.
+    pub candidates: Vec<Candidate>,
+    /// Numbers of the candidates that no other beats in both flight time and legibility, the
+    /// fastest first; of those that keep to the limits.
+    pub front: Vec<usize>,
+    /// Flights in all.
+    pub n_flights: usize,
+}
+
+impl Tuned {
+    /// Whether a candidate did better in the finals than the scene as it was.
+    #[must_use]
+    pub fn helped(&self) -> bool {
+        self.best.number != self.before.number
+    }
+}
+
+/// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
+/// far, and returns whether to go on to the next; then come the finals. `stop` ends it between two
+/// flights.
+///
+/// # Errors
+///
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, no word or too
+/// small a budget; those of the flights and the store.
+pub fn tune(
+    base: &Scene,
+    options: &TuneOptions,
+    store: Option<&Store>,
+    stop: &Stop,
+    watch: &mut dyn FnMut(usize, &Candidate) -> bool,
+) -> Result<Tuned> {
+    options.check()?;
+    if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
+        let (found, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
+        return Err(Error::input("knob", found, "a key that has one in this scene", hint));
+    }
+    let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
+    let mut tuning =
+        Tuning { base, options, store, longest_s: options.longest_s, stop, n_flights: 0 };
+    let as_it_is = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
+    tuning.longest_s = tuning.longest_s.or(as_it_is.duration_s);
+    let mut search = Search::new(options.knobs.len(), options.seed);
+    let (mut candidates, mut best) = (vec![as_it_is], 0);
+    while tuning.n_flights + n_each + finals <= options.budget {
+        let point = search.ask();
+        let mut costs: Vec<f64> =
+            candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
+        let bar = if costs.len() < 5 { f64::INFINITY } else { median(&mut costs) };
+        let candidate = tuning.candidate(candidates.len(), &point, training, Some(bar))?;
+        search.tell(&point, candidate.cost());
+        if !candidate.given_up && candidate.cost() < candidates[best].cost() {
+            best = candidates.len();
+        }
+        candidates.push(candidate);
+        if !watch(tuning.n_flights, &candidates[best]) {
+            break;
+        }
+    }
+    let [before, best] = tuning.finals(&candidates)?;
+    let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
+    Ok(Tuned { scene, best, before, front, n_flights: tuning.n_flights, candidates })
+}
+
+/// A tuning on its way.
+struct Tuning<'a> {
+    base: &'a Scene,
+    options: &'a TuneOptions,
+    store: Option<&'a Store>,
+    stop: &'a Stop,
+    longest_s: Option<f64>,
+    n_flights: usize,
+}
+
+impl Tuning<'_> {
+    /// Flies a candidate with a seed of all its seeds, so many `times` the training flights. With a
+    /// bar, half of its flights come first; it is given up where it then costs more.
+    fn candidate(
+        &mut self,
+        number: usize,
+        point: &[f64],
+        (seed, times): (u64, u32),
+        bar: Option<f64>,
+    ) -> Result<Candidate> {
+        let TuneOptions { knobs, words, conditions, .. } = self.options;
+        let scene = turned(self.base, knobs, point)?;
+        let unflown = Candidate {
+            number,
+            point: point.to_vec(),
+            settings: settings(&scene, knobs)?,
+            broken: margin_broken(&scene),
+            ..Candidate::default()
+        };
+        let words = words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
+        let contenders = vec![NamedScene::new("candidate", scene)];
+        let study = Study { contenders, words, conditions: conditions.clone(), seed };
+        study.check()?;
+        let prepared = study.prepare()?;
+        let fly =
+            |trials: &[Trial]| evaluate(&study, &prepared, trials, self.store, self.stop, &|_| {});
+        let trials: Vec<Trial> = study.trials().collect();
+        // Every other flight, so that each word has its share.
+        let [first, rest] = match bar {
+            Some(_) => [0, 1].map(|odd| trials.iter().skip(odd).step_by(2).copied().collect()),
+            None => [trials, Vec::new()],
+        };
+        let mut records = fly(&first)?;
+        let mut candidate = self.judged(&unflown, &records);
+        candidate.given_up = bar.is_some_and(|bar| candidate.cost() > bar);
+        if !candidate.given_up && !rest.is_empty() {
+            records.extend(fly(&rest)?);
+            candidate = self.judged(&unflown, &records);
+        }
+        self.n_flights += records.len();
+        Ok(candidate)
+    }
+
+    /// The scene as it was and the best of all candidates: fresh seeds, more of them.
+    fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
+        let (as_it_was, others) = candidates.split_first().expect("the scene as it was is one");
+        let mut order: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
+        order.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let mut finalists = Vec::new();
+        for Candidate { number, point, .. } in
+            std::iter::once(as_it_was).chain(order).take(FINALISTS)
+        {
+            let flights = (!self.options.seed, FINAL_TIMES);
+            finalists.push(self.candidate(*number, point, flights, None)?);
+        }
+        // Of equals the first: the scene as it was.
+        let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let best = best.expect("the scene as it was is one").clone();
+        Ok([finalists.swap_remove(0), best])
+    }
+
+    /// A candidate with the figures of its flights.
+    fn judged(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
+        let of = |value: fn(&Record) -> f64| mean(records.iter().map(value));
+        let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
+        let figure = |value: fn(&Flown) -> f64| mean(flown.iter().map(value));
+        let beyond = |found: f64, limit: f64| (found / limit - 1.0).max(0.0);
+        let broken = of(|record| record.outcome.lost.is_some().into())
+            + beyond(figure(|f| f.rmse_x_m), MAX_RMSE_M[0])
+            + beyond(figure(|f| f.rmse_y_m), MAX_RMSE_M[1])
+            + beyond(figure(|f| f.rmse_z_m), MAX_RMSE_M[2])
+            + beyond(figure(|f| f.drift_y_m), MAX_DRIFT_Y_M)
+            + beyond(figure(|f| f.tilt_rad), MAX_TILT_RAD)
+            + beyond(figure(|f| f.saturated_frac), MAX_SATURATED_FRAC)
+            + self.longest_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
+            + candidate.broken;
+        Candidate {
+            n_flights: records.len(),
+            merit: of(|record| record.outcome.merit()),
+            legibility: of(|record| record.outcome.probability),
+            legible: share(records.iter().map(|record| record.outcome.legible)),
+            duration_s: (!flown.is_empty()).then(|| figure(|f| f.duration_s)),
+            broken,
+            ..candidate.clone()
+        }
+    }
+}
+
+/// How much of the motor lag that a regulator must stand on paper, a Crazyflie's, it does not.
+fn margin_broken(scene: &Scene) -> f64 {
+    if matches!(scene.controller.kind, ControllerKind::Pid | ControllerKind::Geometric) {
+        return 0.0;
+    }
+    let stood_s = match design(&scene.sim(), MOTOR_LAG_S) {
+        Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
+        Err(_no_gain) => 0.0,
+    };
+    (1.0 - stood_s / MOTOR_LAG_S).max(0.0)
+}
+
+/// Candidates that keep to the limits and that no other beats in both time and legibility.
+fn front(candidates: &[Candidate]) -> Vec<usize> {
+    let mut kept: Vec<(f64, &Candidate)> = candidates
+        .iter()
+        .filter(|c| !c.given_up && c.broken == 0.0)
+        .filter_map(|c| Some((c.duration_s?, c)))
+        .collect();
+    kept.sort_by(|(a_s, a), (b_s, b)| {
+        a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
+    });
+    let mut most = f64::NEG_INFINITY;
+    let better = kept.into_iter().filter(|(_, candidate)| {
+        let better = candidate.legibility > most;
+        most = most.max(candidate.legibility);
+        better
+    });
+    better.map(|(_, candidate)| candidate.number).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::scene::Preset;
+
+    fn options(budget: usize) -> TuneOptions {
+        TuneOptions {
+            knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
+            words: vec![("L".to_owned(), 2)],
+            budget,
+            longest_s: None,
+            conditions: Conditions::default(),
+            seed: 3,
+        }
+    }
+
+    fn tuned(scene: &Scene, options: &TuneOptions) -> Result<Tuned> {
+        tune(scene, options, None, &Stop::default(), &mut |_, _| true)
+    }
+
+    #[test]
+    fn tuning_finds_the_speed_that_reads_and_says_what_it_flew() {
+        let mut base = Scene::preset(Preset::Ae4832022);
+        base.plan.stroke_speed_m_s = 1.5;
+        let (mut heard, mut options) = (0, options(48 + 40));
+        options.longest_s = Some(60.0);
+        let tuned = tune(&base, &options, None, &Stop::default(), &mut |n_flights, _| {
+            heard = n_flights;
+            true
+        })
+        .unwrap();
+        assert!(tuned.n_flights <= 88 && heard > 20, "{} flights, {heard}", tuned.n_flights);
+        assert!(tuned.scene.plan.stroke_speed_m_s < 0.6, "{}", tuned.scene.plan.stroke_speed_m_s);
+        assert!(tuned.best.merit > tuned.candidates[0].merit + 1.0, "{:?}", tuned.best);
+        assert!(tuned.candidates.iter().any(|c| c.given_up), "some were given up");
+        assert!(!tuned.front.is_empty());
+    }
+
+    #[test]
+    fn what_a_store_knows_is_not_flown_again_and_comes_to_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |n: usize| {
+            let store = Store::open(folder.path()).unwrap();
+            let (scene, mut left) = (Scene::preset(Preset::Ae4832022), n);
+            let mut watch = |_, _: &Candidate| {
+                left -= 1;
+                left > 0
+            };
+            let tuned = tune(&scene, &options(70), Some(&store), &Stop::default(), &mut watch);
+            (tuned.unwrap(), store.n_known())
+        };
+        let _interrupted = run(3);
+        let (resumed, known) = run(1000);
+        assert!(known > 20, "{known} flights were known");
+        let alone = tuned(&Scene::preset(Preset::Ae4832022), &options(70)).unwrap();
+        assert_eq!(resumed.candidates, alone.candidates);
+        assert_eq!(resumed.scene, alone.scene);
+    }
+
+    #[test]
+    fn the_front_holds_what_nothing_beats() {
+        let candidate = |number: usize, duration_s: f64, legibility: f64, broken: f64| Candidate {
+            number,
+            legibility,
+            duration_s: Some(duration_s),
+            broken,
+            ..Candidate::default()
+        };
+        let all = [
+            candidate(0, 60.0, 0.8, 0.0),
+            candidate(1, 40.0, 0.7, 0.0),
+            candidate(2, 50.0, 0.6, 0.0),
+            candidate(3, 30.0, 0.9, 0.5),
+            candidate(4, 70.0, 0.8, 0.0),
+        ];
+        assert_eq!(front(&all), [1, 0]);
+    }
+
+    #[test]
+    fn a_knob_without_effect_is_refused() {
+        let knobs = vec!["observer.luenberger.q[0]*=0.1..10".parse().unwrap()];
+        let options = TuneOptions { knobs, ..options(88) };
+        let error = tuned(&Scene::preset(Preset::default()), &options).unwrap_err().to_string();
+        assert!(error.contains("observer.luenberger.q[0], which has no effect"), "{error}");
+    }
+
+    #[test]
+    fn a_budget_without_room_for_a_final_is_refused() {
+        let error = tuned(&Scene::preset(Preset::Ae4832022), &options(20)).unwrap_err();
+        assert!(error.to_string().contains("at least 68 flights"), "{error}");
+    }
+}
