@@ -6,10 +6,10 @@
 //! The width of the sensor is that of the body where the model is known, else from its resolution
 //! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
 //! is one of diagonals (CIPA DCG-001; 43.3 mm). Of an edited picture the number of pixels is of
-//! another age than the resolution: Canon writes the resolution as 1000 times the pixels over thousandths of
-//! the unit, so that it holds both of one age; of others the width is taken where the film
-//! equivalent agrees, and else with a warning, or not at all where the tags say that the picture
-//! was edited.
+//! another age than the resolution: Canon writes the resolution as 1000 times the pixels over
+//! thousandths of the unit, so that it holds both of one age; of others the width is taken where
+//! the film equivalent agrees, and else with a warning, or not at all where the tags say that the
+//! picture was edited.
 
 use std::path::Path;
 
