@@ -87,13 +87,20 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
 }
 
 fn corridor(flight: &Flight, profile: &Profile) -> Row {
-    let places = flight.samples.iter().map(|s| (s.position_m.y, s.time_s));
-    let farthest = places.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let strays = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
+    let farthest = strays.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
+    let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     Row::of("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
-        format!("strays to y = {y_m:+.2} m{}", at(time_s)),
-        format!("within ±{most_m} m"),
-        "take the mean error off ({plan.mean_error_m}), or fly lqr-integral",
+        format!("strays by {y_m:+.2} m in depth{}", at(time_s)),
+        format!("within ±{most_m} m of the design"),
+        // A mean error can be planned for; what comes and goes cannot.
+        match mean_m.abs() > 0.5 * y_m.abs() {
+            true => "take the mean error off ({plan.mean_error_m})",
+            false => {
+                "look at what disturbs the flight: wind, people, mirrors, noise of the sensors"
+            }
+        },
     )
 }
 

@@ -1,6 +1,6 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
-use super::row::{Row, warn_if};
+use super::row::{Row, Severity, stop_if, warn_if};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
 use noctograph_core::camera::Camera;
@@ -11,6 +11,9 @@ use noctograph_picture::light::{Lamp, LightTrace};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
+
+/// Share of the light away from the camera from which the picture does not show the word.
+const MOST_AWAY_FRAC: f64 = 0.95;
 
 /// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
 /// long as the lamp's blur tells hot spots from trembling.
@@ -76,7 +79,14 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
 }
 
 fn of_problem(problem: Option<&Problem>) -> Row {
-    let row = Row::of(PICTURE, warn_if(problem.is_some()), None);
+    let severity = match problem {
+        Some(Problem::Unlit | Problem::NoPicture(_)) => Severity::Stop,
+        Some(Problem::FacesAway { away_frac }) => {
+            stop_if(*away_frac > MOST_AWAY_FRAC).max(Severity::Warning)
+        }
+        _ => warn_if(problem.is_some()),
+    };
+    let row = Row::of(PICTURE, severity, None);
     let wanted = "the whole word in the picture, lit while the shutter is open";
     let Some(problem) = problem else {
         return row.say("shows the word while it is written", wanted, "");

@@ -28,6 +28,7 @@ pub(super) fn check_plan(
         acceleration(plan, profile),
         jumps(plan),
         duration(plan, is_even, profile),
+        landing(plan),
         headlights(plan, light),
         lamps(plan, light),
     ]
@@ -59,8 +60,17 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
 }
 
 fn speed(plan: &Plan, profile: &Profile) -> Row {
-    let speeds = plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s));
-    let ((value, time_s), most) = (largest(speeds), profile.speed_m_s);
+    let commanded = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
+    let (places, most) = (speed_of_places(plan), profile.speed_m_s);
+    if places.0 > 1.1 * commanded.0 + 0.05 {
+        let ((value, time_s), told) = (places, commanded.0);
+        return Row::of("speed", Severity::Stop, value).within(most).timed(time_s).say(
+            format!("places move at {value:.2} m/s{}, velocities say {told:.2} m/s", at(time_s)),
+            format!("velocities that agree with the places, up to {most} m/s"),
+            "plan it anew: times, places and velocities are of different flights",
+        );
+    }
+    let (value, time_s) = commanded;
     Row::of("speed", stop_if(value > 1.001 * most), value).within(most).timed(time_s).say(
         format!("{value:.2} m/s{}", at(time_s)),
         format!("up to {most} m/s"),
@@ -71,6 +81,56 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
 /// Setpoints that follow each other.
 fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
+}
+
+/// Shortest time over which the speed of places is measured: rounding of a file does not count.
+const SPEED_OVER_S: f64 = 0.1;
+
+/// Greatest speed between places in the air, whatever the velocities say. A single jump is a check
+/// of its own; jumps in a row are speed.
+fn speed_of_places(plan: &Plan) -> (f64, f64) {
+    let setpoints = &plan.setpoints;
+    let is_jump: Vec<bool> =
+        pairs(plan).map(|(a, b)| (b.position_m - a.design_m(b.time_s)).norm() > JUMP_M).collect();
+    let is_step = |step: usize| {
+        let beside = [step.checked_sub(1), Some(step + 1)].into_iter().flatten();
+        let alone = is_jump[step] && !beside.into_iter().any(|k| is_jump.get(k) == Some(&true));
+        !alone && !setpoints[step].on_floor() && !setpoints[step + 1].on_floor()
+    };
+    let (mut most, mut first) = ((0.0, 0.0), 0);
+    for step in 0..is_jump.len() {
+        if !is_step(step) {
+            first = step + 1;
+            continue;
+        }
+        let to = &setpoints[step + 1];
+        while to.time_s - setpoints[first + 1].time_s >= SPEED_OVER_S && first < step {
+            first += 1;
+        }
+        let from = &setpoints[first];
+        let lasts_s = to.time_s - from.time_s;
+        let speed_m_s = (to.position_m - from.position_m).norm() / lasts_s;
+        if lasts_s >= SPEED_OVER_S && speed_m_s > most.0 {
+            most = (speed_m_s, from.time_s);
+        }
+    }
+    most
+}
+
+/// Whether the plan leaves the floor and comes back to it.
+fn landing(plan: &Plan) -> Row {
+    let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
+    let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
+    let found = match (flies, end_m > 0.0) {
+        (false, _) => "never leaves the floor".to_owned(),
+        (true, true) => format!("ends in the air, at {end_m:.2} m"),
+        (true, false) => "ends on the floor".to_owned(),
+    };
+    Row::of("landing", stop_if(!flies || end_m > 0.0), end_m).say(
+        found,
+        "a flight that begins and ends on the floor",
+        "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
+    )
 }
 
 fn acceleration(plan: &Plan, profile: &Profile) -> Row {
@@ -117,7 +177,8 @@ fn jumps(plan: &Plan) -> Row {
 
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    let air_s: f64 = in_air.map(|(from, to)| to.time_s - from.time_s).sum();
+    // An empty sum is -0.
+    let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
     Row::of("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
