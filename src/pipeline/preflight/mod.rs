@@ -11,11 +11,9 @@ use crate::shoot::Shoot;
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
-use noctograph_core::geometry::bounds;
 use noctograph_export::safety::{Battery, Checks, Platform};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, Plan, Style};
-use noctograph_sim::sensors::coverage;
 use noctograph_sim::vehicle::Downwash;
 
 mod flown;
@@ -26,6 +24,7 @@ mod placement;
 mod plans;
 mod profile;
 mod row;
+mod surroundings;
 
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
@@ -36,15 +35,13 @@ pub use picture::PICTURE;
 use picture::{Picture, check_picture};
 pub use placement::stations;
 pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
-use placement::{camera_place, outside_of};
+use placement::{camera_place, check_people, outside_of};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row, Severity};
-use row::{at, largest, stop_if, warn_if};
-
-/// Distance between two places at which the view of the base stations is checked.
-const COVERAGE_STEP_M: f64 = 0.1;
+use row::{at, largest, warn_if};
+use surroundings::{check_coverage, check_surroundings};
 
 /// Error of a position that letters bear, in cap heights, and their cap height where there is no
 /// word.
@@ -190,6 +187,7 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     findings.extend(numbered(shoot, None, check_separation(&flown)));
     findings.extend(numbered(shoot, None, check_people(shoot)));
+    findings.extend(numbered(shoot, None, check_surroundings(&shoot.scene, profile)));
     findings
 }
 
@@ -241,86 +239,6 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
 fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
     Some(letter.cell.cap_height_m)
-}
-
-/// Whether two base stations see the box of the whole flight.
-fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
-    let unchecked = |why| {
-        let wanted = "base stations, and a flight for them to see";
-        let advice = "name the stations: {sensors.lighthouse.stations}";
-        Ok(Row::unchecked("coverage", why, wanted, advice))
-    };
-    if scene.sensors.lighthouse.stations.is_empty() {
-        return unchecked("the scene has no base stations");
-    }
-    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
-    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
-        return unchecked("the flight has no width or no height");
-    }
-    let mut sensors = scene.sensors.clone();
-    let silent = silent_stations(plan, scene);
-    let mut number = 0..;
-    sensors.lighthouse.stations.retain(|_| number.next().is_none_or(|k| !silent.contains(&k)));
-    sensors.lighthouse.silent.clear();
-    let seen_frac = match sensors.lighthouse.stations.is_empty() {
-        true => 0.0,
-        false => coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac(),
-    };
-    let without = match silent.as_slice() {
-        [] => String::new(),
-        silent => {
-            let numbers: Vec<String> = silent.iter().map(|k| (k + 1).to_string()).collect();
-            format!(", without the silent: {}", numbers.join(", "))
-        }
-    };
-    let seen = 100.0 * seen_frac;
-    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
-        format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
-        "two Lighthouse stations see every place",
-        "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the stations \
-         (see `coverage`)",
-    ))
-}
-
-/// Silence of a station in the air, in sum, from which it does not count as seen: the estimator
-/// flies through less on the other station and its gyroscope (an assumption).
-const MAX_SILENT_S: f64 = 1.0;
-
-/// Stations, from 0, that are silent for too long while a plan is in the air.
-fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
-    let in_air = || plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let start_s = in_air().next().map_or(0.0, |setpoint| setpoint.time_s);
-    let end_s = in_air().next_back().map_or(0.0, |setpoint| setpoint.time_s);
-    let lighthouse = &scene.sensors.lighthouse;
-    let silent_s = |station: usize| -> f64 {
-        let own = lighthouse.silent.iter().filter(|[number, ..]| *number == station as f64);
-        own.map(|[_, from_s, to_s]| (to_s.min(end_s) - from_s.max(start_s)).max(0.0)).sum()
-    };
-    (0..lighthouse.stations.len()).filter(|station| silent_s(*station) > MAX_SILENT_S).collect()
-}
-
-/// Least distance of a person from a flight: an arm's length beyond the corridor (an assumption).
-const PERSON_FROM_M: f64 = 1.0;
-
-/// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
-/// falls; `None` where the scene has none.
-fn check_people(shoot: &Shoot) -> Option<Row> {
-    let people = &shoot.scene.sensors.lighthouse.people_m;
-    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
-        setpoints().map(move |setpoint| {
-            let [from_x, from_y] = [setpoint.position_m.x - x, setpoint.position_m.y - y];
-            ((libm::hypot(from_x, from_y) - radius_m).max(0.0), person + 1, setpoint.time_s)
-        })
-    });
-    let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let row = Row::of("people", stop_if(least_m < PERSON_FROM_M), least_m).within(PERSON_FROM_M);
-    Some(row.timed(time_s).say(
-        format!("person {person} is {least_m:.2} m beside the flight{}", at(time_s)),
-        format!("{PERSON_FROM_M} m or more between people and take-off, flight and landing"),
-        "let people stand farther off ({sensors.lighthouse.people_m})",
-    ))
 }
 
 /// The drone of a scene as its firmware names it; `None`: none of Bitcraze's.

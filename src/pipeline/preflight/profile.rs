@@ -24,6 +24,12 @@ pub struct Profile {
     pub tilt_rad: f64,
     /// Longest flight.
     pub flight_time_s: f64,
+    /// Heaviest drone.
+    pub mass_kg: f64,
+    /// Strongest wind with its gusts.
+    pub wind_m_s: f64,
+    /// Whether the sun may shine on it.
+    pub is_outdoors: bool,
 }
 
 /// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
@@ -100,6 +106,10 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
+            // Assumptions: three of the heaviest Crazyflies; a draft, and the gusts of a fan.
+            mass_kg: 0.15,
+            wind_m_s: 1.5,
+            is_outdoors: false,
         }
     }
 
@@ -122,6 +132,10 @@ impl Profile {
             acceleration_m_s2: 4.0,
             tilt_rad: 30.0_f64.to_radians(),
             flight_time_s: 720.0,
+            // Assumptions: the lightest class of the EU (C2); a fresh breeze.
+            mass_kg: 4.0,
+            wind_m_s: 10.0,
+            is_outdoors: true,
         }
     }
 }
