@@ -1,11 +1,13 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
+use nalgebra::Vector3;
+
 use super::row::{Row, Severity, stop_if, warn_if};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
-use noctograph_core::flight::Flight;
+use noctograph_core::flight::{Flight, Warning};
 use noctograph_picture::expose::meter::{LampReading, meter};
 use noctograph_picture::light::{Lamp, LightTrace};
 
@@ -14,6 +16,10 @@ pub const PICTURE: &str = "picture";
 
 /// Share of the light away from the camera from which the picture does not show the word.
 const MOST_AWAY_FRAC: f64 = 0.95;
+
+/// Time without two base stations from which the picture suffers: the gyroscope and one station
+/// carry the estimate over less.
+const MAX_UNSEEN_S: f64 = 1.0;
 
 /// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
 /// long as the lamp's blur tells hot spots from trembling.
@@ -26,6 +32,8 @@ pub(super) struct Picture {
     /// Of the lamps that write.
     readings: Vec<LampReading>,
     problems: Vec<Problem>,
+    /// Why the word is not seen wherever it is: away from the picture, or from behind.
+    unseen: Option<&'static str>,
 }
 
 impl Picture {
@@ -38,11 +46,12 @@ impl Picture {
             Ok(Lighting { trace, camera, writing, problems, .. }) => {
                 let mut readings = meter(&trace, &camera).unwrap_or_default();
                 readings.retain(|reading| writing.contains(&reading.name));
-                Self { lit: Some((trace, camera)), readings, problems }
+                let unseen = unseen(&trace, &writing, &camera);
+                Self { lit: Some((trace, camera)), readings, problems, unseen }
             }
             Err(error) => {
                 let problems = vec![Problem::NoPicture(error.to_string())];
-                Self { lit: None, readings: Vec::new(), problems }
+                Self { lit: None, readings: Vec::new(), problems, unseen: None }
             }
         })
     }
@@ -72,9 +81,36 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
+    if let Some(why) = picture.unseen {
+        let advice = "stand the camera in front of the word ({camera.framing=word})";
+        let row = Row::of(PICTURE, Severity::Stop, None).detailed(why);
+        return vec![row.say(why, "the word in the picture, from the side where it reads", advice)];
+    }
     match picture.problems.as_slice() {
         [] => vec![of_problem(None)],
         problems => problems.iter().map(|problem| of_problem(Some(problem))).collect(),
+    }
+}
+
+/// Whether a camera shows nothing of the lamps that write, or stands behind the word.
+fn unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> Option<&'static str> {
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
+    let lit = lamps.flat_map(|lamp| &lamp.samples);
+    let lit: Vec<Vector3<f64>> = lit
+        .filter(|sample| sample.level > 0.0 && open.contains(&sample.time_s))
+        .map(|sample| sample.position_m)
+        .collect();
+    let middle_m = lit.iter().sum::<Vector3<f64>>() / lit.len().max(1) as f64;
+    let x_px = |x_m| camera.image_from_world(middle_m + Vector3::x() * x_m).map(|it| it.x_px);
+    let is_behind = x_px(-0.1).zip(x_px(0.1)).is_some_and(|(left, right)| left > right);
+    match lit.iter().any(|place_m| camera.outside([*place_m]).is_none()) {
+        _ if lit.is_empty() => None,
+        false => Some("the camera shows none of the light that writes"),
+        true if is_behind => {
+            Some("the camera stands behind the word, which is mirrored from there")
+        }
+        true => None,
     }
 }
 
@@ -84,6 +120,8 @@ fn of_problem(problem: Option<&Problem>) -> Row {
         Some(Problem::FacesAway { away_frac }) => {
             stop_if(*away_frac > MOST_AWAY_FRAC).max(Severity::Warning)
         }
+        // What the corridor and the height bear is no fault of the picture.
+        Some(Problem::Flight(_, Warning::Unseen(lasts_s))) => warn_if(*lasts_s > MAX_UNSEEN_S),
         _ => warn_if(problem.is_some()),
     };
     let row = Row::of(PICTURE, severity, None);

@@ -428,6 +428,44 @@ mod tests {
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 
+    /// A plan at a multiple of its times, with every nth setpoint; its columns are as they were.
+    fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
+        let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
+        let mut slowed = Plan { setpoints: every(plan), ..Plan::default() };
+        slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor);
+        slowed
+    }
+
+    #[test]
+    fn places_are_as_fast_as_the_columns_say() {
+        let (plan, profile) = (even("NOOR", EvenStyle::default()), Profile::indoor());
+        let severity = |plan: &Plan| {
+            let (speed, acceleration) = (speed(plan, &profile), acceleration(plan, &profile));
+            (speed.severity, acceleration.severity)
+        };
+        assert_eq!(severity(&plan), (Severity::Fine, Severity::Fine));
+        for nth in [2, 3, 5] {
+            assert_eq!(severity(&slowed(&plan, 1.0, nth)).0, Severity::Fine, "coarse: {nth}");
+        }
+        let fast = slowed(&plan, 0.5, 2);
+        assert_eq!(severity(&fast), (Severity::Stop, Severity::Stop));
+        assert!((speed(&fast, &profile).value.unwrap() - 1.9).abs() < 0.1, "twice 0.95 m/s");
+        assert_eq!(severity(&slowed(&plan, 0.8, 1)).0, Severity::Stop);
+        assert_eq!(severity(&slowed(&plan, 2.0, 1)).0, Severity::Stop, "slower than the columns");
+    }
+
+    #[test]
+    fn a_flight_begins_and_ends_on_the_floor() {
+        let mut plan = even("I", EvenStyle::default());
+        assert_eq!(landing(&plan).severity, Severity::Fine);
+        let mut flat = plan.clone();
+        flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0);
+        assert_eq!(landing(&flat).found, "never leaves the floor");
+        let end = plan.setpoints.iter().rposition(|setpoint| setpoint.position_m.z > 0.3).unwrap();
+        plan.setpoints.truncate(end + 1);
+        assert_eq!(landing(&plan).severity, Severity::Stop);
+    }
+
     #[test]
     fn dimmed_headlights_are_found() {
         let light = LightOptions::default();

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::scene::Scene;
+use noctograph_plan::{EvenStyle, Style};
 use noctograph_sim::sensors::{Generation, Station};
 
 /// The limits of a place and a drone.
@@ -55,6 +57,19 @@ impl Profile {
         }
         self.room_m = Some(room_m);
         self
+    }
+
+    /// Lowers the speeds and the acceleration that a scene flies by default to what the profile
+    /// allows; those that were said stay, and the check stops them.
+    pub fn slow(&self, scene: &mut Scene) {
+        let Style::Even(style) = &mut scene.plan.style else { return };
+        let usual = EvenStyle::default();
+        if style.dark_speed_m_s == usual.dark_speed_m_s {
+            style.dark_speed_m_s = usual.dark_speed_m_s.min(self.speed_m_s);
+        }
+        if style.acceleration_m_s2 == usual.acceleration_m_s2 {
+            style.acceleration_m_s2 = usual.acceleration_m_s2.min(self.acceleration_m_s2);
+        }
     }
 
     /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that

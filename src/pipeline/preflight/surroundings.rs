@@ -155,3 +155,81 @@ fn sunlight(scene: &Scene, profile: &Profile) -> Row {
         "fly after dusk, or by {sensors.positioning=uwb-twr}",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preflight::{inspect, preflight};
+    use crate::scene::Preset;
+    use crate::shoot::Shoot;
+
+    #[test]
+    fn ordinary_scenes_have_no_row_and_bad_ones_their_own() {
+        let [indoor, _, outdoor] = Profile::all();
+        let named = |set: &[(&str, &str)], profile: &Profile| {
+            let scene = Scene::parse_with("", "scene", set).unwrap();
+            let rows = check_surroundings(&scene, profile).into_iter();
+            rows.map(|row| (row.check, row.severity)).collect::<Vec<_>>()
+        };
+        for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
+            assert_eq!(check_surroundings(&Scene::preset(preset), &indoor), [], "{preset:?}");
+        }
+        let stop = |check| [(check, Severity::Stop)];
+        let sun = ("sunlight", Severity::Warning);
+        assert_eq!(named(&[("observer.kind", "truth")], &indoor), stop("estimator"));
+        assert_eq!(named(&[("vehicle.mass_kg", "1.15")], &indoor), stop("weight"));
+        assert_eq!(named(&[("vehicle.mass_kg", "1.15")], &outdoor), [sun]);
+        assert_eq!(named(&[("air.wind_m_s", "[3, 0, 0]")], &indoor), stop("wind"));
+        let windy = named(&[("air.wind_m_s", "[0, 6, 0]")], &outdoor);
+        assert_eq!(windy, [("wind", Severity::Stop), sun]);
+        let mut near = Scene::preset(Preset::Cf21);
+        let stations = &mut near.sensors.lighthouse.stations;
+        let mut second = stations[0].clone();
+        second.position_m[0] += 0.1;
+        stations.splice(1.., [second]);
+        let rows = check_surroundings(&near, &indoor);
+        assert_eq!(rows[0].found, "base stations are 0.10 m apart");
+    }
+
+    #[test]
+    fn people_and_silent_stations_stop_a_flight() {
+        let verdict = |set: &[(&str, &str)], check: &str| {
+            let scene = Scene::parse_with("word = \"I\"", "scene", set).unwrap();
+            let shoot = Shoot::new(scene).unwrap();
+            let flights = shoot.fly(&|_, _| {}).unwrap();
+            let rows = inspect(&shoot, &flights, &Profile::indoor()).unwrap();
+            let row = rows.into_iter().map(|checked| checked.row).find(|row| row.check == check);
+            row.map(|row| row.severity)
+        };
+        let silent = |span: &str| verdict(&[("sensors.lighthouse.silent", span)], "coverage");
+        assert_eq!(silent("[[0, 0, 1000]]"), Some(Severity::Stop));
+        assert_eq!(silent("[[0, 5, 5.5]]"), Some(Severity::Fine));
+        let person = |place: &str| verdict(&[("sensors.lighthouse.people_m", place)], "people");
+        assert_eq!(person("[[0.5, -1.0, 0.25]]"), Some(Severity::Stop));
+        assert_eq!(person("[[0.5, -4.0, 0.25]]"), Some(Severity::Fine));
+        assert_eq!(person("[]"), None);
+    }
+
+    #[test]
+    fn a_picture_without_its_word_stops() {
+        let picture = |set: &[(&str, &str)]| {
+            let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
+            let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
+            let mut rows = rows.findings.into_iter().filter(|it| it.row.check == "picture");
+            let row = rows.next().unwrap().row;
+            (row.severity, row.found)
+        };
+        assert_eq!(picture(&[]).0, Severity::Fine);
+        assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);
+        let at_y = |y_m: &str| {
+            let place = format!("[0.0, {y_m}, 0.9]");
+            let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
+            let camera =
+                [("camera.framing", "fixed"), ("camera.framing.position_m", place.as_str())];
+            picture(&[lamp, camera].concat())
+        };
+        assert_eq!(at_y("-4.0").0, Severity::Fine);
+        let (severity, found) = at_y("4.0");
+        assert!(severity == Severity::Stop && found.contains("behind"), "{found}");
+    }
+}
