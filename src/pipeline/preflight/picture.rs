@@ -1,7 +1,5 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
-use nalgebra::Vector3;
-
 use super::row::{Row, Severity, stop_if, warn_if};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
@@ -9,7 +7,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Warning};
 use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightTrace};
+use noctograph_picture::light::{Lamp, LightSample, LightTrace};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
@@ -32,8 +30,8 @@ pub(super) struct Picture {
     /// Of the lamps that write.
     readings: Vec<LampReading>,
     problems: Vec<Problem>,
-    /// Why the word is not seen wherever it is: away from the picture, or from behind.
-    unseen: Option<&'static str>,
+    /// Whether all that writes is outside the picture.
+    is_unseen: bool,
 }
 
 impl Picture {
@@ -46,12 +44,12 @@ impl Picture {
             Ok(Lighting { trace, camera, writing, problems, .. }) => {
                 let mut readings = meter(&trace, &camera).unwrap_or_default();
                 readings.retain(|reading| writing.contains(&reading.name));
-                let unseen = unseen(&trace, &writing, &camera);
-                Self { lit: Some((trace, camera)), readings, problems, unseen }
+                let is_unseen = is_unseen(&trace, &writing, &camera);
+                Self { lit: Some((trace, camera)), readings, problems, is_unseen }
             }
             Err(error) => {
                 let problems = vec![Problem::NoPicture(error.to_string())];
-                Self { lit: None, readings: Vec::new(), problems, unseen: None }
+                Self { lit: None, readings: Vec::new(), problems, is_unseen: false }
             }
         })
     }
@@ -81,10 +79,10 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
-    if let Some(why) = picture.unseen {
-        let advice = "stand the camera in front of the word ({camera.framing=word})";
-        let row = Row::of(PICTURE, Severity::Stop, None).detailed(why);
-        return vec![row.say(why, "the word in the picture, from the side where it reads", advice)];
+    if picture.is_unseen {
+        let (found, wanted) = ("the camera shows none of the light that writes", "the whole word");
+        let advice = "point the camera at the word ({camera.framing=word})";
+        return vec![Row::of(PICTURE, Severity::Stop, None).say(found, wanted, advice)];
     }
     match picture.problems.as_slice() {
         [] => vec![of_problem(None)],
@@ -92,26 +90,13 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     }
 }
 
-/// Whether a camera shows nothing of the lamps that write, or stands behind the word.
-fn unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> Option<&'static str> {
+/// Whether a camera shows nothing of the lamps that write.
+fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
-    let lit = lamps.flat_map(|lamp| &lamp.samples);
-    let lit: Vec<Vector3<f64>> = lit
-        .filter(|sample| sample.level > 0.0 && open.contains(&sample.time_s))
-        .map(|sample| sample.position_m)
-        .collect();
-    let middle_m = lit.iter().sum::<Vector3<f64>>() / lit.len().max(1) as f64;
-    let x_px = |x_m| camera.image_from_world(middle_m + Vector3::x() * x_m).map(|it| it.x_px);
-    let is_behind = x_px(-0.1).zip(x_px(0.1)).is_some_and(|(left, right)| left > right);
-    match lit.iter().any(|place_m| camera.outside([*place_m]).is_none()) {
-        _ if lit.is_empty() => None,
-        false => Some("the camera shows none of the light that writes"),
-        true if is_behind => {
-            Some("the camera stands behind the word, which is mirrored from there")
-        }
-        true => None,
-    }
+    let is_lit = |sample: &&LightSample| sample.level > 0.0 && open.contains(&sample.time_s);
+    let mut lit = lamps.flat_map(|lamp| &lamp.samples).filter(is_lit).peekable();
+    lit.peek().is_some() && lit.all(|sample| camera.outside([sample.position_m]).is_some())
 }
 
 fn of_problem(problem: Option<&Problem>) -> Row {

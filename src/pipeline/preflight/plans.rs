@@ -129,7 +129,12 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
     let (value, time_s) = largest([told, (places.0, places.1)]);
     if is_told && (apart_frac > MOST_APART_FRAC || places.0 > 1.1 * told.0 + 0.05) {
         return Row::of("speed", Severity::Stop, value).within(most).timed(time_s).say(
-            format!("places move at {:.2} m/s, velocities say {:.2} m/s", places.0, told.0),
+            format!(
+                "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
+                places.0,
+                told.0,
+                100.0 * apart_frac
+            ),
             format!("velocities that agree with the places, up to {most} m/s"),
             "plan it anew: times, places and velocities are of different flights",
         );

@@ -221,15 +221,16 @@ mod tests {
         };
         assert_eq!(picture(&[]).0, Severity::Fine);
         assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);
-        let at_y = |y_m: &str| {
-            let place = format!("[0.0, {y_m}, 0.9]");
-            let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
-            let camera =
-                [("camera.framing", "fixed"), ("camera.framing.position_m", place.as_str())];
-            picture(&[lamp, camera].concat())
+        let camera = |place_m: &str, target_m: &str| {
+            let key = "camera.framing";
+            let keys = [".position_m", ".target_m"].map(|end| key.to_owned() + end);
+            let set = [(key, "fixed"), (&*keys[0], place_m), (&*keys[1], target_m)];
+            picture(&set)
         };
-        assert_eq!(at_y("-4.0").0, Severity::Fine);
-        let (severity, found) = at_y("4.0");
-        assert!(severity == Severity::Stop && found.contains("behind"), "{found}");
+        assert_eq!(camera("[0, -4, 0.9]", "[0, 0, 0.9]").0, Severity::Fine);
+        let (severity, found) = camera("[0, -4, 0.9]", "[0, -9, 0.9]");
+        assert!(severity == Severity::Stop && found.contains("none of the light"), "{found}");
+        let (severity, found) = camera("[0, 4, 0.9]", "[0, 0, 0.9]");
+        assert!(severity == Severity::Stop && found.contains("mirrored"), "{found}");
     }
 }
