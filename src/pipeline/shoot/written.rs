@@ -54,11 +54,12 @@ pub(super) fn as_written(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Preset;
     use crate::shoot::Shoot;
 
     #[test]
     fn plans_of_another_size_and_place_are_measured() {
-        let mut scene = Scene { word: "NOOR".into(), ..Scene::default() };
+        let mut scene = Scene { word: "NOOR".into(), ..Scene::preset(Preset::Cf21) };
         scene.letters.canvas_m = Some([1.7, 2.0]);
         scene.letters.baseline_m = 0.8;
         let small = Shoot::new(scene.clone()).unwrap();
