@@ -234,17 +234,12 @@ impl SubjectFlags {
         self.word.as_ref().or(self.inputs.first()).map(String::as_str)
     }
 
-    /// The word or the plans, ready to fly; `change` has the last word on the scene.
-    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
         let mut scene = self.unfitted()?;
         change(&mut scene)?;
-        let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
-        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        match inputs.as_slice() {
+        match self.inputs.as_slice() {
             [] => {}
-            all if all.iter().all(is_plan) => {
-                return Shoot::with_plans(scene, read_plans(all)?);
-            }
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
                     let hint = "name one of them; --word says what plans write";
@@ -262,7 +257,19 @@ impl SubjectFlags {
         if let Some(room_m) = self.design.letters.room {
             frame_within(&mut scene, room_m)?;
         }
-        let shoot = Shoot::new(scene)?;
+        Ok(scene)
+    }
+
+    /// The word or the plans, ready to fly; `change` has the last word on the scene.
+    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+        let plans: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
+        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
+        if !plans.is_empty() && plans.iter().all(is_plan) {
+            let mut scene = self.unfitted()?;
+            change(&mut scene)?;
+            return Shoot::with_plans(scene, read_plans(&plans)?);
+        }
+        let shoot = Shoot::new(self.ready(change)?)?;
         warn_of_fewer_drones(&shoot);
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);

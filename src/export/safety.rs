@@ -37,7 +37,7 @@ pub const SINK_M_S: f64 = 0.3;
 /// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
 /// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell
-/// is then charged by some 28 %, less than which no flight of a word should begin with.
+/// is then charged by some 28 %; a flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate at which its position is lost in the air, over that which is settled.
 pub const LOST_FACTOR: f64 = 10.0;

@@ -81,7 +81,7 @@ pub struct Shoot {
     pub recordings: Vec<Recording>,
     /// True drones where they differ from the scene's, in the order of the plans.
     pub actual: Vec<Actual>,
-    /// Seed of what is wrong with the room; `None`: the scene's.
+    /// Seed of the room's errors (survey, stations); `None` takes the scene's.
     pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
