@@ -49,6 +49,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_m = tolerance_mm / 1e3;
     // The scripts find the clock of the drone, and pace by it.
     let shoot = args.subject.shoot(|scene| {
+        args.profile.slow(&args.subject, scene);
         if scene.trajectory_clock() != 1.0 {
             scene.plan.trajectory_clock.get_or_insert(1.0);
         }

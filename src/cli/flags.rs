@@ -287,13 +287,21 @@ pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
 /// Limits that a flight is checked against.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
-    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
+    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, planned as slowly) or outdoor
     #[arg(long, value_name = "NAME", default_value = "indoor",
           value_parser = Profile::all().map(|profile| profile.name))]
     profile: String,
 }
 
 impl ProfileFlags {
+    /// Plans as slowly as the profile, unless a speed was typed.
+    pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
+        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
+        if !keys.iter().any(|key| subject.design.scene.sets(key)) {
+            self.profile(subject).slow(scene);
+        }
+    }
+
     /// The profile, within the room that was typed.
     pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
         let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
