@@ -65,8 +65,8 @@ impl PreviewArgs {
         })
     }
 
-    pub(super) fn profile(&self) -> Profile {
-        self.profile.profile(&self.subject)
+    pub(super) fn profile(&self, scene: &Scene) -> Profile {
+        self.profile.profile(&self.subject, scene)
     }
 }
 
@@ -116,7 +116,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile();
+    let profile = args.profile(&before.scene);
     let findings = match args.report {
         true => {
             let flights = shot.flights.iter().cloned().map(Ok).collect();
