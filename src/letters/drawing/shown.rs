@@ -122,8 +122,7 @@ impl<'a> Page<'a> {
         }
         // The sides that only the fill closes.
         let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
-        let mut at_rim =
-            |place, sides| self.rim_color(index, item, &near, own?, true, place, sides);
+        let mut at_rim = |place, sides| self.rim_color(item, &near, own?, true, place, sides);
         let (sides, _) = self.parts(&closing, item, &near, &mut at_rim);
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
@@ -147,8 +146,7 @@ impl<'a> Page<'a> {
                 return Some(color);
             }
             // The edge of what lies under an outline in the color of what is beneath.
-            let rim =
-                own.and_then(|own| self.rim_color(index, item, &near, own, true, place, sides));
+            let rim = own.and_then(|own| self.rim_color(item, &near, own, true, place, sides));
             is_alike |= rim.is_none();
             rim
         };
@@ -165,7 +163,6 @@ impl<'a> Page<'a> {
     /// on its two sides differ.
     fn rim_color(
         &self,
-        index: usize,
         item: &Painted,
         near: &[&Layer<'a>],
         own: &Layer<'a>,
@@ -175,7 +172,7 @@ impl<'a> Page<'a> {
     ) -> Option<Color> {
         if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
             // Thinner than a look to its sides.
-            let seen = !self.is_covered(index, near, place) && self.within(&item.cuts, place);
+            let seen = !self.is_covered(own.element, near, place) && self.within(&item.cuts, place);
             return seen.then_some(own.color);
         }
         // Where a clip ends at the fill's own path, that is the rim.
@@ -183,12 +180,12 @@ impl<'a> Page<'a> {
             return None;
         }
         let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-        if ![left.1, right.1].contains(&Some(index)) || alike(left.0, right.0) {
+        if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
             return None;
         }
         // A hole in the color of the paper is the edge of what is around it.
         let is_paper = alike(own.color.map(f64::from), self.paper);
-        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != index);
+        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
         let of_other = other.filter(|_| is_paper).and_then(|other| {
             near.iter().find(|layer| layer.element == other).map(|layer| layer.color)
         });
@@ -200,7 +197,7 @@ impl<'a> Page<'a> {
         let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
         let Some(own) = own else { return Shown::Parts(Vec::new()) };
-        let mut at_rim = |place, sides| self.rim_color(index, item, near, own, true, place, sides);
+        let mut at_rim = |place, sides| self.rim_color(item, near, own, true, place, sides);
         let (mut parts, is_whole) =
             self.parts(&self.lines(&item.closed()), item, near, &mut at_rim);
         let n_own = parts.len();
@@ -209,7 +206,7 @@ impl<'a> Page<'a> {
             if own.area.meets(bounds(contour.iter().copied())) {
                 let lines = std::slice::from_ref(contour);
                 let mut at_clip =
-                    |place, sides| self.rim_color(index, item, near, own, false, place, sides);
+                    |place, sides| self.rim_color(item, near, own, false, place, sides);
                 parts.extend(self.parts(lines, item, near, &mut at_clip).0);
             }
         }

@@ -157,7 +157,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
     let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
     // usvg may panic on broken files.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(edited, &reading)));
-    let tree = tree.map_err(|_| "a drawing on which usvg fails".to_owned())?;
+    let tree = tree.map_err(|_panic| "a drawing on which usvg fails".to_owned())?;
     tree.map_err(|broken| broken.to_string())
 }
 
