@@ -42,9 +42,17 @@ pub(super) fn check<'a, 'input>(
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
     let elements = all.elements + n_markers * marker.elements;
-    if elements > MAX_ELEMENTS || all.bytes + n_markers * marker.bytes > MAX_BYTES {
-        let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
-        return Err(format!("{elements} elements, those of {what} counted"));
+    let bytes = all.bytes + n_markers * marker.bytes;
+    let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
+    if elements > MAX_ELEMENTS {
+        let most = format!("at most {MAX_ELEMENTS}");
+        return Err(format!("{elements} elements, those of {what} counted, {most}"));
+    }
+    if bytes > MAX_BYTES {
+        let mb = bytes / 1e6;
+        return Err(format!(
+            "{mb:.0} MB of attributes, those of {what} counted: more than an input may have"
+        ));
     }
     let curves = all.curves + n_markers * marker.curves;
     if curves > MAX_CURVES {
