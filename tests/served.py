@@ -43,9 +43,9 @@ def types_reads_and_downloads(browser, url):
     assert {"language", "more", "light-word", "draw", "send", "word"} <= reached, reached
 
     more(page)
-    until(page, "document.querySelectorAll('#drawer .files button').length === 4")
+    until(page, "document.querySelectorAll('#drawer .files button').length === 3")
     assert page.locator("#drawer .letters li").count() == 4
-    for name, begins in {"photo.png": b"\x89PNG", "plan.svg": b"<svg", "report.html": b"<!doctype", "flight.zip": b"PK"}.items():
+    for name, begins in {"photo.png": b"\x89PNG", "scene.toml": b"", "flight.zip": b"PK"}.items():
         with page.expect_download(timeout=60_000) as download:
             page.click(f"[data-file='{name}']")
         assert open(download.value.path(), "rb").read().startswith(begins), name

@@ -12,7 +12,7 @@ use super::{
     findings, json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, Profile, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
@@ -38,13 +38,7 @@ pub(super) struct PreviewArgs {
     as_exported: Option<Form>,
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
-    pub(super) report: bool,
-    /// Whether changes are flown where a word does not read: some thirty flights.
-    #[arg(skip = true)]
-    pub(super) with_remedies: bool,
-    /// The order that the report shows; `None`: as it was typed.
-    #[arg(skip)]
-    pub(super) command: Option<String>,
+    report: bool,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -57,23 +51,26 @@ impl PreviewArgs {
 
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
-        self.subject.shoot(|scene| self.picture.apply(scene))
+        self.subject.shoot(|scene| {
+            self.profile.slow(&self.subject, scene);
+            self.picture.apply(scene)
+        })
+    }
+
+    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
+        self.subject.ready(|scene| {
+            self.picture.apply(scene)?;
+            change(scene)
+        })
+    }
+
+    pub(super) fn profile(&self, scene: &Scene) -> Profile {
+        self.profile.profile(&self.subject, scene)
     }
 }
 
-/// What a preview found, for a caller that shows it in its own way.
-pub(super) struct Seen<'a> {
-    pub(super) shot: &'a Shot,
-    pub(super) findings: &'a [Checked],
-    pub(super) remedies: &'a [Remedy],
-}
-
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    previewed(args, |_| ())
-}
-
-/// Previews, and shows what was found before it is told in words.
-pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Result<Report> {
     let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
@@ -106,7 +103,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let flights: Vec<Report> = flights.collect();
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("photo_sha256", shot.file.as_deref().map(sha256));
-    let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
+    let remedies = match verdict.filter(|verdict| !verdict.legible) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
         _ => Vec::new(),
@@ -119,7 +116,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile.profile(&args.subject);
+    let profile = args.profile(&before.scene);
     let findings = match args.report {
         true => {
             let flights = shot.flights.iter().cloned().map(Ok).collect();
@@ -134,7 +131,6 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
         let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
         format!("the camera does not fit in the room: {why} (see `check --room`)")
     }));
-    seen(&Seen { shot: &shot, findings: &findings, remedies: &remedies });
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);
@@ -163,7 +159,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: mentioned,
-            command: &args.command.clone().unwrap_or_else(typed_command),
+            command: &typed_command(),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();

@@ -207,7 +207,7 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Compares a result that is not the scene as it was with it, on new seeds and on new words.
+/// Tests a changed scene against the one that tuning began with, on new seeds and on new words.
 fn test(
     report: &mut Report,
     args: &TuneArgs,

@@ -69,7 +69,7 @@ pub struct Setting {
 pub struct Need {
     /// The other setting.
     pub key: &'static str,
-    /// Names of which it has one; where there are none, it is set and not 0.
+    /// Values of that key that count; with none listed, any value but 0 counts.
     pub names: &'static [&'static str],
     /// Whether that must be so, or must not.
     pub holds: bool,
@@ -174,7 +174,7 @@ pub fn suggestion<'a>(
 /// The candidate most like a name that does not exist, if any is alike.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = |candidate: &str| 1 + candidate.len() / 4;
-    // Names differ by as much as their lengths at least: a name of a megabyte is like none at once.
+    // The edit distance is at least the difference in length, which settles a huge name at once.
     let n_letters = name.chars().count();
     let near = candidates.into_iter().filter(|it| n_letters.abs_diff(it.len()) <= most(it));
     let likeness = |candidate: &&str| strsim::damerau_levenshtein(name, candidate);

@@ -215,7 +215,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is no distance, and for a link without its end.
+/// [`Error::Input`] for a range that is not a distance, and for a link without its end.
 pub fn locate_enlarged(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],

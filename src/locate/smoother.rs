@@ -85,7 +85,7 @@ pub struct Located {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is no distance, and for a link without its end;
+/// [`Error::Input`] for a range that is not a distance, and for a link without its end;
 /// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open;
 /// [`Error::Input`] for more ranges than a core works through in minutes.
 pub fn locate(

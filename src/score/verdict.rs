@@ -148,7 +148,7 @@ impl Verdict {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// A word of which nothing can be seen.
+    /// Nothing of the word can be seen.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,

@@ -42,15 +42,16 @@ pub(super) fn check<'a, 'input>(
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
     let elements = all.elements + n_markers * marker.elements;
+    let bytes = all.bytes + n_markers * marker.bytes;
     let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
     if elements > MAX_ELEMENTS {
-        return Err(format!("{elements} elements, those of {what} counted"));
+        let most = format!("at most {MAX_ELEMENTS}");
+        return Err(format!("{elements} elements, those of {what} counted, {most}"));
     }
-    let bytes = all.bytes + n_markers * marker.bytes;
     if bytes > MAX_BYTES {
+        let mb = bytes / 1e6;
         return Err(format!(
-            "more data than an input may hold: attributes of {bytes:.1e} bytes, those of {what} \
-             counted"
+            "{mb:.0} MB of attributes, those of {what} counted: more than an input may have"
         ));
     }
     let curves = all.curves + n_markers * marker.curves;

@@ -212,8 +212,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     })
 }
 
-/// Whether the motors of these samples never roll or pitch the drone otherwise than in the first,
-/// as if one row was repeated: no flight keeps still, whatever its yaw does.
+/// Whether the motors never change their roll and pitch torque, as where a logger repeats one row.
+/// No real flight holds both constant.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;

@@ -208,7 +208,7 @@ impl Noisy {
         }
     }
 
-    /// Electrons of pixels of which some are dark.
+    /// Electrons of pixels, some of them dark.
     #[inline(always)]
     fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], reading: [u32; N]) {
         let photons = self.poisson.numbers(*means, bits);

@@ -47,6 +47,7 @@ mod planned;
 mod problems;
 mod response;
 mod shot;
+mod written;
 
 pub use file::Format;
 pub use lighting::Lighting;
@@ -80,7 +81,7 @@ pub struct Shoot {
     pub recordings: Vec<Recording>,
     /// True drones where they differ from the scene's, in the order of the plans.
     pub actual: Vec<Actual>,
-    /// Seed of what is wrong with the room; `None`: the scene's.
+    /// Seed of the room's errors (survey, stations); `None` takes the scene's.
     pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
@@ -221,6 +222,7 @@ impl Shoot {
             return Err(Error::input("plans", found, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+        let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
         Ok(Self { plans, ..Self::bare(scene, strokes) })
     }

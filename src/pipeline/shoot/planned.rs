@@ -177,9 +177,7 @@ mod tests {
     use crate::scene::Preset;
     use crate::shoot::Shoot;
     use noctograph_core::crazyflie::Release;
-    use noctograph_export::lights::{Command, commands};
     use noctograph_letters::{LetterOptions, write};
-    use noctograph_picture::light::{Deck, RingColor, RingEffect};
     use noctograph_plan::tracking::{Part, track};
     use noctograph_sim::sensors::SensorOptions;
     use noctograph_sim::vehicle::Gusts;

@@ -27,7 +27,7 @@ settings! {
     pub enum SetpointKind {
         /// Positions. The firmware's own landing is of the same kind.
         "position" => Position,
-        /// Positions, velocities and accelerations, of which the cascade flies the positions. The
+        /// Positions, velocities and accelerations; the cascade uses the positions alone. The
         /// landing is of another kind: since release 2026.08 all loops begin anew at it, and the
         /// drone drops by 12 to 18 cm.
         "full-state" => FullState,
