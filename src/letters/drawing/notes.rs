@@ -144,7 +144,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());
-        if name == "text" && texts.all(|text| text.trim().is_empty()) {
+        let is_borrowed = node.children().any(|part| part.tag_name().name() == "tref");
+        if name == "text" && !is_borrowed && texts.all(|text| text.trim().is_empty()) {
             return Ok(());
         }
         let index = self.signs.len();

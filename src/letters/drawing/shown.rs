@@ -120,10 +120,11 @@ impl<'a> Page<'a> {
             near.retain(|layer| layer.element != index || !layer.is_stroke);
             return (self.rim(index, item, &near), false);
         }
-        // The sides that only the fill closes.
+        // The sides that only the fill closes, or a clip.
         let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let mut at_rim = |place, sides| self.rim_color(&near, own?, true, place, sides);
-        let (sides, _) = self.parts(&closing, item, &near, &mut at_rim);
+        let (mut sides, _) = self.parts(&closing, item, &near, &mut at_rim);
+        sides.extend(own.map_or(Vec::new(), |own| self.rim_at_clips(item, &near, own)));
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
         // Whether the stroke cannot be told from a ground.
@@ -191,6 +192,16 @@ impl<'a> Page<'a> {
         Some(of_other.unwrap_or(own.color))
     }
 
+    /// The rim of a fill where a clip ends it.
+    fn rim_at_clips(&self, item: &Painted, near: &[&Layer<'a>], own: &Layer<'a>) -> Vec<Part> {
+        let mut look = |place, sides| self.rim_color(near, own, false, place, sides);
+        let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
+        let near_ones = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
+        near_ones
+            .flat_map(|line| self.parts(std::slice::from_ref(line), item, near, &mut look).0)
+            .collect()
+    }
+
     /// The rim of a fill.
     fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Shown {
         let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
@@ -200,14 +211,7 @@ impl<'a> Page<'a> {
         let (mut parts, is_whole) =
             self.parts(&self.lines(&item.closed()), item, near, &mut at_rim);
         let n_own = parts.len();
-        // Where a clip ends it.
-        for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
-            if own.area.meets(bounds(contour.iter().copied())) {
-                let lines = std::slice::from_ref(contour);
-                let mut at_clip = |place, sides| self.rim_color(near, own, false, place, sides);
-                parts.extend(self.parts(lines, item, near, &mut at_clip).0);
-            }
-        }
+        parts.extend(self.rim_at_clips(item, near, own));
         match parts.first() {
             Some((_, color)) if is_whole && parts.len() == n_own => Shown::Rim(*color),
             _ => Shown::Parts(parts),

@@ -263,6 +263,9 @@ fn what_surrounds_a_shape_belongs_to_it() {
     let symbol = "<symbol id='s' viewBox='0 0 10 10'><rect width='10' height='10'/></symbol>\
                   <use href='#s' transform='translate(50 10)' width='40' height='40'/>";
     assert_eq!(ends(symbol), [[50, 10, 50, 10]], "a symbol that is moved");
+    let framed = "<clipPath id='c'><rect width='100' height='100'/></clipPath><rect x='50' y='20' \
+                  width='90' height='40' fill='red' stroke='#00f' clip-path='url(#c)'/>";
+    assert_eq!(ends(framed).len(), 2, "a stroke, and the fill's side at the clip");
     let pie = "<g stroke='#fff' stroke-width='2'><path d='M50 50V10A40 40 0 0 1 90 50Z' fill='red'/>\
                <path d='M50 50H90A40 40 0 0 1 50 90Z' fill='#00f'/></g>";
     let length = |body: &str| {
@@ -337,6 +340,7 @@ fn text_that_would_show_is_refused_with_its_place_and_the_way_out() {
         "<g style='font:bold 40px Arial'><text><tspan x='9'>H</tspan></text></g>",
         "<defs><text id='t'>H</text></defs><use href='#t'/>",
         "<clipPath id='c'><text>H</text></clipPath><path clip-path='url(#c)' d='M0 0H9' stroke='red'/>",
+        "<text><tref href='#t'/></text>",
         "<text><textPath href='#p'>H</textPath></text>",
     ] {
         let error = read(page(&format!("{line}\n{text}")).as_bytes()).err().unwrap();
