@@ -42,7 +42,12 @@ pub(super) struct List {
     pub(super) odd: Option<(usize, String)>,
     /// The numbers of its objects by their names: the row, and the cell.
     pub(super) cells: BTreeMap<String, Vec<(usize, f64)>>,
+    /// The first different texts: of the list itself under no name, of its objects by theirs.
+    pub(super) texts: BTreeMap<String, Vec<String>>,
 }
+
+/// How many different texts are kept under a name.
+const TEXTS: usize = 4;
 
 /// Reads a value; what is beyond the budget is an error, which the budget keeps.
 pub(super) fn read(text: &[u8], budget: &Budget) -> serde_json::Result<Node> {
@@ -131,6 +136,9 @@ impl<'de> Visitor<'de> for Tree<'_> {
                 item => {
                     list.odd.get_or_insert_with(|| (index, item.text()));
                     let held = left - budget.bytes_left();
+                    if let Node::Text(text) = &item {
+                        list.text("", text, budget).map_err(A::Error::custom)?;
+                    }
                     if let Node::Object(members) = item {
                         list.row(&members, "", index, budget).map_err(A::Error::custom)?;
                     }
@@ -180,9 +188,68 @@ impl List {
                     }
                     self.cells.entry(name).or_default().push((row, *number));
                 }
-                Node::Missing | Node::Text(_) | Node::List(_) => {}
+                Node::Text(text) => self.text(&name, text, budget)?,
+                Node::Missing | Node::List(_) => {}
             }
         }
         Ok(())
     }
+
+    /// Keeps a text, if it is one of the first different ones.
+    fn text(&mut self, name: &str, text: &str, budget: &Budget) -> Result<()> {
+        if !self.texts.contains_key(name) {
+            budget.bytes(NAMED + name.len())?;
+            self.texts.insert(name.to_owned(), Vec::new());
+        }
+        let texts = self.texts.entry(name.to_owned()).or_default();
+        if texts.len() < TEXTS && !texts.iter().any(|known| known == text) {
+            budget.bytes(NAMED + text.len())?;
+            texts.push(text.to_owned());
+        }
+        Ok(())
+    }
+
+    /// The list of an object whose names are indices, as pandas writes a column, with its indices.
+    pub(super) fn by_index(
+        members: &BTreeMap<String, Node>,
+        budget: &Budget,
+    ) -> Result<Option<(Self, Vec<u64>)>> {
+        let Some(items) = indexed(members) else { return Ok(None) };
+        let (mut list, mut indices) = (Self::default(), Vec::new());
+        for (place, (index, value)) in items.into_iter().enumerate() {
+            indices.push(index);
+            match value {
+                Node::Number(number) => list.numbers.push(*number),
+                Node::Missing => list.numbers.push(f64::NAN),
+                Node::Text(text) => {
+                    list.odd.get_or_insert_with(|| (place, value.text()));
+                    list.text("", text, budget)?;
+                }
+                Node::List(_) | Node::Object(_) => return Ok(None),
+            }
+        }
+        Ok(Some((list, indices)))
+    }
+
+    /// The rows of an object whose names are indices.
+    pub(super) fn of_rows(
+        members: &BTreeMap<String, Node>,
+        budget: &Budget,
+    ) -> Result<Option<Self>> {
+        let Some(rows) = indexed(members) else { return Ok(None) };
+        let mut list = Self::default();
+        for (place, (_, row)) in rows.into_iter().enumerate() {
+            let Node::Object(row) = row else { return Ok(None) };
+            list.row(row, "", place, budget)?;
+        }
+        Ok(Some(list))
+    }
+}
+
+/// The members of an object whose names are indices, in their order; `None` of any other.
+fn indexed(members: &BTreeMap<String, Node>) -> Option<Vec<(u64, &Node)>> {
+    let indices = members.iter().map(|(key, value)| Some((key.parse().ok()?, value)));
+    let mut items: Vec<(u64, &Node)> = indices.collect::<Option<_>>()?;
+    items.sort_by_key(|(index, _)| *index);
+    Some(items).filter(|items| !items.is_empty())
 }

@@ -74,6 +74,10 @@ impl Plan {
     }
 
     fn from_table(table: &Table) -> Result<Self> {
+        if let Some(note) = table.notes().first() {
+            let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
+            return Err(Error::input("text", note, wanted, hint));
+        }
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),
@@ -125,7 +129,7 @@ mod tests {
         };
         let setpoint = |step: i32| Setpoint {
             time_s: 0.25 * f64::from(step),
-            position_m: Vector3::new(0.1 * f64::from(step), -0.5, 1e-6),
+            position_m: Vector3::new(0.125 * f64::from(step), -0.5, 1e-6),
             velocity_m_s: Vector3::new(0.4, 0.0, -0.125),
             acceleration_m_s2: Vector3::new(0.0, 1.5, 0.0),
             letter: usize::try_from(step - 1).ok(),
