@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use super::cfclient_csv::WRAP_S;
 use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
-use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows};
+use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
@@ -112,7 +112,7 @@ fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Resu
     }
     let stamps = stamps.filter(|stamps| (0..).zip(stamps).any(|(count, index)| count != *index));
     if let Some(stamps) = stamps
-        && !members.keys().any(|key| plain_csv::meaning(key).0 == "t")
+        && !members.keys().any(|key| titles::meaning(key).0 == "t")
     {
         let numbers = stamps.into_iter().map(|stamp| stamp as f64).collect();
         members.insert("timestamp".to_owned(), Node::List(List { numbers, ..List::default() }));
@@ -369,7 +369,7 @@ impl Reader<'_> {
         (time, mut time_s): (&str, Vec<f64>),
         mut titled: Vec<(&str, Vec<f64>)>,
     ) -> Result<()> {
-        let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
+        let unit_s = titles::meaning(time).1.unwrap_or(1.0);
         time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
         let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
             let (whole, size_s) =
@@ -385,7 +385,7 @@ impl Reader<'_> {
         for (title, values) in titled {
             rows::check_owners(title, &rows::whole(&values), &self.log.file)?;
             columns.push(match folder {
-                "" => plain_csv::column_of(title, values),
+                "" => titles::column_of(title, values),
                 folder => Column::new(joined(folder, title, self.budget)?, values),
             });
         }
@@ -418,8 +418,7 @@ impl Reader<'_> {
 
 /// The title of times among others: rather whole seconds than their fraction.
 fn time_of<'a>(titles: impl Iterator<Item = &'a String>) -> Option<&'a String> {
-    let mut times: Vec<&String> =
-        titles.filter(|title| plain_csv::meaning(title).0 == "t").collect();
+    let mut times: Vec<&String> = titles.filter(|title| titles::meaning(title).0 == "t").collect();
     times.sort_by_key(|title| rows::whole_of(title).is_some());
     times.first().copied()
 }

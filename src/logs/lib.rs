@@ -65,6 +65,7 @@ mod sources;
 mod speed;
 #[cfg(test)]
 mod tests;
+mod titles;
 mod usd;
 
 pub use gathered::{GatheredLog, is_one_log, logs_in};

@@ -19,7 +19,8 @@ const MAX_SAMPLES: f64 = 4e6;
 /// Steps of finding a channel's value at a stamp.
 const STEPS: usize = 50;
 
-/// Makes a flight of a recording with repaired stamps; also returns the stamp that became time zero.
+/// Makes a flight of a recording with repaired stamps; also returns the stamp that became time
+/// zero.
 pub(super) fn flight(
     recording: Recording,
     options: &ImportOptions,

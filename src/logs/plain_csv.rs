@@ -1,7 +1,7 @@
 //! Plain tables: t, x, y, z and others, under their usual names; range logs of a drone with a Loco
 //! deck.
 //!
-//! What is understood: the titles of `NAMES`, also as the ends of paths (`/cf1/pose/position/x` of
+//! What is understood: the usual titles ([`super::titles`]), also as the ends of paths (`/cf1/pose/position/x` of
 //! `PlotJuggler`, `field.pose.position.x` of rosbag), with their units at their end or in
 //! brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and Vicon
 //! ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between blanks
@@ -22,11 +22,10 @@ use std::collections::BTreeMap;
 
 use super::mocap_csv::Capture;
 use super::recording::{Block, Column, Recording, shortened};
+use super::titles::{ANGLES, Title, in_si_units};
 use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, rows};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{
-    DEGREE, Head, Separator, SheetColumn, Text, bracketed, simplified, unit,
-};
+use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::unit_of;
 
@@ -36,55 +35,11 @@ const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 /// Names of the columns of a file without a header and with blanks between its eight cells.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
-/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
-/// the letters before them.
-const NAMES: [(&str, &str, &str); 17] = [
-    (" ", "t", "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time"),
-    (
-        " ",
-        "t",
-        "header_stamp time_boot secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
-    ),
-    ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
-    ("xyz", "*_m", "loc_* location_*"),
-    ("z", "*_m", "height altitude alt"),
-    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
-    (" ", "yaw_rad", "yaw psi"),
-    (" ", "pitch_rad", "pitch theta"),
-    (" ", "roll_rad", "roll phi"),
-    ("wxyz", "q*", "q* q_* quat_* orientation_* rotation_* q_rs_*"),
-    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
-    ("xyz", "v*_body_m_s", "v*_body"),
-    ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
-    ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
-    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
-    ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last of them is no title at all.
-    (" ", "index", "index row "),
-];
-
-/// Yaw, pitch and roll, under our names.
-const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
-
 /// Beginning of the names of range columns.
 const RANGE: &str = "ranging.distance";
 
 /// Longest time over which rows of one stamp are spread: stamps may have whole seconds.
 const ROW_S: f64 = 1.0;
-
-/// What a title says.
-#[derive(Debug, Default, PartialEq)]
-struct Title {
-    /// Our name; an unknown title's is as it stands.
-    name: String,
-    is_known: bool,
-    /// Size of the unit that it names.
-    unit: Option<f64>,
-    /// The path before the quantity.
-    body: String,
-    /// A unit in brackets that is none of ours.
-    other_unit: Option<String>,
-}
 
 /// Reads a plain table, or one of a motion capture, whose format says what it is; its stamps may be
 /// those of a clock that others share.
@@ -108,20 +63,13 @@ pub(super) fn read(
         unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));
     }
     let is_needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
-    let (mut sheet, are_dated) = cells::read_rows(text, head, job, is_needed)?;
+    let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, is_needed)?;
     log.warnings.append(&mut sheet.notes);
     log.warnings.extend(unnamed);
     rows::check(&sheet, file)?;
     sheet.columns.retain(|column| !column.is_text());
-    let is_dated = |column: &SheetColumn| are_dated[column.number - 1];
-    let mut dated: Vec<(SheetColumn, bool)> = sheet
-        .columns
-        .into_iter()
-        .map(|column| (is_dated(&column), column))
-        .map(|(d, c)| (c, d))
-        .collect();
-    let titles: Vec<String> = dated.iter().map(|(column, _)| column.title.clone()).collect();
-    rows::join_stamps(&mut dated, file, &mut log.warnings)?;
+    let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
+    rows::join_stamps(&mut sheet.columns, &mut are_dated, file, &mut log.warnings)?;
     let mut period_s = options.period_s;
     if let Some(captured) = &captured {
         (log.axes, log.in_format) = (captured.axes, Some(captured.format));
@@ -131,7 +79,10 @@ pub(super) fn read(
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
-    dated.into_iter().try_for_each(|(column, is_dated)| columns.add(column, is_dated))?;
+    for column in sheet.columns {
+        let is_dated = are_dated[column.number - 1];
+        columns.add(column, is_dated)?;
+    }
     let Columns { mut log, time, named, unknown, .. } = columns;
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
@@ -250,19 +201,6 @@ impl Columns {
     }
 }
 
-/// The column of a title under our name, in SI units where the title names one.
-pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
-    let Title { name, unit, .. } = Title::of(title);
-    in_si_units(name, unit, values)
-}
-
-fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
-    let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
-    let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
-    values.iter_mut().for_each(|value| *value *= unit.unwrap_or(1.0));
-    Column { name, values, is_open_angle }
-}
-
 /// Whether a title without a meaning of a pose is one of ours, or a variable of the firmware.
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
@@ -320,71 +258,6 @@ fn midnights(times_s: &mut [f64]) -> u32 {
         *time_s += added_s;
     }
     wraps
-}
-
-/// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
-/// is.
-pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
-    let Title { name, unit, .. } = Title::of(title);
-    (name, unit)
-}
-
-/// Our name of a usual one.
-fn known(name: &str) -> Option<String> {
-    NAMES.iter().find_map(|(letters, ours, names)| {
-        let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
-        let is_usual = |letter: &char| names.split(' ').any(|usual| with(usual, *letter) == name);
-        letters.chars().find(is_usual).map(|letter| with(ours, letter))
-    })
-}
-
-impl Title {
-    fn of(title: &str) -> Self {
-        let (bare, bracket) = bracketed(title);
-        let (body, bare) = path_end(bare);
-        let of = |name, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
-        if let Some(bracket) = bracket
-            && let Some(name) = known(&simplified(&bare))
-        {
-            let plain = simplified(bracket);
-            let unit = unit(&plain, name == "t");
-            let other_unit =
-                Some(bracket.to_owned()).filter(|_| unit.is_none() && !plain.is_empty());
-            return Self { other_unit, ..of(name, unit, body) };
-        }
-        let simple = simplified(&path_end(title).1);
-        if let Some(name) = known(&simple) {
-            return of(name, None, body);
-        }
-        // A name that ends in its unit.
-        let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
-        let named = |(name, end)| {
-            let name = known(name)?;
-            let unit = unit(end, name == "t")?;
-            Some((name, Some(unit)))
-        };
-        match { parts }.find_map(named) {
-            Some((name, unit)) => of(name, unit, body),
-            None => Self { name: title.to_owned(), ..Self::default() },
-        }
-    }
-}
-
-/// The path before a quantity of a pose, and the quantity's own name; a title that is no such path
-/// stays as it is.
-fn path_end(title: &str) -> (String, String) {
-    let parts: Vec<&str> = title.split(['/', '.']).collect();
-    if let [before @ .., group, axis] = &parts[..] {
-        match &*group.to_lowercase() {
-            "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
-            "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The stamp of a message belongs to all that is in it.
-            "header" => return (String::new(), format!("header_{axis}")),
-            "stamp" => return (String::new(), format!("stamp_{axis}")),
-            _ => {}
-        }
-    }
-    (String::new(), title.to_owned())
 }
 
 /// Sets the unit of angles and angular velocities whose titles name none.

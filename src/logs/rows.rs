@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::cells::DAY_S;
-use super::plain_csv::meaning;
 use super::recording::{Block, shortened};
+use super::titles::meaning;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
@@ -80,36 +80,37 @@ pub(super) fn whole(values: &[f64]) -> Vec<String> {
     ids.into_iter().map(|id| f64::from_bits(id).to_string()).collect()
 }
 
-/// Makes one column of stamps of two, and says whether it holds seconds: a date and a time of day,
-/// or seconds and a fraction.
+/// Makes one column of stamps of two, which then holds seconds as dates do: a date and a time of
+/// day, or seconds and a fraction of them.
 pub(super) fn join_stamps(
-    columns: &mut Vec<(SheetColumn, bool)>,
+    columns: &mut Vec<SheetColumn>,
+    are_dated: &mut [bool],
     file: &str,
     warnings: &mut Vec<String>,
 ) -> Result<()> {
-    let pair = columns.iter().enumerate().find_map(|(index, (column, _))| {
-        let (partner, size) = whole_of(&column.title)?;
-        let is_partner = |(other, _): &(SheetColumn, bool)| simplified(&other.title) == partner;
-        let seconds = columns.iter().position(is_partner)?;
-        is_fraction(&columns[seconds].0.values, &column.values, size)
-            .then_some((seconds, index, size))
+    let pair = columns.iter().enumerate().find_map(|(part, column)| {
+        let (whole, size_s) = whole_of(&column.title)?;
+        let whole = columns.iter().position(|other| simplified(&other.title) == whole)?;
+        is_fraction(&columns[whole].values, &column.values, size_s).then_some((whole, part, size_s))
     });
-    if let Some((seconds, index, size)) = pair {
-        return Ok(join(columns, seconds, index, size));
+    if let Some((whole, part, size_s)) = pair {
+        join(columns, are_dated, [whole, part], size_s);
+        return Ok(());
     }
-    let is_date = |(column, is_dated): &(SheetColumn, bool)| {
-        let mut days = column.values.iter().filter(|value| value.is_finite()).peekable();
-        *is_dated && days.peek().is_some() && days.all(|value| value % DAY_S == 0.0)
+    let dated = |is_meant: fn(&f64) -> bool| {
+        let is_all = |column: &SheetColumn| {
+            let known = || column.values.iter().filter(|value| value.is_finite());
+            are_dated[column.number - 1] && known().count() > 0 && known().all(is_meant)
+        };
+        columns.iter().position(is_all)
     };
-    let Some(date) = columns.iter().position(is_date) else { return Ok(()) };
-    let is_clock = |(column, is_dated): &(SheetColumn, bool)| {
-        *is_dated && column.values.iter().all(|value| value.is_nan() || *value <= DAY_S)
-    };
-    if let Some(clock) = columns.iter().position(|column| is_clock(column) && !is_date(column)) {
-        return Ok(join(columns, clock, date, 1.0));
+    let Some(date) = dated(|value| *value > 0.0 && value % DAY_S == 0.0) else { return Ok(()) };
+    if let Some(clock) = dated(|value| *value <= DAY_S).filter(|clock| *clock != date) {
+        join(columns, are_dated, [clock, date], 1.0);
+        return Ok(());
     }
-    let title = columns.remove(date).0.title;
-    if columns.iter().any(|(column, _)| meaning(&column.title).0 == "t") {
+    let title = columns.remove(date).title;
+    if columns.iter().any(|column| meaning(&column.title).0 == "t") {
         warnings.push(format!("column {title} has days alone: it is not read"));
         return Ok(());
     }
@@ -137,11 +138,16 @@ pub(super) fn is_fraction(seconds: &[f64], parts: &[f64], size: f64) -> bool {
 }
 
 /// Adds a column, in units of some seconds, to one of stamps.
-fn join(columns: &mut Vec<(SheetColumn, bool)>, stamps: usize, other: usize, unit_s: f64) {
-    let parts = std::mem::take(&mut columns[other].0.values);
-    let (column, holds_seconds) = &mut columns[stamps];
+fn join(
+    columns: &mut Vec<SheetColumn>,
+    are_dated: &mut [bool],
+    [stamps, other]: [usize; 2],
+    unit_s: f64,
+) {
+    let parts = std::mem::take(&mut columns[other].values);
+    let column = &mut columns[stamps];
     column.values.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += unit_s * part);
-    *holds_seconds = true;
+    are_dated[column.number - 1] = true;
     if meaning(&column.title).0 != "t" {
         column.title = "t".to_owned();
     }

@@ -8,6 +8,9 @@ use noctograph_core::error::{Error, Result};
 /// A smaller step is no movement, m.
 const STEP_M: f64 = 1e-3;
 
+/// A glitch is further than this: two stamps may be nearer to each other than their samples, m.
+const GLITCH_M: f64 = 0.2;
+
 /// Fewest steps that are no glitch, and their share of all in which the drone moves.
 const FEWEST: usize = 3;
 const SHARE: f64 = 0.1;
@@ -26,11 +29,11 @@ pub(super) fn check(
             let speed_m_s = step_m / (time_s[1] - time_s[0]);
             n_moving += usize::from(step_m > STEP_M);
             if step_m > STEP_M && speed_m_s > options.max_speed_m_s {
-                fast.push((speed_m_s, time_s[0] - channel.start_s()));
+                fast.push((speed_m_s, time_s[0] - channel.start_s(), step_m));
             }
         }
     }
-    let Some((fastest_m_s, time_s)) = fast.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))
+    let Some((fastest_m_s, time_s, _)) = fast.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))
     else {
         return Ok(None);
     };
@@ -39,7 +42,8 @@ pub(super) fn check(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
     );
     if n < FEWEST || (n as f64) < SHARE * n_moving as f64 {
-        return Ok(Some(format!("the position has {seen}: glitches of its sensor?")));
+        let is_far = fast.iter().any(|(.., step_m)| *step_m > GLITCH_M);
+        return Ok(is_far.then(|| format!("the position has {seen}: glitches of its sensor?")));
     }
     let hint = "name the unit of the columns (x_cm, x_mm) or of the stamps (t_ms, t_min); keep the \
                 rows of one drone alone; a drone that is as fast: raise the limit";

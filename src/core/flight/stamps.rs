@@ -44,8 +44,8 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
         _ => 1.0,
     };
     // As it is shown.
-    let digit = if step < 1e-3 { 1e-12 } else { 1e-6 };
-    let step = (step / digit).round() * digit;
+    let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
+    let step = (step * per_unit).round() / per_unit;
     let in_doubt = unit_s == 1.0 && !whole && step > 0.5;
     FoundUnit { unit_s, step, in_doubt }
 }
