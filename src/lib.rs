@@ -31,7 +31,8 @@
 //!
 //! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
-//! | `core` | the products as plain data: [`strokes`], the plan, [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], facts of the [`crazyflie`] | nothing |
+//! | `core` | the products as plain data: [`strokes`], the plan, [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], facts of the [`crazyflie`] | `features` |
+//! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
 //! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], [`control`], the loop ([`sim`]) | `core` |
@@ -42,7 +43,8 @@
 //! | `export` | Plan → files for drones and other programs | `core`, `plan`, `sim` |
 //! | `pipeline` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`] | `core`, `export`, `letters`, `logs`, `picture`, `plan`, `score`, `sim` |
 //! | `studies` | [`studies`] of many flights, [`comparison`] of two, [`report`] | `core`, `letters`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim` |
-//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes, and the page | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim`, `studies` |
+//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `picture`, `pipeline` |
+//! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
 //! Rules beside these dependencies:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from playwright.sync_api import Error, sync_playwright
 
-PAGES = Path(__file__).resolve().parent.parent / "src/cli/serve/page"
+PAGES = Path(__file__).resolve().parent.parent / "src/serve/page"
 PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]
 
 
@@ -17,9 +17,7 @@ class Server:
     """A server of the program, with the addresses that it prints."""
 
     def __init__(self, program, *flags):
-        # With NOCTOGRAPH_PAGE the page's files come from that folder: no build is needed for them.
-        page = ["--page-from", os.environ["NOCTOGRAPH_PAGE"]] if "NOCTOGRAPH_PAGE" in os.environ else []
-        self.process = subprocess.Popen([program, "serve", *page, *flags], stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen([program, "serve", *flags], stdout=subprocess.PIPE, text=True)
         words = {}
         while "Ctrl-C" not in (line := self.process.stdout.readline()):
             assert line, f"the server ended: {self.process.poll()}"

@@ -68,8 +68,9 @@ class Ros:
         self.clock.due.append((self.clock.now_s, lambda: self.publish(topic, callback)))
 
     def publish(self, topic, callback):
-        cf = self.drones[topic.split("/")[1]]
-        if not cf.silent:
+        _, name, kind = topic.split("/")
+        cf = self.drones[name]
+        if kind not in cf.silent and True not in cf.silent:
             sigma_m, angles = cf.sigma_m, [cf.roll_deg, 0.0, cf.yaw_deg]
             callback(types.SimpleNamespace(timestamp=0, values=[sigma_m**2] * 3 + angles))
         self.create_subscription(None, topic, callback, 10)
@@ -79,7 +80,7 @@ class Ros:
 class Crazyflie:
     def __init__(self, node, cfname, paramTypeDict):
         self.node, self.prefix, self.paramTypeDict = node, "/" + cfname, paramTypeDict
-        self.name, self.silent = cfname, False
+        self.name, self.silent, self.carried = cfname, (), None  # topics, or True for all
         self.sigma_m, self.roll_deg, self.yaw_deg, self.battery_v = 0.002, 0.5, 0.0, 4.1
         self.place, self.info, self.arms_well = [0.0, 0.0, 0.0], CAN_BE_ARMED | CAN_FLY, True
         self.clock_rate, self.started, self.trajectory = SLOW, None, None
@@ -88,17 +89,9 @@ class Crazyflie:
     def _call(self, method, *values):
         self.node.call(self.name, method, *values)
 
-    def takeoff(self, targetHeight, duration, groupMask=0):
-        self._call("takeoff", targetHeight, duration)
-        self.place[2] = targetHeight
-
     def land(self, targetHeight, duration, groupMask=0):
         self._call("land", targetHeight, duration)
         self.started, self.place[2] = None, targetHeight
-
-    def goTo(self, goal, yaw, duration, relative=False, groupMask=0):
-        self._call("goTo", goal, yaw, duration, relative)
-        self.place = list(goal)
 
     def uploadTrajectory(self, trajectoryId, pieceOffset, trajectory):
         self._call("uploadTrajectory", trajectoryId, pieceOffset)
@@ -124,13 +117,15 @@ class Crazyflie:
         self._call("setParam", name, value)
 
     def get_status(self):
-        if not self.silent:
+        if True not in self.silent and "status" not in self.silent:
             now_s = self.node.clock.now_s
             self.status = {"timestamp_sec": int(now_s), "timestamp_nsec": now_s % 1,
                            "supervisor": self.info, "battery": self.battery_v}
         return self.status
 
     def get_position(self):
+        if self.carried:
+            return self.carried
         if self.started:
             start_s, timescale = self.started
             # Seconds on board since the start, as the trajectory counts them.
@@ -150,16 +145,19 @@ class Trajectory:
             rows = [[float(n) for n in row[:33]] for row in list(csv.reader(file))[1:]]
         if len(rows) == 1:
             raise IndexError("invalid index to scalar variable: numpy.loadtxt of one row is no table")
-        self.polynomials = rows
+        axes = ("px", "py", "pz", "pyaw")
+        self.polynomials = [types.SimpleNamespace(duration=row[0], **{
+            axis: types.SimpleNamespace(p=row[1 + 8 * k:9 + 8 * k]) for k, axis in enumerate(axes)})
+            for row in rows]
 
     def at(self, time_s):
-        for duration_s, *c in self.polynomials:
-            if time_s <= duration_s:
+        for piece in self.polynomials:
+            if time_s <= piece.duration:
                 break
-            time_s -= duration_s
+            time_s -= piece.duration
         else:
-            time_s = duration_s
-        return [sum(a * time_s**k for k, a in enumerate(c[8 * axis:8 * axis + 8])) for axis in range(3)]
+            time_s = piece.duration
+        return [sum(a * time_s**k for k, a in enumerate(axis.p)) for axis in (piece.px, piece.py, piece.pz)]
 
 
 def load(name):
@@ -199,6 +197,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         "crazyflie_py": {"Crazyswarm": lambda: swarm},
         "crazyflie_py.uav_trajectory": {"Trajectory": Trajectory},
         "crazyflie_interfaces": {}, "crazyflie_interfaces.msg": {"LogDataGeneric": object},
+        "geometry_msgs": {}, "geometry_msgs.msg": {"PoseStamped": object},
         "rclpy": {}, "rclpy.signals": {
             "uninstall_signal_handlers": lambda: setattr(ros, "handles_signals", False)},
     }
@@ -212,7 +211,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         if keys:
             keys(ros)
         for after_s, event in events:
-            # Take-off is two seconds after the key.
+            # The trajectory starts two seconds after the key.
             ros.clock.due.append((ros.clock.now_s + 2.0 + after_s, lambda event=event: event(ros)))
 
     script.input = enter
@@ -241,7 +240,7 @@ def lamp_fails(ros, name, method, values):
 class Flights(unittest.TestCase):
     def landed(self, ros):
         """Whether every drone that took off was told to land, and no motor was cut."""
-        flew = [name for name in ros.drones if ros.of("takeoff", name)]
+        flew = [name for name in ros.drones if ros.of("startTrajectory", name)]
         return all(ros.of("land", name) for name in flew) and not ros.of("emergency")
 
     def test_the_whole_flight_is_sent_in_order(self):
@@ -250,8 +249,8 @@ class Flights(unittest.TestCase):
             self.assertIsNone(ros.ended, (name, ros.ended, ros.printed))
             for drone in ros.script.DRONES:
                 methods = [m for _, n, m, _ in ros.sent if n == drone["name"] and m != "setParam"]
-                self.assertEqual(methods, ["uploadTrajectory", "arm", "takeoff", "goTo",
-                                           "startTrajectory", "land", "arm"], name)
+                self.assertEqual(methods, ["uploadTrajectory", "arm", "startTrajectory", "land", "arm"],
+                                 "take-off is part of the trajectory")
                 before = [v for t, v in ros.of("setParam", drone["name"]) if t <= ros.entered_s]
                 self.assertEqual({n for n, _ in before}, {"stabilizer.estimator",
                                  "kalman.initialYaw", "kalman.resetEstimation"}, "nothing else yet")
@@ -261,8 +260,8 @@ class Flights(unittest.TestCase):
                 self.assertEqual(sent["stabilizer.controller"], 5 if name == "lee" else 1)
                 self.assertEqual("ctrlLee.mass" in sent, name == "lee")
                 self.assertEqual(sent["led.bitmask"], 0, "the red LED shines after landing")
-                (_, (_, yaw, _, _)), = ros.of("goTo", drone["name"])
-                self.assertEqual(yaw, drone["yaw_rad"])
+                yaws = {piece.pyaw.p[0] for piece in ros.drones[drone["name"]].trajectory.polynomials}
+                self.assertEqual(yaws, {drone["yaw_rad"]})
                 self.assertEqual(ros.of("arm", drone["name"])[-1][1], (False,))
                 landed_s = ros.of("land", drone["name"])[0][0]
                 lit = [v for t, v in ros.of("setParam", drone["name"]) if t >= landed_s
@@ -300,40 +299,46 @@ class Flights(unittest.TestCase):
             "tumbled": {"info": CAN_FLY | TUMBLED},
             "locked": {"info": LOCKED},
             "supervisor": {"info": 0},
-            "status topic": {"silent": True},
+            "status topic": {"silent": (True,)},
             "cannot fly": {"arms_well": False, "info": CAN_BE_ARMED},
         }
         for what, attributes in wrong.items():
             ros = flight("pid", **attributes)
             self.assertIsInstance(ros.ended, SystemExit, what)
             self.assertIn(what, str(ros.ended))
-            self.assertEqual(ros.of("takeoff"), [], what)
+            self.assertEqual(ros.of("startTrajectory"), [], what)
         ros = flight("lee", lacks={"ctrlLee.mass"})
         self.assertIn("ctrlLee.mass", str(ros.ended))
-        self.assertEqual(ros.of("takeoff"), [])
+        self.assertEqual(ros.of("startTrajectory"), [])
 
-    def test_it_lands_in_thirty_of_thirty_faults(self):
+    def test_it_lands_in_forty_of_forty_faults(self):
         n = 0
         faults = [dict(fault=lambda ros, name, method, values, which=which: method == which
-                       and (method != "setParam" or bool(ros.of("takeoff"))))
-                  for which in ("takeoff", "goTo", "startTrajectory", "setParam", "arm",
-                                "uploadTrajectory")]
+                       and (method != "setParam" or bool(ros.of("startTrajectory"))))
+                  for which in ("startTrajectory", "setParam", "arm", "uploadTrajectory")]
         faults += [dict(fault=lamp_fails)]
         faults += [dict(events=[(at_s, Ros.interrupt)]) for at_s in range(0, 15)]
         faults += [dict(events=[(at_s, change(battery_v=2.9))]) for at_s in (1, 8, 13)]
         faults += [dict(events=[(at_s, change(info=TUMBLED))]) for at_s in (1, 12)]
-        faults += [dict(events=[(at_s, change(silent=True))]) for at_s in (2, 12)]
-        faults += [dict(events=[(6.2, change(place=[9.0, 0.0, 1.0]))])]
-        faults += [dict(events=[(6.2, change(place=[math.nan] * 3))])]
+        faults += [dict(events=[(at_s, change(silent=(True,)))]) for at_s in (2, 12)]
+        faults += [dict(events=[(at_s, change(silent=(topic,)))], reason=f"no {topic} topic")
+                   for topic in ("status", "pose", "noctograph") for at_s in (1, 8)]
+        faults += [dict(events=[(6.2, change(carried=[9.0, 0.0, 1.0]))], reason="outside")]
+        faults += [dict(events=[(6.2, change(carried=[math.nan] * 3))], reason="outside")]
+        faults += [dict(events=[(6.2, change(sigma_m=sigma_m))], reason="position is lost")
+                   for sigma_m in (math.nan, 1.0)]
+        faults += [dict(events=[(6.2, change(battery_v=math.nan))], reason="battery")]
         faults += [dict(keys=Ros.interrupt), dict(battery_v=3.0), dict(lacks={"kalman.initialYaw"})]
         for fault in faults:
+            reason = fault.pop("reason", "")
             for name in ("pid", "pair"):
                 ros = flight(name, **fault)
+                self.assertIn(reason, str(ros.ended), fault)
                 self.assertTrue(self.landed(ros), (fault, ros.sent[-8:], ros.ended))
                 said = str(ros.ended) + ros.printed
                 self.assertTrue(ros.ended or "does not go out" in said, fault)
                 n += name == "pid"
-        self.assertGreaterEqual(n, 30)
+        self.assertGreaterEqual(n, 40)
 
     def test_one_drone_that_cannot_be_told_keeps_no_other_in_the_air(self):
         ros = flight("pair", fault=lambda ros, name, method, values: (name, method) == ("cf1", "land"))
@@ -350,19 +355,32 @@ class Flights(unittest.TestCase):
 
     def test_an_interrupt_while_it_lands_lets_it_land(self):
         ros = flight("pid")
-        landing_s = ros.of("land")[0][0] - ros.of("takeoff")[0][0]
+        landing_s = ros.of("land")[0][0] - ros.of("startTrajectory")[0][0]
         ros = flight("pid", events=[(landing_s + 1, Ros.interrupt)])
         self.assertEqual((ros.of("emergency"), ros.ended), ([], None))
 
     def test_a_drone_that_hears_nothing_more_comes_down_by_itself(self):
         ros = flight("pid")
         cf, (start_s, _) = ros.drones["cf1"], ros.of("startTrajectory")[0]
-        hover, descent = cf.trajectory.polynomials[-2:]
+        hover, descent, no_goal = cf.trajectory.polynomials[-3:]
         landing_s = ros.of("land")[0][0] - start_s
-        before_s = sum(row[0] for row in cf.trajectory.polynomials[:-1])
+        before_s = sum(piece.duration for piece in cf.trajectory.polynomials[:-2])
         self.assertGreater(before_s - landing_s, 2.5, "the script's landing comes first")
-        low_m = cf.trajectory.at(before_s + descent[0])[2]
+        low_m = cf.trajectory.at(before_s + descent.duration)[2]
         self.assertAlmostEqual(low_m, -0.1, places=6)
+        self.assertTrue(math.isnan(no_goal.pz.p[0]), "and then the firmware stops the motors")
+
+    def test_a_drone_rises_where_it_stands_and_goes_to_the_first_letter(self):
+        ways = []
+        for off_m in (0.0, 0.1):
+            x, y = load("pid").DRONES[0]["start_m"]
+            ros = flight("pid", place=[x + off_m, y - off_m, 0.0])
+            self.assertIsNone(ros.ended)
+            trajectory = ros.drones["cf1"].trajectory
+            for time_s in (0.0, 1.0, 3.5):
+                self.assertLess(math.dist(trajectory.at(time_s)[:2], (x + off_m, y - off_m)), 1e-9)
+            ways.append([trajectory.at(7.0 + 0.1 * k) for k in range(80)])
+        self.assertLess(max(map(math.dist, *ways)), 1e-9, "the same letters")
 
     def test_the_release_must_be_one(self):
         for wrong in ("84/85", "2026", "new", "1.0"):

@@ -18,7 +18,8 @@ from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 CFLIB = tuple(int(part) for part in importlib.metadata.version("cflib").split(".")[:3])
 COMMANDER, HIGH_LEVEL = 7, 8
 POSITION, FULL_STATE, STOP = 7, 6, 0
-TAKE_OFF, LAND, GO_TO, DEFINE, HIGH_STOP = 7, 8, 12, 6, 3
+LAND, DEFINE, HIGH_STOP = 8, 6, 3
+WATCHDOG_S = 2.0
 START = 13 if CFLIB >= (0, 1, 29) else 5
 
 with open(os.path.join(os.path.dirname(__file__), "firmware-names.txt"), encoding="utf-8") as file:
@@ -72,31 +73,34 @@ class SharedClock(Clock):
 
 
 class Body:
-    """A drone that is where it is told to be: the firmware's order of commanders, its watchdog and its
-    clock. `fell` says from which height its motors stopped."""
+    """A drone that is where it is told to be: the firmware's order of commanders, its planner, its
+    watchdog, its supervisor and its clock. `fell_m` says from which height its motors stopped."""
 
     def __init__(self, clock, place=(0.0, 0.0), clock_rate=84 / 85):
         self.clock, self.clock_rate = clock, clock_rate
         self.at, self.target, self.top_m, self.fell_m = [*place, 0.0], [0.0] * 3, 0.0, 0.0
-        self.low_s, self.leg, self.on, self.locked = None, None, False, False
+        self.low_s, self.leg, self.on, self.locked, self.cut_by = None, None, False, False, None
 
     def setpoint(self, place):
+        """A setpoint by radio, which stops the planner on board."""
         if not self.locked:
-            self.low_s, self.target, self.on = self.clock.now_s, list(place), True
+            self.low_s, self.target, self.on, self.leg = self.clock.now_s, list(place), True, None
 
-    def fly_leg(self, to, duration_s):
-        """A leg of the commander on board, on its clock; it holds its end."""
-        start, end = list(self.at), list(to)
+    def land(self, duration_s):
+        """A landing on board, on its clock; then the motors are off."""
+        start = list(self.at)
 
         def way(time_s):
             u = min(max(time_s / duration_s, 0.0), 1.0)
             share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-            return [a + share * (b - a) for a, b in zip(start, end)]
+            return [*start[:2], start[2] * (1 - share)]
 
-        self.leg = (self.clock.now_s, way)
+        if not self.locked:
+            self.leg = (self.clock.now_s, way, duration_s, "stop")
 
     def fly_pieces(self, data):
-        """A compressed trajectory, as `pptraj_compressed.c` reads it."""
+        """A compressed trajectory, as `pptraj_compressed.c` reads it; at its end it is held, or has no
+        goal, where the last piece divides by its duration of 0."""
         end, at, pieces = list(struct.unpack_from("<hhhh", data)), 8, []
         while True:
             header, duration_ms = struct.unpack_from("<BH", data, at)
@@ -118,37 +122,49 @@ class Body:
             u = min(max(time_s / duration_s, 0.0), 1.0)
             return [casteljau(curve, u) / 1000 for curve in curves]
 
-        self.leg = (self.clock.now_s, way)
+        lasts_s = sum(duration_s for duration_s, _ in pieces)
+        self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
 
     def relax(self):
+        """Setpoints are over: a planner that is stopped wants the motors off."""
         self.low_s = None
+        if self.leg is None:
+            self.cut("a null setpoint")
 
-    def cut(self):
-        self.fell_m = max(self.fell_m, self.at[2] if self.on else 0.0)
-        self.on, self.leg, self.low_s = False, None, None
+    def cut(self, by, locks=False):
+        if self.on:
+            self.fell_m, self.cut_by = self.at[2], by
+        self.on, self.leg, self.low_s, self.locked = False, None, None, self.locked or locks
         self.at[2] = self.target[2] = 0.0
 
     def move(self):
         """Brings it to the present: setpoints come before the commander on board."""
         now_s = self.clock.now_s
         if self.low_s is not None:
-            if now_s - self.low_s > 2.0:
-                self.cut()
-                self.locked = True
-                return
-        elif self.leg and not self.locked:
-            begin_s, way = self.leg
-            self.target, self.on = way((now_s - begin_s) * self.clock_rate), True
+            if now_s - self.low_s > WATCHDOG_S:
+                return self.cut("the firmware's watchdog", locks=True)
+        elif self.leg:
+            begin_s, way, lasts_s, then = self.leg
+            time_s = (now_s - begin_s) * self.clock_rate
+            self.target, self.on = way(min(time_s, lasts_s)), True
+            self._be_there()
+            if then == "stop" and time_s > lasts_s:
+                return self.cut("the end of a landing")
+            if then == "no goal" and time_s > lasts_s + WATCHDOG_S:
+                return self.cut("the firmware's watchdog", locks=True)
         if self.on:
-            self.at = [*self.target[:2], max(self.target[2], 0.0)]
-            self.top_m = max(self.top_m, self.at[2])
+            self._be_there()
+
+    def _be_there(self):
+        self.at = [*self.target[:2], max(self.target[2], 0.0)]
+        self.top_m = max(self.top_m, self.at[2])
 
     def outcome(self):
         if self.top_m < 0.05:
             return "never took off"
-        if self.fell_m > 0.3:
-            return "motors off by the firmware's watchdog" if self.locked else "fell"
-        return "landed" if self.at[2] < 0.05 else "in the air"
+        if self.on:
+            return "in the air" if self.at[2] > 0.05 else "on the floor with its propellers on"
+        return "landed" if self.fell_m < 0.3 else f"falls by {self.cut_by}"
 
 
 def casteljau(points, u):
@@ -216,6 +232,13 @@ class Radio:
         self.upload, self.timings = None, None
         self.led = types.SimpleNamespace(timings=[], add=self.add_timing, write_data=self.write_led)
 
+    def fault(self, bit):
+        """Sets a bit of the supervisor in flight, whose motors the firmware has stopped by then
+        (`supervisor_state_machine.c`, `transitionsFlying`)."""
+        self.body.move()
+        self.body.cut("the firmware's own cut", locks=True)
+        self.bits |= 1 << bit
+
     def touch(self, call):
         """Counts a call, and fails as it was told: at its nth time."""
         self.calls[call] = self.calls.get(call, 0) + 1
@@ -255,15 +278,9 @@ class Radio:
         elif port == COMMANDER and data[0] == FULL_STATE:
             self.body.setpoint([v / 1000 for v in struct.unpack_from("<hhh", data, 1)])
         elif port == COMMANDER or data[0] == HIGH_STOP:
-            self.body.cut()
-        elif data[0] == TAKE_OFF:
-            height, _, _, duration_s = struct.unpack_from("<ff?f", data, 2)
-            self.body.fly_leg([*self.body.at[:2], height], duration_s)
+            self.body.cut("the script")
         elif data[0] == LAND:
-            _, _, _, duration_s = struct.unpack_from("<ff?f", data, 2)
-            self.body.fly_leg([*self.body.at[:2], 0.0], duration_s)
-        elif data[0] == GO_TO:
-            self.body.fly_leg(struct.unpack_from("<fff", data, 4), 3.0)
+            self.body.land(struct.unpack_from("<ff?f", data, 2)[3])
         elif data[0] == START:
             self.body.fly_pieces(self.upload)
 

@@ -1,24 +1,27 @@
 """Exported scripts with everything that can go wrong, in a folder of them: see tests/export.
 
-Each fault ends in a drone that has landed or never took off, and in a reason that is printed. Two are
-out of a script's hands: a link that is lost while setpoints are sent ends in the firmware's watchdog,
-and a second Ctrl-C stops the motors.
+Each fault ends in a drone that has landed, its motors off, or never took off, and in a reason that is
+printed. Three are out of a script's hands: a link that is lost while setpoints are sent ends in the
+firmware's watchdog, a drone that has tumbled, crashed, is locked or has a deck's fault is cut by the
+firmware, and a second Ctrl-C stops the motors.
 """
 
 import contextlib
 import io
 import json
+import math
 import os
 import signal
 import sys
 import tempfile
 import unittest
 import unittest.mock
+import warnings
 
 import cflib.crazyflie.log
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from drone import CFLIB, LOGS, PARAMS, START, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
+from drone import CFLIB, LOGS, PARAMS, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
 
 WORK = sys.argv[1]
 cflib.crazyflie.log.LogConfig = Block
@@ -111,14 +114,24 @@ def silent(flight):
         block.on = False
 
 
+def block_silent(name):
+    """One block of the log falls silent while others go on; what it last said stays."""
+    def silence(flight):
+        for block in flight.radio.blocks:
+            block.on = block.on and block.name != name
+
+    return silence
+
+
 def bit(number):
-    def set_bit(flight):
-        flight.radio.bits = 1 << number
-
-    return set_bit
+    return lambda flight: flight.radio.fault(number)
 
 
-LANDED, STAYED = "landed", "never took off"
+def no_number(name):
+    return lambda flight: flight.radio.values.update({name: math.nan})
+
+
+LANDED, STAYED, FALLS = "landed", "never took off", "falls by the firmware's own cut"
 
 
 class Faults(unittest.TestCase):
@@ -174,6 +187,10 @@ class Faults(unittest.TestCase):
         }
         for fault, (radio, reason) in wrong.items():
             self.judged(fault, Flight(**radio), (STAYED,), reason)
+        for name in ("pm.vbat", "kalman.varPY", "stateEstimate.x", "stateEstimate.yaw", "stateEstimate.roll",
+                     "stateEstimate.pitch"):
+            flight = Flight(on_ground=no_number(name))
+            self.judged(f"{name} is no number on the floor", flight, (STAYED,), "wanted")
         gains = [(gain, 2 * value) for gain, value in load("I.py").DATA["gains"][:3]]
         all_gains = {**dict(load("I.py").DATA["gains"]), **dict(gains)}
         self.judged("other gains", Flight(gains=all_gains), (STAYED,), "--set-gains")
@@ -207,14 +224,23 @@ class Faults(unittest.TestCase):
             "Ctrl-C": (interrupt, ""), "battery empty": (empty, "battery"),
             "battery low": (low, "battery"), "position unsure": (unsure, "position"),
             "estimator drifts": (drifts, "from its target"), "outside the fence": (outside, "fence"),
-            "no log": (silent, "reports nothing"), "tumbled": (bit(5), "crashed"),
-            "crashed": (bit(7), "crashed"), "locked": (bit(6), "locked"), "deck": (bit(11), "deck"),
+            "no log": (silent, "reports nothing"),
             "signal": (lambda flight: flight.drone.stopped.set(), "Ctrl-C"),
         }
+        script = load("I.py")
+        for block in (*script.WATCH, *script.LOG):
+            in_the_air[f"log block {block} silent"] = (block_silent(block), f"nothing of {block}")
+        for name in ("stateEstimate.x", "stateEstimate.z", "stateEstimate.yaw", "kalman.varPX",
+                     "kalman.varPY", "kalman.varPZ", "pm.vbat", "ctrltarget.z"):
+            in_the_air[f"{name} no number"] = (no_number(name), "no number")
+        cuts = {"tumbled": (bit(5), "crashed: it falls"), "crashed": (bit(7), "crashed: it falls"),
+                "locked": (bit(6), "locked the drone: it falls"), "deck": (bit(11), "the drone falls")}
         for name, mode in (("I.py", "position"), ("I_trajectory.py", "trajectory")):
-            for fault, (do, reason) in in_the_air.items():
-                at_s = 2.0 if do is low else 4.0
-                self.judged(f"{fault} in the air, {mode}", Flight(name, mode, at_s, do), (LANDED,), reason)
+            later_s = 3.5 if mode == "trajectory" else 0.0
+            for faults, outcome in ((in_the_air, LANDED), (cuts, FALLS)):
+                for fault, (do, reason) in faults.items():
+                    flight = Flight(name, mode, later_s + (2.0 if do is low else 4.0), do)
+                    self.judged(f"{fault} in the air, {mode}", flight, (outcome,), reason)
 
     def test_every_call_that_fails_once_lands_or_never_takes_off(self):
         for name, mode in (("I.py", "position"), ("I.py", "full_state"),
@@ -233,23 +259,25 @@ class Faults(unittest.TestCase):
                     self.assertIn(f"{call} failed", said, f"{call} at {nth} of {n}")
 
     def test_a_link_lost_at_every_second_ends_on_the_floor(self):
-        # A trajectory ends on the floor by itself. With setpoints a new link has to come before the
-        # firmware stops the motors, 2 s after the last.
-        watchdog = "motors off by the firmware's watchdog"
+        # A trajectory ends on the floor by itself, and the firmware stops the motors there. With
+        # setpoints a new link has to come before it does so in the air, 2 s after the last.
+        watchdog = "falls by the firmware's watchdog"
         for name, mode, again_s, outcomes in (
                 ("I.py", "position", 1.5, (LANDED, STAYED)),
                 ("I.py", "position", 60.0, (STAYED, watchdog)),
                 ("I_trajectory.py", "trajectory", 5.0, (LANDED, STAYED)),
                 ("I_trajectory.py", "trajectory", 60.0, (STAYED, LANDED))):
-            for second in range(20):
+            for second in range(24):
                 flight = Flight(name, mode, second + 0.3, lose, again_s=again_s)
                 if flight.error and "landing" not in flight.printed:
                     fault = f"link lost at {second}.3 s, {mode}, a new one within {again_s} s"
-                    if mode == "trajectory" and again_s > 5.0 and not flight.radio.packets(8, START):
-                        self.assertIn(flight.outcome, (STAYED, "in the air"), "it waits for its trajectory")
-                        SEEN.append((fault, flight.outcome, flight.reason))
-                    else:
-                        self.judged(fault, flight, outcomes, "link was lost")
+                    self.judged(fault, flight, outcomes, "link was lost")
+                    if not flight.drone.found_again:
+                        started = flight.drone.lifted_s is not None
+                        says = {(True, "trajectory"): "lands by itself, and 2 s later the firmware stops",
+                                (True, "position"): "stops its motors after 2 s: it falls"}
+                        self.assertIn(says.get((started, mode), "nothing was started"), flight.reason)
+                        self.assertEqual(started or flight.outcome == STAYED, True)
 
     def test_a_second_ctrl_c_stops_the_motors(self):
         def twice(flight):
@@ -257,7 +285,7 @@ class Faults(unittest.TestCase):
             flight.clock.after(1.0, flight.drone.killed.set)
 
         flight = Flight("I.py", "position", 6.0, twice)
-        self.assertEqual(flight.outcome, "fell")
+        self.assertEqual(flight.outcome, "falls by the script")
 
     def test_files_that_cannot_be_written_come_after_landing(self):
         flight = Flight(log=os.path.join(WORK, "no", "such", "folder", "fault-log.json"))
@@ -292,6 +320,21 @@ class Faults(unittest.TestCase):
                 with self.assertRaisesRegex(SystemExit, word):
                     script.need_cflib()
         script.need_cflib()
+
+    def test_no_dongle_is_one_line(self):
+        script, said = load("I.py"), io.StringIO()
+
+        def nothing_plugged_in(*_, **__):
+            raise Exception("Cannot find a Crazyradio Dongle")
+
+        drivers = unittest.mock.patch("cflib.crtp.get_link_driver", nothing_plugged_in)
+        with drivers, contextlib.redirect_stderr(said), contextlib.ExitStack() as links_opened:
+            warnings.simplefilter("ignore")  # of cflib's own Python
+            with self.assertRaises(script.Stopped) as ended:
+                script.opened(links_opened, "radio://0/80/2M/E7E7E7E7E7")
+        self.assertEqual(said.getvalue(), "")
+        self.assertEqual(len(str(ended.exception).splitlines()), 1, ended.exception)
+        self.assertIn("Cannot find a Crazyradio Dongle: plug it in", str(ended.exception))
 
     def test_signals_land_and_the_second_one_stops(self):
         script, before = load("I.py"), signal.getsignal(signal.SIGTERM)
@@ -405,16 +448,17 @@ class Fleet(unittest.TestCase):
         self.assertEqual(self.fly(), ([LANDED] * 2, "flown"))
 
         def crash(radios):
-            radios[1].bits = 1 << 7
+            radios[1].fault(7)
 
         def raises(radios):
             radios[0].failing["commander.send_position_setpoint"] = (
                 radios[0].calls["commander.send_position_setpoint"] + 1)
 
-        for fault, reason in ((crash, "crashed"), (raises, "send_position_setpoint failed")):
+        for fault, reason, other in ((crash, "crashed: it falls", FALLS),
+                                     (raises, "send_position_setpoint failed", LANDED)):
             outcomes, ended = self.fly(fault)
             SEEN.append((f"one of two: {reason}", outcomes[0], ended))
-            self.assertEqual(outcomes, [LANDED] * 2)
+            self.assertEqual(outcomes, [LANDED, other])
             self.assertIn(reason, ended)
 
     def test_none_takes_off_when_one_is_not_ready(self):

@@ -127,50 +127,6 @@ def taken(picture, shadow=1.0, to_side=0.85):
     return Image.fromarray(values.clip(0, 255).astype("uint8")).filter(ImageFilter.GaussianBlur(0.8))
 
 
-def face():
-    """A face under a lamp, in soft tones."""
-    y, x = np.mgrid[0:H, 0:W].astype(float)
-    light = 70 + 40 * (x / W) + 15 * np.sin(y / 90)
-    inside = lambda cx, cy, rx, ry: 1 / (1 + np.exp((((((x - cx) / rx) ** 2 + ((y - cy) / ry) ** 2) - 1) * 12).clip(max=99)))
-    put = lambda value, mask: light * (1 - mask) + value * mask
-    light = put(45, inside(400, 230, 190, 215))
-    light = put(200 - 0.12 * (x - 300), inside(400, 300, 145, 200))
-    light = put(150, inside(400, 640, 260, 120))
-    for cx in (345, 455):
-        light = put(230, inside(cx, 265, 30, 14))
-        light = put(40, inside(cx, 265, 11, 11))
-        light = put(70, inside(cx, 232, 38, 7))
-    light = put(150, inside(410, 335, 14, 40))
-    light = put(110, inside(400, 415, 52, 12))
-    return taken(Image.fromarray(light.clip(0, 255).astype("uint8")))
-
-
-def skyline():
-    page, random = Page((20, 24, 52)), np.random.default_rng(2)
-    for k in range(10):
-        x, top = 80 * k, 90 + 230 * random.random()
-        page.fill([(x, top), (x + 76, top), (x + 76, H), (x, H)], (8, 8, 14))
-        for row in range(21):
-            for column in range(4):
-                px, py = x + 8 + 17 * column, top + 12 + 22 * row
-                if random.random() < 0.45 and py < H - 20:
-                    page.fill([(px, py), (px + 9, py), (px + 9, py + 11), (px, py + 11)], (250, 214, 120))
-    return taken(page.done())
-
-
-def code():
-    page, random = Page(), np.random.default_rng(5)
-    square = lambda x, y, s, color: page.fill([(x, y), (x + s, y), (x + s, y + s), (x, y + s)], color)
-    cells = random.random((25, 25)) < 0.5
-    for (row, column), dark in np.ndenumerate(cells):
-        if dark:
-            square(200 + 16 * column, 100 + 16 * row, 16, (0, 0, 0))
-    for x, y in ((200, 100), (488, 100), (200, 388)):
-        for inset, color in ((-16, (255,) * 3), (0, (0,) * 3), (16, (255,) * 3), (32, (0,) * 3)):
-            square(x + inset, y + inset, 112 - 2 * inset, color)
-    return page.done()
-
-
 def inputs(folder):
     """Name, file and more arguments of each; the picture that stands for what is none."""
     made = []
@@ -197,10 +153,6 @@ def inputs(folder):
         page.fill([(180, 370), (290, 550), (70, 550)], BLUE)
         page.fill(circle(420, 470, 60), GREEN)
         page.line([(560, 420), (620, 540), (740, 380)], INK, 12)
-
-    def medal(page):
-        page.fill(circle(400, 300, 220), BLUE)
-        page.fill(star(400, 300, 150), YELLOW)
 
     def signature(page):
         text(page, "Noor", 120, 370, 150, (25, 30, 90), 7, 0.35)
@@ -251,7 +203,6 @@ def inputs(folder):
 
     add("logo, thick", drawn(thick).done())
     add("icons", drawn(icons).done(), *LAMP)
-    add("star in a disc", drawn(medal).done(), *LAMP)
     add("child's drawing", drawn(child).done(), *LAMP)
     add("the same, --ink red", drawn(child).done(), "--ink", "red", *LAMP)
     add("signature", taken(drawn(signature, (250, 248, 240)).done()), ending="jpg")
@@ -267,9 +218,6 @@ def inputs(folder):
     add("white, transparent", drawn(lambda page: page.line(heart(400, 290, 220) + heart(400, 290, 220)[:2], (255,) * 4, 16), (0, 0, 0, 0), "RGBA").done())
     add("map", drawn(chart, (246, 243, 232)).done(), *LAMP)
     add("line portrait", drawn(portrait).done())
-    add("portrait, photograph", face(), "--set", "letters.picture=photograph", ending="jpg")
-    add("skyline at night", skyline(), ending="jpg")
-    add("QR code, warned of", code())
     svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 80 60' fill='none' stroke-width='2'><linearGradient id='g'><stop stop-color='red'/><stop offset='.5' stop-color='lime'/><stop offset='1' stop-color='blue'/></linearGradient><path stroke='url(#g)' d='M5 40C20 0 30 60 40 30S60 10 75 35'/><circle cx='40' cy='30' r='26' stroke='orange'/></svg>"
     vector = lambda page: [page.line([(10 * x, 10 * y) for x, y in curve], color, 9) for curve, color in ((circle(40, 30, 26), (255, 165, 0)), ([(5 + 0.58 * k, 38 - 12 * math.sin(k / 9)) for k in range(121)], GREEN))]
     shown = folder / "svg.png"

@@ -223,8 +223,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
-            "plan with plan.reference=inverse, or learn from B; if only its clock is late, compare \
-             with --align flown",
+            "plan with plan.reference=inverse; if only its clock is late, compare with --align flown",
         ),
         Discrepancy::Lag(s) => (
             format!("B is {:.2} s ahead of A", -s),
@@ -243,7 +242,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
         }
         Discrepancy::Path(m) => (
             format!("B flies another path than A, {:.0} mm away (RMS)", 1e3 * m),
-            "learn from B: noctograph learn SCENE WORD --flight B",
+            "measure B's drone, and set the scene so: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
             format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),

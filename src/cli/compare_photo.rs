@@ -1,12 +1,13 @@
-//! `noctograph compare-photo`: a render is laid over a real photograph.
+//! `noctograph compare-photo`: a render is laid over a real photograph, letter on letter.
 
 use std::path::PathBuf;
 
-use super::{Args, OutputFolder, Report, Result, json, warn};
+use super::{Args, Error, OutputFolder, Report, Result, warn};
+use crate::geometry::distance;
 use crate::photo;
 use crate::photo::flip::difference;
-use crate::photo::register::{Registration, register};
-use crate::report::photos::{overlay, placed, shrink};
+use crate::report::photos::{Similarity, overlay, placed, shrink};
+use crate::score::{ReadLetter, read};
 
 #[derive(Debug, Args)]
 pub(super) struct ComparePhotoArgs {
@@ -22,16 +23,20 @@ pub(super) struct ComparePhotoArgs {
 /// Longer side of the pictures that are compared, at most: a photograph is shrunk to it.
 const LONGEST_PX: u32 = 2048;
 
-/// Largest 95th percentile of the trails' distances that two pictures of one word have, by the
-/// photograph's longer side.
-const MOST_OFF: f64 = 0.1;
-
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let folder = OutputFolder::create(&args.output)?;
-    let registered = register(&render, &photo)?;
-    let (laid, covered) = placed(&render, &registered.transform, [photo.width_px, photo.height_px]);
+    let [of_render, of_photo] = [read(&render), read(&photo)];
+    let pairs = corners(&of_render.letters, &of_photo.letters)?;
+    if of_render.text != of_photo.text {
+        let [rendered, photographed] = [&of_render.text, &of_photo.text];
+        warn([format!("the render reads as {rendered}, the photograph as {photographed}")]);
+    }
+    let transform = Similarity::between(&pairs);
+    let off_px2 = pairs.iter().map(|[a, b]| libm::pow(distance(transform.apply(*a), *b), 2.0));
+    let residual_px = (off_px2.sum::<f64>() / pairs.len() as f64).sqrt();
+    let (laid, covered) = placed(&render, &transform, [photo.width_px, photo.height_px]);
     let mut difference = difference(&photo, &laid);
     let mean = difference.mean(|index| covered[index]);
     for (value, covered) in difference.values.iter_mut().zip(&covered) {
@@ -46,25 +51,41 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
     let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
-    if registered.residual_px[1] > MOST_OFF * f64::from(photo.width_px.max(photo.height_px)) {
-        warn(["trails of the render are far from any in the photograph: is it of the same word?"]);
-    }
-    let Registration { transform, correlation, residual_px: [median_px, p95_px] } = registered;
     let mut report = Report::empty();
     report.value("photo_px", [photo.width_px, photo.height_px]);
-    report.value("residual_px", json!({ "median": median_px, "p95": p95_px }));
     let ([x, y], degrees) = (transform.shift_px, transform.rotation_rad.to_degrees());
     let placement = format!(
         "scale {:.4} (photo by render), turned by {degrees:+.2}°, corner at {x:.1},{y:.1} px",
         transform.scale
     );
     report.figure("transform", transform, "placement", &placement);
-    let fit = format!(
-        "correlation {correlation:.2}, trails off by {median_px:.1} px (median), {p95_px:.1} px \
-         (95 %)"
-    );
-    report.figure("correlation", correlation, "fit", &fit);
+    let fit = format!("corners of the letters off by {residual_px:.1} px (RMS)");
+    report.figure("residual_px", residual_px, "fit", &fit);
     let mean_text = format!("{mean:.3}, mean difference over the render");
     report.figure("mean_flip", mean, "FLIP", &mean_text);
     Ok(report.with_files(&files))
+}
+
+/// Corners of the letters in both pictures, pair by pair.
+fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
+    if render.is_empty() || render.len() != photo.len() {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{} letters are read in the render, {} in the photograph: they are laid over each \
+                 other by their letters",
+                render.len(),
+                photo.len()
+            ),
+            hint: "compare photographs of the same word; cut the photograph to it".into(),
+        });
+    }
+    let upper_left_and_lower_right = |letter: &ReadLetter| {
+        let [left, top, right, bottom] = letter.box_px;
+        [[left, top], [right, bottom]]
+    };
+    let pairs = render.iter().zip(photo).flat_map(|(one, other)| {
+        let [from, to] = [one, other].map(upper_left_and_lower_right);
+        [0, 1].map(|corner| [from[corner], to[corner]])
+    });
+    Ok(pairs.collect())
 }

@@ -8,7 +8,7 @@ use super::{
     Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
     findings, named, warn,
 };
-use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
+use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{
@@ -149,6 +149,16 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     report.optional("deviation_mm", deviation_mm, "deviation", |off_mm| {
         format!("up to {off_mm:.1} mm from the design")
     });
+    if args.to.stays_in_the_air() {
+        for plan in &plans {
+            let [begins_m, ends_m] = end_heights_m(plan)?;
+            warn([format!(
+                "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, and there \
+                 the drone hovers until it is told to land or its battery is empty: take off and \
+                 land by commands of your own, or fly the script for cflib"
+            )]);
+        }
+    }
     if deviation_mm.is_some_and(|off_mm| off_mm > 2.0 * tolerance_mm) {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }

@@ -49,7 +49,7 @@ pub(super) struct SetFlag {
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
     /// Scene: a file (TOML), a photo of this program (PNG), a preset, team, pid, geometric, tuned,
-    /// or a learned folder
+    /// or a folder with scene.toml
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
     #[command(flatten)]
@@ -62,19 +62,18 @@ pub(super) struct SceneFlags {
 impl SceneFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        Ok(self.named(more, &[])?.scene)
+        self.load_using(more, &[])
     }
 
-    /// The same, with the learned plans if the scene is a folder, for a verb that uses some keys
-    /// which are without effect in a flight.
-    pub(super) fn named(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
+    /// The same, for a verb that uses some keys which are without effect in a flight.
+    pub(super) fn load_using(&self, more: &[Setting], used: &[&str]) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        let mut named = match &self.scene {
-            Some(named) => find_scene(named, &settings)?,
-            None => NamedScene::new("", Scene::parse_with("", "scene", &borrowed(&settings))?),
+        let mut scene = match &self.scene {
+            Some(named) => find_scene(named, &settings)?.scene,
+            None => Scene::parse_with("", "scene", &borrowed(&settings))?,
         };
-        self.finish(&mut named.scene, used)?;
-        Ok(named)
+        self.finish(&mut scene, used)?;
+        Ok(scene)
     }
 
     pub(super) fn is_given(&self) -> bool {
@@ -115,7 +114,7 @@ impl SceneFlags {
     }
 }
 
-/// A scene by its name with settings laid over it, and its learned plans.
+/// A scene by its name with settings laid over it.
 pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene> {
     Scene::find(named, &borrowed(settings))
 }
@@ -158,7 +157,7 @@ pub(super) struct DesignFlags {
 impl DesignFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        let mut scene = self.named(more)?.scene;
+        let mut scene = self.unfitted(more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
@@ -174,7 +173,7 @@ impl DesignFlags {
         Ok(())
     }
 
-    fn named(&self, more: &[Setting]) -> Result<NamedScene> {
+    fn unfitted(&self, more: &[Setting]) -> Result<Scene> {
         let mut settings = self.letters.settings();
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
@@ -186,15 +185,15 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut named = self.scene.named(&settings, &[])?;
+        let mut scene = self.scene.load(&settings)?;
         if let Some(room_m) = self.letters.room {
-            let usual = Scene::preset(named.scene.preset).sensors.lighthouse.stations;
-            let stations = &mut named.scene.sensors.lighthouse.stations;
+            let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
+            let stations = &mut scene.sensors.lighthouse.stations;
             if *stations == usual {
                 *stations = Profile::indoor().in_room(room_m).stations().into();
             }
         }
-        Ok(named)
+        Ok(scene)
     }
 }
 
@@ -216,18 +215,18 @@ pub(super) struct SubjectFlags {
 
 impl SubjectFlags {
     pub(super) fn scene(&self) -> Result<Scene> {
-        let mut scene = self.named()?.scene;
+        let mut scene = self.unfitted()?;
         self.design.fit(&mut scene)?;
         Ok(scene)
     }
 
-    fn named(&self) -> Result<NamedScene> {
-        let mut named = self.design.named(&[])?;
-        named.scene.seed = self.seed.seed.unwrap_or(named.scene.seed);
+    fn unfitted(&self) -> Result<Scene> {
+        let mut scene = self.design.unfitted(&[])?;
+        scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
-            set_word(&mut named.scene, word)?;
+            set_word(&mut scene, word)?;
         }
-        Ok(named)
+        Ok(scene)
     }
 
     /// The word that was typed, in either way.
@@ -235,23 +234,18 @@ impl SubjectFlags {
         self.word.as_ref().or(self.inputs.first()).map(String::as_str)
     }
 
-    /// The word or the plans, ready to fly; `change` has the last word on the scene.
-    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let mut named = self.named()?;
-        change(&mut named.scene)?;
-        let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
-        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        match inputs.as_slice() {
+    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
+        let mut scene = self.unfitted()?;
+        change(&mut scene)?;
+        match self.inputs.as_slice() {
             [] => {}
-            all if all.iter().all(is_plan) => {
-                return Shoot::with_plans(named.scene, read_plans(all)?);
-            }
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
                     let hint = "name one of them; --word says what plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
-                set_word(&mut named.scene, word)?;
+                set_word(&mut scene, word)?;
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -259,11 +253,23 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
-        self.design.fit(&mut named.scene)?;
+        self.design.fit(&mut scene)?;
         if let Some(room_m) = self.design.letters.room {
-            frame_within(&mut named.scene, room_m)?;
+            frame_within(&mut scene, room_m)?;
         }
-        let shoot = Shoot::named(named)?;
+        Ok(scene)
+    }
+
+    /// The word or the plans, ready to fly; `change` has the last word on the scene.
+    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+        let plans: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
+        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
+        if !plans.is_empty() && plans.iter().all(is_plan) {
+            let mut scene = self.unfitted()?;
+            change(&mut scene)?;
+            return Shoot::with_plans(scene, read_plans(&plans)?);
+        }
+        let shoot = Shoot::new(self.ready(change)?)?;
         warn_of_fewer_drones(&shoot);
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);

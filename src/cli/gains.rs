@@ -37,7 +37,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     Ok(report)
 }
 
-/// Gains of the loops of a controller that is no regulator: name, proportional, integral and
+/// Gains of the loops of a cascade or geometric controller: name, proportional, integral and
 /// derivative gain, and the unit of the first.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
@@ -184,7 +184,7 @@ fn bryson(design: &Design, r: &[f64; 4]) -> String {
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
 }
 
-/// The design with names and decibels, and the gains of a controller that is no regulator.
+/// The design with names and decibels, and the gains of a cascade or geometric controller.
 fn to_json(design: &Design, gains: &LoopGains) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {

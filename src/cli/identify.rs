@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, table, warn};
-use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;
 
@@ -89,24 +88,6 @@ fn tell(report: &mut Report, identified: Option<&Identified>) {
         let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
         let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
         report.line("rotor lag", &format!("{ms:.0} ± {doubt_ms:.0} ms (95 %){note}"));
-    }
-    let torque_n_m = identified.and_then(|it| it.air).map(|air| air.torque_sigma_n_m);
-    report.optional("air_torque_n_m", torque_n_m, "uneven air", |[x, y]| {
-        format!("turns with sigma x {x:.1e}  y {y:.1e} N m")
-    });
-    let reaction = identified.and_then(|it| it.reaction);
-    report.value("k_m_n_m", reaction.map(|it| it.k_m_n_m));
-    report.value("k_m_half_width_n_m", reaction.map(|it| it.half_width_n_m));
-    report.value("k_m_identifiable", reaction.map(|it| it.is_identifiable()));
-    report.value("yaw_correlation", reaction.map(|it| it.correlation));
-    if let Some(ReactionTorque { k_m_n_m, half_width_n_m, correlation }) = reaction {
-        let per_unit = "N m per unit of a motor's command (95 %)";
-        report.line("k_M", &format!("{k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}"));
-        if !reaction.is_some_and(|it| it.is_identifiable()) {
-            let why = "not identifiable from this log: yaw was not excited, or the log is slower \
-                       than the motors' commands";
-            report.line("", &format!("{why} (correlation {correlation:.2})"));
-        }
     }
     let sigma_m = identified.and_then(|it| it.measurement_sigma_m);
     let q = identified.and_then(Identified::observer_q);

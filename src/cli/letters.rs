@@ -17,12 +17,12 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "NAME|FILE,...", value_delimiter = ',')]
     fallback: Vec<String>,
     /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
-    /// paper, a logo, a photograph), or handwriting as *.json; the color LED deck and the ring
-    /// write in its colors
+    /// paper, a logo), or handwriting as *.json; the color LED deck and the ring write in its
+    /// colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default:
-    /// 1; 0.5 for a photograph]
+    /// 1]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
     /// Colors and numbers of the strokes of a drawing that are drawn, such as red or 2,5-7; `plan

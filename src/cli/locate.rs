@@ -6,20 +6,19 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 
-use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
 use super::locate_region::region;
 use super::{
-    Error, FlightFlags, Outcome, OutputFolder, Report, Result, SceneFlags, json, numbers, table,
-    warn, warn_of,
+    Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, table, warn,
+    warn_of,
 };
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
-    Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
-    RangeSample, Reference, Room, Track, check_count, link_errors, locate, locate_enlarged,
-    locate_shared, nis_interval, position_error,
+    Link, LinkError, LinkResidual, LocateOptions, Located, PositionError, RangeSample, Reference,
+    Room, Track, check_count, link_errors, locate, locate_enlarged, locate_shared, nis_interval,
+    position_error,
 };
-use crate::logs;
+use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use crate::sensors::read_anchors;
@@ -64,13 +63,10 @@ pub(super) struct LocateArgs {
     /// Flight or log with the true positions, one for each drone
     #[arg(long, value_name = "FILE")]
     reference: Vec<PathBuf>,
-    /// Seconds to add to the clock of a reference, one for each [default: 0 where its stamps and
-    /// those of the logs have time in common, otherwise those at which the positions fit best]
+    /// Seconds to add to the clock of a reference, one for each, where its stamps are not those of
+    /// the logs
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     offset: Vec<f64>,
-    /// Clocks of the logs
-    #[arg(long, value_enum, value_name = "NAME", default_value_t = Clocks::Common)]
-    clocks: Clocks,
     /// Anchors (YAML of cfclient) that replace the scene's
     #[arg(long, value_name = "FILE")]
     anchors: Option<PathBuf>,
@@ -85,7 +81,7 @@ pub(super) struct LocateArgs {
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
     /// Map the local region of the shared-anchor observer for the scene's word, without a log
-    #[arg(long, conflicts_with_all = ["reference", "offset", "clocks", "anchors", "observer",
+    #[arg(long, conflicts_with_all = ["reference", "offset", "anchors", "observer",
           "acceleration", "within", "output"])]
     region: bool,
     #[command(flatten)]
@@ -98,7 +94,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.named(&[], &USED)?.scene;
+    let mut scene = args.scene.load_using(&[], &USED)?;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();
@@ -129,7 +125,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         // Before the next one is read.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
-    let mut alignments = align_logs(&mut logs, &mut samples, args.clocks, &anchors_m, &options)?;
+    align_logs(&mut logs, &mut samples)?;
     let samples: Vec<RangeSample> = samples.into_iter().flatten().collect();
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
@@ -142,7 +138,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
-    alignments.extend(align_references(&mut references, &logs, &located, &args.offset)?);
+    align_references(&mut references, &logs, &args.offset)?;
+    let clocks: Vec<&Dated<'_>> = logs.iter().chain(&references).collect();
     let references: Vec<Reference<'_>> = references
         .iter()
         .map(|dated| Reference { flight: &dated.flight, offset_s: dated.offset_s })
@@ -154,13 +151,84 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let links = link_errors(&samples, &anchors_m, &references);
 
     let mut report = described(&located, args.observer);
-    alignments.iter().for_each(|one| report.line("clocks", &statement(one)));
-    report.value("clocks", &alignments);
-    tell_ambiguities(&mut report, &located.ambiguities);
+    tell_clocks(&mut report, &clocks);
     tell_tables(&mut report, &located.links, &errors, &links);
-    let is_certain = located.ambiguities.is_empty();
-    let outcome = if is_certain { Outcome::Done } else { Outcome::Ambiguous };
-    Ok(report.with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files))
+}
+
+/// A log or a reference with its clock.
+struct Dated<'a> {
+    path: &'a PathBuf,
+    flight: Flight,
+    /// Stamp of its time zero, on a clock that other files may share.
+    zero_stamp_s: Option<f64>,
+    /// Seconds to add to its times.
+    offset_s: f64,
+}
+
+impl Dated<'_> {
+    /// First and last stamp.
+    fn stamps_s(&self) -> Option<[f64; 2]> {
+        let zero_s = self.zero_stamp_s?;
+        let (first, last) = self.flight.samples.first().zip(self.flight.samples.last())?;
+        Some([zero_s + first.time_s, zero_s + last.time_s])
+    }
+
+    /// Seconds from the zero of another file to the zero of this one, where both are stamped by one
+    /// clock: their stamps have time in common.
+    fn after_s(&self, other: &Self) -> Option<f64> {
+        let ([from_s, to_s], [other_from_s, other_to_s]) = (self.stamps_s()?, other.stamps_s()?);
+        let overlap = from_s.max(other_from_s) < to_s.min(other_to_s);
+        Some(self.zero_stamp_s? - other.zero_stamp_s?).filter(|_| overlap)
+    }
+}
+
+/// Puts the logs and their ranges on the clock of the first, its zero at the first sample of all.
+fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
+    let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
+    for log in others {
+        let wanted = format!("stamps in common with those of {}", first.path.display());
+        let hint =
+            "stamp the logs with one clock, or locate drones without ranges between them alone";
+        log.offset_s = log
+            .after_s(first)
+            .ok_or_else(|| Error::input(log.path.display(), "another clock", wanted, hint))?;
+    }
+    let begin_s = |log: &Dated<'_>| log.flight.samples.first().map_or(0.0, |s| s.time_s);
+    let earliest_s = logs.iter().map(|log| begin_s(log) + log.offset_s).fold(0.0, f64::min);
+    for (log, samples) in logs.iter_mut().zip(samples) {
+        log.offset_s -= earliest_s;
+        samples.iter_mut().for_each(|sample| sample.time_s += log.offset_s);
+    }
+    Ok(())
+}
+
+/// Puts the references, one for each log, on the clock of the logs.
+fn align_references(
+    references: &mut [Dated<'_>],
+    logs: &[Dated<'_>],
+    told_s: &[f64],
+) -> Result<()> {
+    for (drone, (reference, log)) in references.iter_mut().zip(logs).enumerate() {
+        let (after_s, told_s) = (reference.after_s(log), told_s.get(drone));
+        if after_s.is_none() && told_s.is_none() {
+            let hint = "give the seconds between the two clocks with --offset";
+            let wanted = "stamps in common with those of the log";
+            return Err(Error::input(reference.path.display(), "another clock", wanted, hint));
+        }
+        reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + told_s.unwrap_or(&0.0);
+    }
+    Ok(())
+}
+
+/// What was added to the times of each file, where there are several.
+fn tell_clocks(report: &mut Report, files: &[&Dated<'_>]) {
+    let files = if files.len() > 1 { files } else { &[] };
+    for Dated { path, offset_s, .. } in files {
+        report.line("clock", &format!("{}: offset {offset_s:+.3} s", path.display()));
+    }
+    let clocks = files.iter().map(|file| json!({ "file": file.path, "offset_s": file.offset_s }));
+    report.value("clocks", clocks.collect::<Vec<_>>());
 }
 
 /// Refuses a flag that is repeated for some of the files only.
@@ -181,7 +249,8 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
     // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
     dated.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
     warn_of(path, &dated.flight.warnings);
-    Ok(Dated::new(path, dated))
+    let OnClock { flight, zero_stamp_s, .. } = dated;
+    Ok(Dated { path, flight, zero_stamp_s, offset_s: 0.0 })
 }
 
 fn write(
@@ -308,7 +377,7 @@ fn described(located: &Located, observer: Observer) -> Report {
     let interval @ [least, most] = nis_interval(located.ranges);
     let json = json!({
         "span_s": span_s, "nis_interval": interval, "refused_frac": located.refused_frac,
-        "biases": located.biases, "left_out": located.left_out, "warnings": located.warnings,
+        "warnings": located.warnings,
     });
     let mut report = Report::of(json);
     let way = match observer {
@@ -333,20 +402,6 @@ fn described(located: &Located, observer: Observer) -> Report {
         let [median_cm, worst_cm] = [*median_m, worst_m.unwrap_or_default()].map(|m| 100.0 * m);
         format!("{median_cm:.1} cm over three axes (median), {worst_cm:.1} cm at worst")
     });
-    for Bias { of, bias_m, sigma_m, in_doubt, .. } in &located.biases {
-        let [bias_cm, sigma_cm] = [bias_m, sigma_m].map(|m| 100.0 * m);
-        let doubt = match in_doubt {
-            true => "; the ranges do not tell which of these links is wrong, so each has a bias",
-            false => "",
-        };
-        report.line(
-            "bias",
-            &format!("{of}: {bias_cm:+.1} cm ± {sigma_cm:.1}, estimated and taken off{doubt}"),
-        );
-    }
-    if !located.left_out.is_empty() {
-        report.line("left out", &located.left_out.join(", "));
-    }
     report
 }
 
@@ -357,23 +412,6 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let sigmas_m: Vec<f64> = heard.map(|covariance| covariance.trace().max(0.0).sqrt()).collect();
     let worst_m = sigmas_m.iter().copied().fold(0.0, f64::max);
     Some([median(sigmas_m)?, worst_m])
-}
-
-/// When the place of a drone is not certain.
-fn tell_ambiguities(report: &mut Report, ambiguities: &[Ambiguity]) {
-    for (k, Ambiguity { drone, from_s, to_s, apart_m }) in ambiguities.iter().enumerate() {
-        let text = format!(
-            "drone {drone} from {from_s:.1} to {to_s:.1} s: a place up to {apart_m:.1} m away has \
-             the same ranges"
-        );
-        report.line(if k == 0 { "ambiguous" } else { "" }, &text);
-    }
-    report.value("ambiguities", ambiguities);
-    if !ambiguities.is_empty() {
-        let advice = "name the room with `--within`, if only one of the two places is inside it; \
-                      otherwise add an anchor outside the plane of the others";
-        report.line("advice", advice);
-    }
 }
 
 /// What the located positions leave of the ranges, by link; against the references, the errors of

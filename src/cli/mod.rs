@@ -1,8 +1,7 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names
-//! of flags.
+//! legible), 1 not legible or not safe to fly, 2 error. Only this room knows the names of flags.
 
 use std::io::Write;
 use std::num::NonZero;
@@ -28,7 +27,6 @@ use table::table;
 
 mod advice;
 mod check;
-mod clocks;
 mod compare;
 mod compare_photo;
 mod coverage;
@@ -44,12 +42,10 @@ mod generate;
 mod hold;
 mod identify;
 mod import;
-mod learn;
 mod letters;
 mod locate;
 mod locate_region;
 mod meter;
-mod movie;
 mod names;
 mod outcome;
 mod output;
@@ -61,7 +57,6 @@ mod rank;
 mod read;
 mod relit;
 mod report;
-mod robustness;
 mod scene;
 mod score;
 mod serve;
@@ -83,8 +78,7 @@ pub use outcome::Report;
     version,
     max_term_width = 80,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or ambiguous, 2 \
-                  error."
+    after_help = "Exit codes: 0 done (and legible), 1 not legible or not safe to fly, 2 error."
 )]
 struct CommandLine {
     #[command(subcommand)]
@@ -174,11 +168,6 @@ verbs! {
         /// Tune gains, observer and speed for legible words
         Tune(tune::TuneArgs)
             "noctograph tune cf21 --words I:1 --budget 40 --test-words O --test-seeds 1",
-        /// Learn a word's setpoints and light schedule from its flights
-        Learn(learn::LearnArgs) "noctograph learn cf21 NO --rounds 2 --repeats 2",
-        /// Find which disturbance makes a word illegible first
-        Robustness(robustness::RobustnessArgs)
-            "noctograph robustness cf21 --words I:1 --times 1,4",
         /// Hold an altitude on three imperfect sensors: figures and plots
         Hold(hold::HoldArgs) "noctograph hold --scenario calm --runs 4",
     }
@@ -262,7 +251,7 @@ pub fn main() -> ExitCode {
     });
     match done {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible | Outcome::NotSafe | Outcome::Ambiguous) => ExitCode::from(1),
+        Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
         Err(error) => {
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {
@@ -471,7 +460,7 @@ mod tests {
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
         // `scene` writes it down. `export` refuses what `check`, which flies, stops.
-        let noisy = "preview check export expose fly meter rank tune learn robustness hold scene";
+        let noisy = "preview check export expose fly meter rank tune hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 

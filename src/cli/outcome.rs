@@ -34,7 +34,6 @@ pub(super) enum Outcome {
     Done,
     NotLegible,
     NotSafe,
-    Ambiguous,
 }
 
 impl Report {

@@ -6,6 +6,7 @@ use super::{
     Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
     warn, warn_of_fewer_drones,
 };
+use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
@@ -32,7 +33,8 @@ pub(super) struct PlanArgs {
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let mut scene = args.design.load(&[])?;
     if let Some(path) = &args.after {
-        let earlier = track(&args.flight.read(path, Some(&scene))?, Part::Letters)?;
+        let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
+        let earlier = track(&flight, Part::from_flight(&flight))?;
         scene.plan.mean_error_m = earlier.mean_error_m.into();
     }
     scene.check()?;
@@ -60,6 +62,17 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     show::tell_drawing(&mut report, &strokes);
     warn(&strokes.warnings);
     Ok(report.with_files(&files))
+}
+
+/// A log knows its lights and no letters: it writes where it is lit.
+fn written_where_lit(mut flight: Flight) -> Flight {
+    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
+        for (index, sample) in flight.samples.iter_mut().enumerate() {
+            let is_lit = flight.lights.values().any(|levels| levels[index] > 0.0);
+            sample.letter = is_lit.then_some(0);
+        }
+    }
+    flight
 }
 
 fn light_s(plan: &Plan) -> f64 {

@@ -9,10 +9,10 @@ use super::export::warn_of_trailing;
 use super::spread::SpreadFlags;
 use super::{
     Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
-    findings, json, line, movie, named, show, table, typed_command, warn, watch, wrapped,
+    findings, json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, Checked, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, Profile, inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
@@ -36,18 +36,9 @@ pub(super) struct PreviewArgs {
     /// Fly the trajectory that is exported in this form, decoded as on board
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
-    /// Movie of the exposure as it accumulates, 6 s (animated PNG)
-    #[arg(long, value_name = "FILE")]
-    movie: Option<PathBuf>,
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
-    pub(super) report: bool,
-    /// Whether changes are flown where a word does not read: some thirty flights.
-    #[arg(skip = true)]
-    pub(super) with_remedies: bool,
-    /// The order that the report shows; `None`: as it was typed.
-    #[arg(skip)]
-    pub(super) command: Option<String>,
+    report: bool,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -62,22 +53,21 @@ impl PreviewArgs {
     pub(super) fn shoot(&self) -> Result<Shoot> {
         self.subject.shoot(|scene| self.picture.apply(scene))
     }
-}
 
-/// What a preview found, for a caller that shows it in its own way.
-pub(super) struct Seen<'a> {
-    pub(super) shot: &'a Shot,
-    pub(super) findings: &'a [Checked],
-    pub(super) remedies: &'a [Remedy],
+    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
+        self.subject.ready(|scene| {
+            self.picture.apply(scene)?;
+            change(scene)
+        })
+    }
+
+    pub(super) fn profile(&self) -> Profile {
+        self.profile.profile(&self.subject)
+    }
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    previewed(args, |_| ())
-}
-
-/// Previews, and shows what was found before it is told in words.
-pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Result<Report> {
-    args.movie.as_deref().map_or(Ok(()), movie::check)?;
     let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
@@ -110,7 +100,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     let flights: Vec<Report> = flights.collect();
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("photo_sha256", shot.file.as_deref().map(sha256));
-    let remedies = match verdict.filter(|verdict| !verdict.legible && args.with_remedies) {
+    let remedies = match verdict.filter(|verdict| !verdict.legible) {
         // A plan from elsewhere, and a flight of an export, is not planned anew.
         Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
         _ => Vec::new(),
@@ -123,7 +113,7 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile.profile(&args.subject);
+    let profile = args.profile();
     let findings = match args.report {
         true => {
             let flights = shot.flights.iter().cloned().map(Ok).collect();
@@ -138,7 +128,6 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
         let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
         format!("the camera does not fit in the room: {why} (see `check --room`)")
     }));
-    seen(&Seen { shot: &shot, findings: &findings, remedies: &remedies });
     // A photo is taken from a place behind the wall, too; it is warned of.
     let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
     let stops = findings::stops(flown);
@@ -167,17 +156,14 @@ pub(super) fn previewed(args: &PreviewArgs, seen: impl FnOnce(&Seen<'_>)) -> Res
             placement: placement.as_ref(),
             remedies: &remedies,
             typed: mentioned,
-            command: &args.command.clone().unwrap_or_else(typed_command),
+            command: &typed_command(),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();
         folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
         names.push(REPORT.to_owned());
     }
-    let mut files = folder.keep(&names)?;
-    if let Some(path) = &args.movie {
-        files.push(movie::write(&shot, path)?);
-    }
+    let files = folder.keep(&names)?;
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),

@@ -20,7 +20,7 @@ use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
-    /// Scenes: files, presets, team, pid, geometric, tuned, or learned folders (./tuned)
+    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned)
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     #[command(flatten)]
@@ -39,7 +39,7 @@ pub(super) struct RankArgs {
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let contenders = args.scenes.iter().map(|named| args.study.scene(named, &conditions));
     let contenders = contenders.collect::<Result<_>>()?;
     let (words, seed) = (args.study.words(50)?, args.study.seed);

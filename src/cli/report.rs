@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use noctograph_core::files::{Limit, files_in};
 
 #[derive(Debug, Args)]
-#[command(after_help = "The folders of rank, tune, learn, robustness, hold, locate and preview. \
+#[command(after_help = "The folders of rank, tune, hold, locate and preview. \
                         `noctograph preview --report` says more of a single photograph.")]
 pub(super) struct ReportArgs {
     /// Folder that a verb wrote

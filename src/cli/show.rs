@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{Report, Value, json, line, table, wrapped};
 use crate::camera::Camera;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
-use crate::letters::{Picture, Strokes};
+use crate::letters::Strokes;
 use crate::report::{LEAST_SHARE, rivals};
 use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::{Shot, in_stops};
@@ -91,20 +91,10 @@ pub(super) fn tell_drawing(report: &mut Report, strokes: &Strokes) {
         text +=
             &format!("; left out: {} short ones, {percent:.1} % of the length", left_out.strokes);
     }
-    text += match strokes.picture {
-        Picture::Auto => "",
-        Picture::Drawing => "; ink on paper (for a photograph set letters.picture=photograph)",
-        Picture::Photograph => {
-            "; edges of a photograph (for ink on paper set letters.picture=drawing)"
-        }
-    };
     let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
     let mut json = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
     if !strokes.warnings.is_empty() {
         json["warnings"] = json!(strokes.warnings);
-    }
-    if strokes.picture != Picture::Auto {
-        json["picture"] = json!(strokes.picture.name());
     }
     report.figure("drawing", json, "drawing", &text);
 }

@@ -27,7 +27,7 @@ pub(super) struct StudyFlags {
     /// on each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank 50, robustness 20, tune 6]
+    /// Seeds of each word [default: rank 50, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed that all seeds are drawn from
@@ -35,10 +35,9 @@ pub(super) struct StudyFlags {
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),
     /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
-    /// propeller and battery), still (noise alone), or a TOML file [default: room, robustness
-    /// evening]
-    #[arg(long, value_name = "NAME|FILE")]
-    conditions: Option<String>,
+    /// propeller and battery), still (noise alone), or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "room")]
+    conditions: String,
 }
 
 impl StudyFlags {
@@ -51,9 +50,8 @@ impl StudyFlags {
         Ok(named)
     }
 
-    /// The conditions that were named, or others by their name.
-    pub(super) fn conditions(&self, usual: &str) -> Result<Conditions> {
-        Conditions::find(self.conditions.as_deref().unwrap_or(usual))
+    pub(super) fn conditions(&self) -> Result<Conditions> {
+        Conditions::find(&self.conditions)
     }
 
     /// The words with their numbers of seeds, where none is given a usual one.

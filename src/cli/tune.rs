@@ -74,7 +74,7 @@ fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let (flights, time) = budget(&args.budget)?;
-    let conditions = args.study.conditions("room")?;
+    let conditions = args.study.conditions()?;
     let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;
@@ -207,7 +207,7 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Compares a result that is not the scene as it was with it, on new seeds and on new words.
+/// Tests a changed scene against the one that tuning began with, on new seeds and on new words.
 fn test(
     report: &mut Report,
     args: &TuneArgs,

@@ -39,6 +39,9 @@
 //! 0. The settings of other choices are kept all the same, so that a preset's gains survive a
 //! change of the choice.
 //!
+//! A group may end with `fixed { ... }`: constants that no scene sets, and which tests, conditions
+//! and ideal sensors vary.
+//!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
 
@@ -66,7 +69,7 @@ pub struct Setting {
 pub struct Need {
     /// The other setting.
     pub key: &'static str,
-    /// Names of which it has one; where there are none, it is set and not 0.
+    /// Values of that key that count; with none listed, any value but 0 counts.
     pub names: &'static [&'static str],
     /// Whether that must be so, or must not.
     pub holds: bool,
@@ -171,7 +174,7 @@ pub fn suggestion<'a>(
 /// The candidate most like a name that does not exist, if any is alike.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = |candidate: &str| 1 + candidate.len() / 4;
-    // Names differ by as much as their lengths at least: a name of a megabyte is like none at once.
+    // The edit distance is at least the difference in length, which settles a huge name at once.
     let n_letters = name.chars().count();
     let near = candidates.into_iter().filter(|it| n_letters.abs_diff(it.len()) <= most(it));
     let likeness = |candidate: &&str| strsim::damerau_levenshtein(name, candidate);
@@ -265,6 +268,12 @@ macro_rules! described {
                     $(, for $need:literal $(= $($needed:literal)|+)?)*
                     $(, unless $bar:literal $(= $($barred:literal)|+)?)*;
             )*
+            $(fixed {
+                $(
+                    $(#[doc = $fixed_doc:literal])+
+                    $fixed:ident: $fixed_type:ty = $fixed_default:expr;
+                )*
+            })?
         }
         $($rest:tt)*
     ) => {
@@ -276,11 +285,16 @@ macro_rules! described {
                 $(#[doc = $doc])+
                 pub $key: $type,
             )*
+            $($(
+                $(#[doc = $fixed_doc])+
+                #[serde(skip)]
+                pub $fixed: $fixed_type,
+            )*)?
         }
 
         impl Default for $name {
             fn default() -> Self {
-                Self { $($key: $default,)* }
+                Self { $($key: $default,)* $($($fixed: $fixed_default,)*)? }
             }
         }
 
@@ -511,6 +525,10 @@ mod tests {
             joint: Joint = Joint::Round;
             /// Its tip.
             tip: Tip = Tip::default();
+            fixed {
+                /// Its length.
+                length_m: f64 = 0.14;
+            }
         }
 
         /// Where strokes meet.
@@ -545,7 +563,7 @@ mod tests {
         assert_eq!(toml::from_str::<PenOptions>("").unwrap(), pen);
         let pencil: PenOptions = toml::from_str("tip = { kind = \"pencil\" }").unwrap();
         assert_eq!(pencil.tip, Tip::Pencil);
-        for unknown in ["width_m = 1", "tip = { kind = \"brush\", length_m = 1 }"] {
+        for unknown in ["width_m = 1", "length_m = 1", "tip = { kind = \"brush\", length_m = 1 }"] {
             assert!(toml::from_str::<PenOptions>(unknown).is_err(), "{unknown}");
         }
     }

@@ -6,20 +6,6 @@ use std::collections::BTreeMap;
 
 use crate::digest::Digest;
 use crate::geometry::{bounds, distance};
-use crate::settings::settings;
-
-settings! {
-    /// What a picture is.
-    pub enum Picture {
-        /// As it looks: a photograph where what would be its paper has texture, or else a drawing.
-        /// A photograph of few tones, such as a skyline before an even sky, looks like a drawing.
-        "auto" => Auto,
-        /// Lines on paper or a logo: ink is drawn.
-        "drawing" => Drawing,
-        /// A photograph: long edges are drawn.
-        "photograph" => Photograph,
-    }
-}
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
@@ -48,9 +34,6 @@ pub struct Strokes {
     pub numbers: Vec<(usize, [f64; 2])>,
     /// A drawing as its file has it.
     pub source: Source,
-    /// What a bitmap was taken for or is set to be (`letters.picture`), `Auto` where it is no
-    /// bitmap.
-    pub picture: Picture,
     /// What of a drawing's file is not followed, and what is not as it seems: a sentence each, with
     /// the place in the file.
     pub warnings: Vec<String>,
@@ -61,6 +44,8 @@ pub struct Strokes {
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
+    /// Whether it is a bitmap: its strokes are in pixels.
+    pub is_bitmap: bool,
     /// All strokes in the order of their numbers, those that are left out as well.
     pub strokes: Vec<SourceStroke>,
 }

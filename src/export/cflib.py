@@ -18,24 +18,28 @@ import argparse
 import contextlib
 import datetime
 import json
+import logging
 import math
 import os
 import re
 import signal
+import struct
 import sys
 import tempfile
 import threading
 import time
 
-TAKE_OFF_S = 3.0
+TAKE_OFF_S = 3.5  # of a trajectory
+TRIAL_S = 3.0  # a trajectory is flown to its end whatever becomes of the link: it is tried first
 SINK_M_S = 0.3
 RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 SETTLE_S = 10.0  # for the position estimate
 ANSWER_S = 1.0  # for anything that the drone is asked
-SILENT_S = 1.0  # without a log packet: the script lands blindly
+SILENT_S = 1.0  # without a packet of a log block: the script lands blindly
 RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop after 2 s
 DOWN_M = 0.3  # below this it has landed
 LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
+TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
 LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
@@ -43,7 +47,7 @@ VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
 CAN_BE_ARMED, CAN_FLY, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 5, 6, 7, 11
 
-# What noctograph's import, compare and learn read, by type; 26 bytes a block at most.
+# What noctograph's import and compare read, by type; 26 bytes a block at most.
 LOG = @LOG@
 # The observer of the AE483 course, where the firmware has it.
 OPTIONAL = @OPTIONAL@
@@ -62,7 +66,7 @@ class LinkLost(Stopped):
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    now_s, lifted_s, found_again = 0.0, None, False
+    now_s, lifted_s, found_again, columns, about = 0.0, None, False, {}, {}
 
     def clock(self):
         return self.now_s
@@ -91,7 +95,7 @@ class Drone:
         self.cf, self.log_file, self.connect = cf, log_file, connect
         self.columns, self.blocks, self.changed = {}, [], {}
         self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["digests"]}
-        self.latest, self.heard_s, self.wrong_since_s = {}, None, {}
+        self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
         self.stamp_ms, self.stamped_s = None, 0.0
         self.stopped, self.why = threading.Event(), "stopped by Ctrl-C"
@@ -145,18 +149,25 @@ class Drone:
         heading = [0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw)]
         self.cf.commander.send_full_state_setpoint(*rounded, heading, 0.0, 0.0, 0.0)
 
-    def upload(self, n_bytes, data, n_pieces):
+    def upload(self, data):
+        """Loads the trajectory, which takes off where the drone stands."""
         from cflib.crazyflie.mem import MemoryElement
+
+        data = bytearray.fromhex(data)
+        for axis, places in zip("xy", DATA["trajectory"]["start_bytes"]):
+            for place in places:
+                struct.pack_into("<h", data, place, round(1000 * self.latest[f"stateEstimate.{axis}"]))
 
         class Raw:
             def pack(self):
-                return bytes.fromhex(data)
+                return data
 
         memory = self.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
         memory.trajectory = [Raw()]
         if not memory.write_data_sync():
             raise Stopped("the trajectory could not be uploaded")
-        self.cf.high_level_commander.define_trajectory(1, 0, n_pieces, type=1)
+        # The number of pieces is not read of a compressed trajectory.
+        self.cf.high_level_commander.define_trajectory(1, 0, 1, type=1)
 
     def upload_lights(self, entries):
         from cflib.crazyflie.mem import MemoryElement
@@ -175,12 +186,6 @@ class Drone:
     def start_trajectory(self):
         self.cf.high_level_commander.start_trajectory(1, 1.0)
 
-    def take_off(self, z, duration_s):
-        self.cf.high_level_commander.takeoff(z, duration_s, yaw=DATA["yaw_rad"])
-
-    def go_to(self, x, y, z, duration_s):
-        self.cf.high_level_commander.go_to(x, y, z, DATA["yaw_rad"], duration_s)
-
     def arm(self, armed=True):
         # cflib before 0.1.32 has no supervisor.
         (getattr(self.cf, "supervisor", None) or self.cf.platform).send_arming_request(armed)
@@ -189,7 +194,7 @@ class Drone:
         return self.has(CAN_FLY, True)
 
     def hand_over(self):
-        """Lets the commander on board take over from the setpoints, at the last one."""
+        """Lets the commander on board, which lands already, take over from the setpoints."""
         self.cf.commander.send_notify_setpoint_stop()
 
     def land(self, duration_s):
@@ -206,6 +211,7 @@ class Drone:
     def reconnect(self, within_s):
         """A new link to a drone that is in the air by itself."""
         self.latest.clear()
+        self.heard_s.clear()
         self.cf, end_s = None, self.clock() + within_s
         while self.cf is None:
             try:
@@ -315,9 +321,9 @@ class Drone:
         self.wait_for(lambda: self.sigma_m() < math.sqrt(LIMITS["variance_m2"]), SETTLE_S)
 
     def sigma_m(self):
-        """Standard deviation of the worst coordinate."""
+        """Standard deviation of the worst coordinate; what is no number is none."""
         names = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
-        return math.sqrt(max(self.latest.get(name, 1e4) for name in names))
+        return math.sqrt(max(known(self.latest.get(name, 1e4)) for name in names))
 
     # Log
 
@@ -335,11 +341,19 @@ class Drone:
         block.data_received_cb.add_callback(received)
         self.cf.log.add_config(block)
         block.start()
+        if name not in OPTIONAL:
+            self.heard_s[name] = self.clock()
         return block
 
     def _heard(self, stamp_ms, values, block):
         self.latest.update(values)
-        self.heard_s = self.clock()
+        if block.name in self.heard_s:
+            self.heard_s[block.name] = self.clock()
+
+    def silent(self):
+        """The log blocks that no packet came of for too long, in words; empty where all came."""
+        now_s = self.clock()
+        return ", ".join(name for name, heard_s in self.heard_s.items() if now_s - heard_s > SILENT_S)
 
     def _row(self, stamp_ms, values, block):
         if self.stamp_ms is None:
@@ -391,17 +405,21 @@ class Drone:
 
     def _watch(self):
         """Raises Stopped for what is wrong in the air for too long."""
-        if self.heard_s is None or "motor.m1" not in self.latest:
+        if "motor.m1" not in self.latest:
             return  # the log of the flight has not begun
         read, now_s = self.latest.get, self.clock()
+        judged = [read(name, 0.0) for block in (*WATCH.values(), LOG["target"]) for name in block]
         place = [read(f"stateEstimate.{axis}", 0.0) for axis in "xyz"]
         target = [read(f"ctrltarget.{axis}", 0.0) for axis in "xyz"]
         low, high = LIMITS["fence_m"]
         lasting = [  # what is wrong, whether it is, for how long it may be
-            ("the drone has crashed", self.has(CRASHED) or self.has(TUMBLED), 0.0),
-            ("the firmware has locked the drone", self.has(LOCKED), 0.0),
-            ("a deck has a fault", self.has(DECK_FAULT), 0.0),
-            ("the drone reports nothing", now_s - self.heard_s > SILENT_S, 0.0),
+            # The firmware has stopped the motors already.
+            ("a deck has a fault: the drone falls", self.has(DECK_FAULT), 0.0),
+            ("the drone has crashed: it falls", self.has(CRASHED) or self.has(TUMBLED), 0.0),
+            ("the firmware has locked the drone: it falls", self.has(LOCKED), 0.0),
+            ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
+            ("what the drone reports is no number", not all(map(math.isfinite, judged)),
+             LIMITS["wrong_s"]),
             ("the battery is empty", read("pm.vbat", 9.0) < LIMITS["critical_v"], LIMITS["wrong_s"]),
             ("the battery is low", read("pm.vbat", 9.0) < LIMITS["low_v"], LIMITS["low_s"]),
             ("the position is lost", self.sigma_m() ** 2 > LIMITS["lost_m2"], LIMITS["wrong_s"]),
@@ -437,6 +455,11 @@ def attempt(what, action, *values, times=1):
         except Exception as error:
             say(f"{what} failed: {error!r}")
     return False
+
+
+def known(value):
+    """A value, and infinity in place of what is no number: no limit is above it."""
+    return value if math.isfinite(value) else math.inf
 
 
 def same(found, wanted):
@@ -517,8 +540,9 @@ def state(drone):
     """Rows of how the drone stands: (what, found, wanted, whether it is right)."""
     read = drone.latest.get
     names = [name for block in WATCH.values() for name in block]
-    if any(name not in drone.latest for name in names) or drone.clock() - drone.heard_s > SILENT_S:
-        return [("log", "nothing or too little", "packets of the drone", False)]
+    missing = ", ".join(name for name in names if name not in drone.latest) or drone.silent()
+    if missing:
+        return [("log", f"nothing of {missing}", "packets of the drone", False)]
     bad = [name for name, bit in (("locked", LOCKED), ("crashed", CRASHED), ("tumbled", TUMBLED),
                                   ("a deck's fault", DECK_FAULT)) if drone.has(bit)]
     ready = drone.has(CAN_FLY) or drone.has(CAN_BE_ARMED)
@@ -535,7 +559,7 @@ def state(drone):
     turn = (nose - wanted + 180.0) % 360.0 - 180.0
     rows.append(("nose, left of x", f"{nose:.0f}°", f"{wanted:.0f}°",
                  abs(turn) <= math.degrees(LIMITS["nose_rad"])))
-    lean = max(abs(read("stateEstimate.roll")), abs(read("stateEstimate.pitch")))
+    lean = max(known(abs(read(f"stateEstimate.{angle}"))) for angle in ("roll", "pitch"))
     most = math.degrees(LIMITS["level_rad"])
     rows.append(("roll, pitch", f"up to {lean:.0f}°", f"up to {most:.0f}°", lean <= most))
     volts, least_v = read("pm.vbat"), LIMITS["rest_v"]
@@ -635,10 +659,7 @@ def lights(mode, clock):
 def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
     listed = lights(mode, clock)
-    if mode == "trajectory":
-        start = (DATA["trajectory"]["start_s"], "start_trajectory", ())
-        return sorted([start] + listed, key=lambda event: event[0])
-    rows = DATA["setpoints"]
+    rows = DATA["setpoints"] if mode != "trajectory" else []
     for index, (time_s, sent, p, v, a) in enumerate(rows):
         until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
         since_s = 0.0
@@ -668,8 +689,7 @@ def prepare(drone, mode, controller=None, set_gains=False, accepted=()):
                            found={what: found for what, found, _, _ in rows})
         judge(rows, accepted)
     if mode == "trajectory":
-        trajectory = DATA["trajectory"]
-        drone.upload(len(trajectory["hex"]) // 2, trajectory["hex"], trajectory["pieces"])
+        drone.upload(DATA["trajectory"]["hex"])
         if on_board(mode):
             drone.upload_lights(on_board(mode)["entries"])
 
@@ -694,7 +714,7 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
         write(drone, mode, clock)
     except LinkLost as lost:
         if drone.lifted_s is None:
-            raise
+            raise LinkLost(f"{lost}: {NOT_STARTED}") from None
         if drone.connect and attempt("reconnecting", drone.reconnect, RECONNECT_S.get(mode, 2.0)):
             raise Stopped(f"{lost}, and found again to land") from None
         raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
@@ -705,9 +725,12 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None):
         tidy_up(drone)
 
 
+NOT_STARTED = "nothing was started, the drone stands on the floor; switch it off before you touch it"
 WITHOUT_LINK = [
-    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s",
-    "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself",
+    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls",
+    "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later "
+    "the firmware stops its motors and locks it. Stay behind the net until the propellers stand "
+    "still; should they not, wait until the battery is empty",
 ]
 
 
@@ -728,30 +751,28 @@ def ready_to_fly(drone, mode, controller):
     else:
         drone.set(wanted)
     drone.log()
-    drone.wait_until(drone.clock() + 0.5)
+    drone.wait_until(drone.clock() + (TRIAL_S if mode == "trajectory" else 0.5))
 
 
 def write(drone, mode, clock):
     """From the floor to the last letter."""
-    begin_s = 0.0
-    if mode == "trajectory":
-        x, y, z = DATA["trajectory"]["first_m"]
-        begin_s = DATA["before_s"]
-        since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"]) if clock is None else 0
-        drone.lifted_s = drone.clock()
-        for command, values in [("take_off", (z,)), ("go_to", (x, y, z))]:
-            getattr(drone, command)(*values, TAKE_OFF_S)
-            drone.wait_until(drone.clock() + TAKE_OFF_S + 0.5)
-            if clock is None:
-                clock = known_clock(drone.about.get("firmware")) or measured_clock(drone, since)
-                drone.about["clock"] = clock
+    on_its_own = mode == "trajectory"
+    drone.lifted_s = drone.clock()
+    zero_s = drone.lifted_s - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
+    if on_its_own:
+        since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
+        drone.start_trajectory()
+        if clock is None:
+            clock = known_clock(drone.about.get("firmware"))
+        if clock is None:
+            drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
+            clock = measured_clock(drone, since)
+        drone.about["clock"] = clock
     clock = clock or 1.0
-    zero_s = drone.clock() - begin_s
-    drone.lifted_s = drone.lifted_s or drone.clock()
     for time_s, command, values in events(mode, clock):
         drone.wait_until(zero_s + time_s)
         getattr(drone, command)(*values)
-    end_s = (DATA["trajectory"] if mode == "trajectory" else DATA)["end_s"]
+    end_s = (DATA["trajectory"] if on_its_own else DATA)["end_s"]
     drone.wait_until(zero_s + paced(end_s, clock))
 
 
@@ -760,9 +781,11 @@ def come_down(drone, mode):
     duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
     try:
         for _ in range(3 if is_up(drone) else 0):
-            if mode != "trajectory":
+            lands = attempt("landing", drone.land, duration_s, times=3)
+            if mode != "trajectory" and lands:
+                # Without a landing the commander on board would stop the motors.
+                attempt("waiting", drone.wait_until, drone.clock() + TAKE_OVER_S, False)
                 attempt("handing over", drone.hand_over, times=3)
-            attempt("landing", drone.land, duration_s, times=3)
             darken(drone, mode)
             end_s = drone.clock() + duration_s + 0.5
             attempt("waiting", drone.wait_until, end_s, False)
@@ -903,11 +926,15 @@ def opened(links, uri, wait=True):
     from cflib.crazyflie import Crazyflie
     from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
+    logging.getLogger("cflib").setLevel(logging.CRITICAL)  # its tracebacks: errors are said below
     link = SyncCrazyflie(uri, cf=Crazyflie(rw_cache="./cache"))
     try:
         links.enter_context(link)
     except Exception as error:
-        raise Stopped(f"no link to {uri}: {error}") from None
+        # cflib adds its traceback.
+        why = str(error).splitlines()[0] if str(error) else repr(error)
+        hint = ": plug it in, and see that nothing else uses it" if "Crazyradio" in why else ""
+        raise Stopped(f"no link to {uri}: {why}{hint}") from None
     end_s = time.monotonic() + CONNECT_S
     while wait and not link.is_params_updated():
         if time.monotonic() > end_s:

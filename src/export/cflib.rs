@@ -6,13 +6,14 @@
 
 use serde_json::{Value, json};
 
-use super::compressed::{Compressed, END};
+use super::compressed::{Compressed, START_BYTES};
 use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
-use super::{Job, gains, stem, with_caution};
-use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK, TRAJECTORY_MEMORY_BYTES};
+use super::timeline::{Timeline, zero_s};
+use super::{Job, ascii, gains, stem, with_caution};
+use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
@@ -52,7 +53,7 @@ settings! {
 pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<String> {
     let data = data(job, drone, before_s)?;
     // A JSON text as a JSON string is a Python string literal as well.
-    let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
+    let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
     let script = script.replace("@WATCH@", &python(&WATCH_BLOCKS)).replace("@CFLIB@", OLDEST_CFLIB);
@@ -97,17 +98,16 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         }
     };
     let trajectory_end_s = end_s(plan, &stretch, &on_board);
-    let landing = |trajectory: Compressed| {
+    let flight = trajectory.and_then(|trajectory| {
+        let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
         let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
-        Ok((and_lands(&trajectory, over_s)?, trajectory.pieces.len()))
-    };
-    let (bytes, pieces, refused) = match trajectory.and_then(landing) {
-        // A byte of the command, which the firmware does not read of a compressed trajectory.
-        Ok((bytes, n_pieces)) => (bytes, n_pieces.min(253) + 2, None),
+        trajectory.flight(&timeline, over_s)
+    });
+    let (bytes, refused) = match flight {
+        Ok(bytes) => (bytes, None),
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
-        Err(error) => (Vec::new(), 0, Some(error.to_string())),
+        Err(error) => (Vec::new(), Some(error.to_string())),
     };
-    let first_m = stretch.setpoints[0].position_m;
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
@@ -134,7 +134,6 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "start_m": [start_m.x, start_m.y],
         "yaw_rad": plan.yaw_rad,
         "top_m": heights.fold(0.0, f64::max),
-        "before_s": before_s,
         "end_s": sent_until_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters,
@@ -145,51 +144,14 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "setpoints": setpoints(plan, sent_until_s)?,
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
-            "start_s": stretch.start_s(),
-            "first_m": first_m,
-            "pieces": pieces,
+            "start_bytes": START_BYTES,
+            "start_s": zero_s(before_s),
             "refused": refused,
             "lights": commands(&on_board),
             "timing": timing,
             "end_s": trajectory_end_s,
         },
     }))
-}
-
-/// A trajectory for the memory on board that hovers at its end, while a script sends the landing,
-/// and then lands by itself: without a link it would hover until the battery is empty. The script
-/// lands `over_s` after the trajectory's end.
-fn and_lands(trajectory: &Compressed, over_s: f64) -> Result<Vec<u8>> {
-    /// Hover after the time at which the script lands, s.
-    const HOVER_S: f64 = 3.0;
-    /// Speed of the descent, as the script's, m/s, and its end below the floor, which keeps it
-    /// there, m.
-    const BELOW_M: f64 = 0.1;
-    /// Header of a piece with a cubic curve along z, and nothing else (`pptraj_compressed.c`).
-    const ALONG_Z: u8 = 0x20;
-    let mut bytes = trajectory.to_bytes();
-    let end = bytes.split_off(bytes.len() - END.len());
-    let z_m = trajectory.end_m().z;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-    let milliseconds = |s: f64| ((1e3 * s).round() as u16).to_le_bytes();
-    #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
-    let millimeters = |m: f64| ((1e3 * m).round() as i16).to_le_bytes();
-    bytes.push(0);
-    bytes.extend(milliseconds(over_s.max(0.0) + HOVER_S));
-    bytes.push(ALONG_Z);
-    bytes.extend(milliseconds((z_m + BELOW_M) / safety::SINK_M_S));
-    bytes.extend([z_m, -BELOW_M, -BELOW_M].into_iter().flat_map(millimeters));
-    bytes.extend(end);
-    if bytes.len() > TRAJECTORY_MEMORY_BYTES {
-        return Err(Error::Infeasible {
-            what: format!(
-                "{} bytes with the landing, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}",
-                bytes.len()
-            ),
-            hint: "share the word among more drones, or send setpoints over the radio".into(),
-        });
-    }
-    Ok(bytes)
 }
 
 /// What the script judges a drone by, from the one table of limits.
@@ -325,11 +287,11 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
 mod tests {
     use super::*;
     use crate::safety::{Battery, Checks, Platform};
-    use crate::tests::decoded;
+    use nalgebra::Vector3;
     use noctograph_core::camera::CameraOptions;
     use noctograph_core::lamps::{Drive, Fixture, LightOptions};
     use noctograph_letters::{LetterOptions, write};
-    use noctograph_plan::{PlanOptions, plan};
+    use noctograph_plan::{PlanOptions, Setpoint, plan};
     use noctograph_sim::SimOptions;
     use noctograph_sim::sensors::Positioning;
 
@@ -346,14 +308,24 @@ mod tests {
     ) -> (String, Plan, Value) {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, options).unwrap();
+        let (script, data) = exported_plan(word, checks, &plan, light);
+        (script, plan, data)
+    }
+
+    fn exported_plan(
+        word: &str,
+        checks: &Checks,
+        plan: &Plan,
+        light: &LightOptions,
+    ) -> (String, Value) {
         let job = Job {
-            plans: std::slice::from_ref(&plan),
-            flown: std::slice::from_ref(&plan),
+            plans: std::slice::from_ref(plan),
+            flown: std::slice::from_ref(plan),
             unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
             light,
             sim: &SimOptions::default(),
-            camera: &CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap(),
+            camera: &CameraOptions::default().camera([-1.0, 0.5, 1.0, 1.5], 1.0).unwrap(),
             tolerance_m: 0.002,
             mode: Mode::Position,
             trajectory_clock: 1.0,
@@ -363,7 +335,7 @@ mod tests {
         let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
         let text: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
         let data = serde_json::from_str(&text).unwrap();
-        (script, plan, data)
+        (script, data)
     }
 
     fn checks() -> Checks {
@@ -424,18 +396,215 @@ mod tests {
     }
 
     #[test]
-    fn a_trajectory_on_board_ends_below_the_floor() {
+    fn a_trajectory_begins_at_the_command_that_starts_it_and_ends_without_a_goal() {
         let (_, plan, data) = exported("NO", &checks());
-        let hex = data["trajectory"]["hex"].as_str().unwrap();
-        let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
-        let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
-        let (found, alone) = (decoded(&bytes), Compressed::encode(&plan, 0.002).unwrap());
-        assert_eq!(data["trajectory"]["pieces"], found.pieces.len());
-        assert_eq!(found.pieces.len(), alone.pieces.len() + 2);
-        assert_eq!(found.end_m().z, -0.1);
-        let longer_s = found.duration_s() - alone.duration_s();
-        let lands_s = 3.0 + (alone.end_m().z + 0.1) / 0.3;
-        assert!((longer_s - lands_s).abs() < 0.5, "{longer_s} s instead of {lands_s} s");
+        let trajectory = &data["trajectory"];
+        let hex = trajectory["hex"].as_str().unwrap();
+        let letters = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
+        let letters: String = letters.iter().map(|byte| format!("{byte:02x}")).collect();
+        let (before, after) = hex.split_once(&letters[16..letters.len() - 6]).unwrap();
+        assert_eq!((before.len() / 2, &after[after.len() - 10..]), (59, "1000000000"));
+        // `exported` has another drone begin at 0 s of the plan's time: this one waits.
+        assert_eq!(trajectory["start_s"], -7.0);
+        // The hover lasts until 3 s after the script has landed.
+        let stretch = Stretch::new(&plan).unwrap();
+        let over_s =
+            trajectory["end_s"].as_f64().unwrap() - stretch.start_s() - stretch.duration_s();
+        let hover_ms = u16::from_str_radix(&after[2..4], 16).unwrap()
+            + 256 * u16::from_str_radix(&after[4..6], 16).unwrap();
+        assert!((f64::from(hover_ms) - 1e3 * (over_s + 3.0)).abs() < 2.0, "{hover_ms} ms");
+        let home_mm = |axis: usize| (1e3 * plan.setpoints[0].position_m[axis]).round() as i16;
+        for (axis, places) in trajectory["start_bytes"].as_array().unwrap().iter().enumerate() {
+            for place in places.as_array().unwrap() {
+                let place = usize::try_from(place.as_u64().unwrap()).unwrap();
+                let [low, high] = home_mm(axis).to_le_bytes();
+                assert_eq!(hex[2 * place..2 * place + 4], format!("{low:02x}{high:02x}"));
+            }
+        }
+    }
+
+    #[test]
+    fn of_setpoints_that_are_too_near_the_one_that_merely_goes_on_is_left_out() {
+        let setpoint = |time_s: f64, x: f64, vx: f64| Setpoint {
+            time_s,
+            position_m: Vector3::new(x, 0.0, 1.0),
+            velocity_m_s: Vector3::new(vx, 0.0, 0.0),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        let times_s = |rows: &[Setpoint]| -> Result<Vec<f64>> {
+            let plan = Plan { setpoints: rows.to_vec(), ..Plan::default() };
+            let rows = setpoints(&plan, 9.0)?;
+            Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
+        };
+        // Straight on at 1 m/s, a corner at 1.01 s, straight on.
+        let [a, b, c] =
+            [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];
+        let d = setpoint(1.5, 0.52, -1.0);
+        assert_eq!(times_s(&[a, b, c, d]).unwrap(), [0.5, 1.01, 1.5], "the one before the corner");
+        let [corner, late] = [setpoint(1.0, 1.2, -1.0), setpoint(1.01, 1.19, -1.0)];
+        assert_eq!(times_s(&[a, corner, late, d]).unwrap(), [0.5, 1.0, 1.5], "the one after it");
+        let held = setpoint(1.01, 1.2, 1.0);
+        assert_eq!(times_s(&[a, corner, held, d]).unwrap(), [0.5, 1.0, 1.5], "sent is the same");
+        let other = Setpoint { letter: Some(1), ..late };
+        assert!(times_s(&[a, corner, other, d]).is_err(), "the next letter begins");
+        let turns = setpoint(1.0, 1.3, 0.5);
+        let error = times_s(&[a, turns, setpoint(1.01, 1.2, 0.0), d]).unwrap_err().to_string();
+        assert!(error.contains("100 setpoints a second at 1.00 s"), "{error}");
+        let apart = [a, setpoint(0.52, 0.7, 0.0), setpoint(0.54, 0.6, 0.0)];
+        assert_eq!(times_s(&apart).unwrap(), [0.5, 0.52, 0.54], "50 a second are sent");
+        assert_eq!(times_s(&[a, setpoint(9.5, 1.0, 0.0)]).unwrap(), [0.5], "to the end");
+    }
+
+    #[test]
+    fn a_ring_with_few_changes_is_played_on_board_and_one_with_many_is_not() {
+        let options = PlanOptions { lights: vec!["ring".to_owned()], ..PlanOptions::even() };
+        let timing = |strokes: usize| {
+            let light = LightOptions::default();
+            let (_, mut plan, _) = exported_with("NO", &checks(), &options, &light);
+            let lit = plan.lights.get_mut("ring").unwrap();
+            let n = lit.len();
+            for (row, level) in lit.iter_mut().enumerate() {
+                *level = f64::from(u8::from(2 * strokes * row / n % 2 == 1 && row + 9 < n));
+            }
+            exported_plan("NO", &checks(), &plan, &light).1["trajectory"]["timing"].clone()
+        };
+        let four = timing(4);
+        assert_eq!(four["entries"].as_array().unwrap().len(), 8, "{four}");
+        assert_eq!(timing(9), Value::Null, "more than the memory holds");
+    }
+
+    #[test]
+    fn writing_ends_after_the_letters_and_the_lights_and_before_the_floor() {
+        let (_, plan, _) = exported("NO", &checks());
+        let stretch = Stretch::new(&plan).unwrap();
+        let letters_s = stretch.start_s() + stretch.duration_s();
+        let light = |time_s: f64| {
+            let lights = commands(&plan, &LightOptions::default()).unwrap();
+            [Command { time_s, ..lights[0].clone() }]
+        };
+        assert_eq!(end_s(&plan, &stretch, &[]), letters_s);
+        assert_eq!(end_s(&plan, &stretch, &light(letters_s - 1.0)), letters_s);
+        assert_eq!(end_s(&plan, &stretch, &light(letters_s + 1.0)), letters_s + 1.2);
+        let mut low = plan.clone();
+        low.setpoints.retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor());
+        let in_the_air = low.setpoints.iter().rfind(|setpoint| !setpoint.on_floor()).unwrap();
+        assert_eq!(end_s(&low, &stretch, &[]), in_the_air.time_s);
+    }
+
+    #[test]
+    fn every_controller_of_the_firmware_has_its_number_there() {
+        let number = |kind: ControllerKind| (kind.name(), firmware_controller(kind));
+        let numbers: Vec<_> = ControllerKind::ALL.iter().copied().map(number).collect();
+        let own = ["lqr", "lqr-feedforward", "lqr-integral"].map(|name| (name, None));
+        let all = [&own[..], &[("pid", Some(1)), ("geometric", Some(5)), ("altitude", None)]];
+        assert_eq!(numbers, all.concat(), "`controller.h`; a new kind is said here");
+    }
+
+    #[test]
+    fn the_drones_of_a_fleet_have_numbers_and_their_own_limits() {
+        let strokes = write("I", &LetterOptions::default()).unwrap();
+        let one = plan(&strokes, &PlanOptions::even()).unwrap();
+        let plans = [one.clone(), one.clone()];
+        let camera = CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap();
+        let battery = Battery { rest_v: 4.1, least_rest_v: Some(3.9), sag_v: 0.6 };
+        let checks = Checks { batteries: vec![None, Some(battery)], ..checks() };
+        let job = Job {
+            plans: &plans,
+            flown: &[],
+            unsafe_because: None,
+            word: "I",
+            light: &LightOptions::default(),
+            sim: &SimOptions::default(),
+            camera: &camera,
+            tolerance_m: 0.002,
+            mode: Mode::Position,
+            trajectory_clock: 1.0,
+            checks: &checks,
+        };
+        let [first, second] = [0, 1].map(|drone| data(&job, drone, 0.0).unwrap());
+        assert_eq!(first["uri"], "radio://0/80/2M/E7E7E7E701");
+        assert_eq!(second["uri"], "radio://0/80/2M/E7E7E7E702");
+        assert_eq!([&first["log"], &second["log"]], ["I_flight-1.json", "I_flight-2.json"]);
+        assert_eq!([&first["limits"]["rest_v"], &second["limits"]["rest_v"]], [3.8, 3.9]);
+        assert_eq!(first["limits"]["lost_m2"], 0.01, "ten times the variance that has settled");
+        assert_eq!([&first["limits"]["low_v"], &first["limits"]["critical_v"]], [3.2, 3.0]);
+        let heights = one.setpoints.iter().map(|setpoint| setpoint.position_m.z);
+        assert_eq!(first["top_m"], heights.fold(f64::NEG_INFINITY, f64::max));
+        assert_eq!(
+            first["start_m"],
+            json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
+        );
+        // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
+        let refused = |data: &Value| data["trajectory"]["refused"].as_str().unwrap().to_owned();
+        assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
+        let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();
+        assert!(refused(&slow).contains("trajectory_clock"), "{}", refused(&slow));
+        let asked = Job { mode: Mode::Trajectory, ..job };
+        assert!(data(&asked, 0, 0.0).is_err(), "and where it is asked for, nothing is written");
+        let alone = Job { plans: &plans[..1], ..job };
+        assert_eq!(data(&alone, 0, 0.0).unwrap()["uri"], "radio://0/80/2M/E7E7E7E7E7");
+        let unknown = Checks { platform: None, ..checks.clone() };
+        let unknown = data(&Job { checks: &unknown, ..job }, 0, 0.0).unwrap();
+        assert_eq!([&unknown["limits"]["low_v"], &unknown["limits"]["critical_v"]], [0.0, 0.0]);
+        assert_eq!(unknown["limits"]["platforms"], json!([]));
+    }
+
+    #[test]
+    fn every_positioning_and_lamp_demands_its_deck() {
+        for positioning in Positioning::ALL {
+            let (name, found) = decks(&Plan::default(), *positioning).remove(0);
+            let wanted = match positioning {
+                Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+                    "bcLighthouse4"
+                }
+                Positioning::UwbTwr | Positioning::UwbTdoa => "bcLoco",
+                Positioning::Gnss => "bcGTGPS",
+            };
+            assert_eq!((name, found[0]), ("positioning", wanted), "{}", positioning.name());
+        }
+        let mut both = exported("NO", &checks()).1;
+        let dark = vec![0.0; both.setpoints.len()];
+        for channel in &noctograph_core::lamps::CHANNELS {
+            both.lights = [(channel.name.to_owned(), dark.clone())].into();
+            let decks = decks(&both, Positioning::Sweeps);
+            assert_eq!(decks[1..], [(channel.deck.0, channel.deck.1.to_vec())], "{}", channel.name);
+        }
+        both.lights.insert("ring".to_owned(), dark.clone());
+        both.lights.insert("headlights".to_owned(), dark);
+        let names: Vec<&str> =
+            decks(&both, Positioning::Sweeps).iter().map(|(name, _)| *name).collect();
+        assert_eq!(names.iter().filter(|name| **name == "the ring").count(), 1, "{names:?}");
+    }
+
+    #[test]
+    fn the_corners_of_the_canvas_are_those_of_the_letters_of_all_drones() {
+        let at = |x: f64, z: f64, letter| Setpoint {
+            time_s: 0.0,
+            position_m: Vector3::new(x, 0.3, z),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter,
+        };
+        let plan =
+            |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
+        let one = plan(&[at(-3.0, 0.0, None), at(-1.0, 0.5, Some(0)), at(-0.5, 1.5, Some(0))]);
+        let two = plan(&[at(1.0, 1.0, Some(1)), at(0.0, 0.4, Some(1)), at(9.0, 9.0, None)]);
+        let want = [[-1.0, 0.3, 0.4], [1.0, 0.3, 0.4], [1.0, 0.3, 1.5], [-1.0, 0.3, 1.5]];
+        assert_eq!(corners_m(&[one, two]), want);
+        assert_eq!(corners_m(&[plan(&[at(0.0, 0.0, None)])]), [[0.0; 3]; 0]);
+    }
+
+    #[test]
+    fn no_character_of_a_word_hides_or_turns_a_line_of_the_script() {
+        for c in ['\u{202e}', '\u{2066}', '\u{2028}', '\u{200f}', '\u{feff}', '\u{e0041}', '\u{7f}']
+        {
+            let word = format!("A{c}B");
+            let (script, _, data) = exported(&word, &checks());
+            assert_eq!(data["word"], word, "it is still the word");
+            assert!(!script.contains(c), "{c:?}");
+            assert!(script.lines().find(|line| line.starts_with("DATA")).unwrap().is_ascii());
+        }
     }
 
     #[test]

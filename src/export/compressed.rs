@@ -14,6 +14,7 @@
 use nalgebra::Vector3;
 
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
+use super::timeline::{Leg, Timeline};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -30,7 +31,17 @@ const LINEAR_M: f64 = 0.0008;
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 
 /// What ends a trajectory.
-pub(super) const END: [u8; 3] = [0; 3];
+const END: [u8; 3] = [0; 3];
+
+/// What ends a trajectory without a goal: a line along z that lasts no time, at which
+/// the firmware divides by zero. Its commander on board then gives no more setpoints
+/// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later; at
+/// [`END`] the drone is held for ever. So since release 2023.11.
+const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
+
+/// Where in the bytes of a flight the place from which the drone takes off stands: along x, and
+/// along y.
+pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
 /// A trajectory as the drone stores it: a piece at least.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,7 +102,7 @@ impl Compressed {
     /// The same, whether or not it fits the memory.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
-        let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoints[0].position_m[axis]));
+        let start_mm = millimeters(&stretch.setpoints[0].position_m);
         let next = |from, to, before: &[Piece], rounding| {
             piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
         };
@@ -118,6 +129,32 @@ impl Compressed {
         bytes
     }
 
+    /// The bytes of a flight from the floor to the floor, after which the firmware stops the
+    /// motors. The script lands `over_s` after the end of the trajectory.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the drone's memory does not hold them.
+    pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
+        let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
+        bytes.extend(self.yaw.to_le_bytes());
+        timeline.legs_before().iter().for_each(|leg| add_leg(&mut bytes, leg));
+        let own = self.to_bytes();
+        bytes.extend(&own[8..own.len() - END.len()]);
+        timeline.legs_alone(over_s).iter().for_each(|leg| add_leg(&mut bytes, leg));
+        bytes.extend(END_WITHOUT_GOAL);
+        if bytes.len() > TRAJECTORY_MEMORY_BYTES {
+            let what = format!(
+                "{} bytes with take-off and landing, the drone's memory holds \
+                 {TRAJECTORY_MEMORY_BYTES}",
+                bytes.len()
+            );
+            let hint = "share the word among more drones, or send setpoints over the radio";
+            return Err(Error::Infeasible { what, hint: hint.into() });
+        }
+        Ok(bytes)
+    }
+
     /// Duration as flown, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
@@ -129,10 +166,10 @@ impl Compressed {
         self.pieces.iter().map(Piece::polynomials).collect()
     }
 
-    /// Where it ends.
-    pub(super) fn end_m(&self) -> Vector3<f64> {
-        let end_mm = self.pieces.last().expect("a piece").end_mm();
-        Vector3::from(end_mm.map(f64::from)) / 1e3
+    /// Where it begins and ends.
+    pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
+        let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
+        [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
     /// Its pieces as Bézier curves: duration in s, and four control points in m.
@@ -282,6 +319,31 @@ fn check_range(stretch: &Stretch) -> Result<()> {
     Ok(())
 }
 
+/// Adds a leg from rest to rest: an axis that moves is of degree 7, and has its start and its end
+/// four times each as control points. A long hover takes several pieces, and none no piece: a
+/// duration of 0 ends a trajectory.
+fn add_leg(bytes: &mut Vec<u8>, leg: &Leg) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    let mut left_ms = (1e3 * leg.duration_s).round() as u32;
+    let ends_mm = leg.ends_m.each_ref().map(millimeters);
+    while left_ms > 0 {
+        let piece_ms = u16::try_from(left_ms).unwrap_or(u16::MAX);
+        bytes.push(leg.axes.iter().map(|axis| 3 << (2 * axis)).sum());
+        bytes.extend(piece_ms.to_le_bytes());
+        for axis in leg.axes {
+            let [from_mm, to_mm] = ends_mm.map(|end_mm| end_mm[*axis]);
+            let points_mm = [[from_mm; 3].as_slice(), &[to_mm; 4]].concat();
+            bytes.extend(points_mm.into_iter().flat_map(i16::to_le_bytes));
+        }
+        left_ms = if leg.axes.is_empty() { left_ms - u32::from(piece_ms) } else { 0 };
+    }
+}
+
+/// A place in whole millimeters.
+fn millimeters(place_m: &Vector3<f64>) -> [i16; 3] {
+    [0, 1, 2].map(|axis| round_mm(place_m[axis]))
+}
+
 /// A coordinate in whole millimeters; control points beyond the range saturate.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn round_mm(x_m: f64) -> i16 {
@@ -360,6 +422,114 @@ mod tests {
         assert!((position_m - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
         assert!((velocity_m_s - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
+    }
+
+    /// A drone that stands at (0.2, 0.3) m, and then writes for 1 s.
+    fn beside() -> Plan {
+        let setpoint = |time_s, position_m: [f64; 3], vx, letter| Setpoint {
+            time_s,
+            position_m: position_m.into(),
+            velocity_m_s: Vector3::new(vx, 0.0, 0.0),
+            acceleration_m_s2: Vector3::zeros(),
+            letter,
+        };
+        let setpoints = vec![
+            setpoint(0.0, [0.2, 0.3, 0.0], 0.0, None),
+            setpoint(8.0, [0.0, 0.0, 0.5], 0.2, Some(0)),
+            setpoint(8.5, [0.1, 0.0, 0.5], 0.0, Some(0)),
+            setpoint(9.0, [0.1, 0.0, 0.5], 0.0, Some(0)),
+        ];
+        Plan { setpoints, ..Plan::default() }
+    }
+
+    /// The flight of [`beside`] whose drone waits for a time before it writes.
+    fn flight_of_beside(waits_s: f64) -> (Timeline, Vec<u8>) {
+        let (plan, stretch) = (beside(), Stretch::new(&beside()).unwrap());
+        let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
+        let before_s = stretch.start_s() - waits_s;
+        let timeline = Timeline::new(&plan, &stretch, before_s, trajectory.ends_m());
+        let bytes = trajectory.flight(&timeline, 0.2).unwrap();
+        (timeline, bytes)
+    }
+
+    #[test]
+    fn a_flight_is_the_bytes_that_were_written_by_hand() {
+        let (zero, two_mm, three_mm) = ([0_u8; 2], [200, 0], [0x2C, 1]);
+        let (up, below, left) = ([0xF4, 1], [0x9C, 0xFF], [0xCE, 0xFF]);
+        let points = |a: [u8; 2], b: [u8; 2]| [a, a, a, b, b, b, b].concat();
+        let before = [
+            &[200, 0, 0x2C, 1, 0, 0, 0, 0][..], // 200, 300, 0 mm, 0°
+            &[0x30, 0xAC, 0x0D],                // z of degree 7, 3500 ms
+            &points(zero, up),
+            &[0x0F, 0xAC, 0x0D], // x and y, to -50, 0 mm: where the run-up begins
+            &points(two_mm, left),
+            &points(three_mm, zero),
+        ];
+        let letters =
+            [&[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0][..], &[1, 0xF4, 1, 100, 0], &[0, 0xE8, 3]];
+        let after = [
+            &[0, 0x80, 0x0C][..], // hover of 0.2 s and 3 s
+            &[0x30, 0xD0, 7],     // from 500 to -100 mm in 2000 ms
+            &points(up, below),
+            &[0x10, 0, 0, 0, 0],
+        ];
+        let want = [before.concat(), letters.concat(), after.concat()].concat();
+        assert_eq!(flight_of_beside(0.0).1, want);
+        let (_, waiting) = flight_of_beside(70.0);
+        let waits = [0, 0xFF, 0xFF, 0, 0x71, 0x11]; // 65 535 and 4 465 ms
+        assert_eq!(
+            waiting,
+            [before.concat(), waits.to_vec(), letters.concat(), after.concat()].concat()
+        );
+        for (places, mm) in START_BYTES.into_iter().zip([two_mm, three_mm]) {
+            places.into_iter().for_each(|place| assert_eq!(want[place..place + 2], mm));
+        }
+    }
+
+    #[test]
+    fn the_firmwares_own_planner_flies_these_bytes_and_has_no_goal_at_their_end() {
+        let recorded = include_str!("recorded/flight.txt");
+        let mut lines = recorded.lines().filter(|line| !line.starts_with('#'));
+        let (timeline, bytes) = flight_of_beside(0.0);
+        let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(lines.next().unwrap(), format!("bytes {hex}"));
+        let flown = |legs: &[Leg]| -> Vec<Polynomials> {
+            let legs = legs.iter().filter(|leg| leg.duration_s > 0.0);
+            legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
+        };
+        let letters = Compressed::encode(&beside(), 0.0001).unwrap().polynomials();
+        let (before, after) = (flown(&timeline.legs_before()), flown(&timeline.legs_alone(0.2)));
+        let all = [before, letters, after].concat();
+        let lasts_s: f64 = all.iter().map(|piece| piece.duration_s).sum();
+        let mut last_s = 0.0;
+        for line in lines {
+            let numbers: Vec<f64> = line.split(' ').map_while(|word| word.parse().ok()).collect();
+            let [time_s, x, y, z] = numbers[..] else {
+                assert_eq!(line, "no goal at 14.25 s");
+                break;
+            };
+            let off_m = (motion(&all, time_s)[0] - Vector3::new(x, y, z)).norm();
+            assert!(off_m < 1e-5, "{off_m} m at {time_s} s");
+            last_s = time_s;
+        }
+        assert!((0.0..0.25).contains(&(lasts_s - last_s)), "{last_s} of {lasts_s} s");
+    }
+
+    #[test]
+    fn a_flight_that_the_memory_does_not_hold_is_refused_with_a_remedy() {
+        let (timeline, bytes) = flight_of_beside(0.0);
+        let own = Compressed::encode(&beside(), 0.0001).unwrap();
+        let most = (TRAJECTORY_MEMORY_BYTES - bytes.len()) / 3;
+        let with = |n: usize| {
+            let hover =
+                Piece { axes: [Axis::Constant; 3], ..own.pieces[own.pieces.len() - 1].clone() };
+            let pieces = [own.pieces.clone(), vec![hover; n]].concat();
+            Compressed { pieces, ..own }.flight(&timeline, 0.2)
+        };
+        assert!(with(most).unwrap().len() > TRAJECTORY_MEMORY_BYTES - 3);
+        let error = with(most + 1).unwrap_err();
+        assert!(error.to_string().contains("with take-off and landing"), "{error}");
+        assert!(error.hint().contains("more drones"), "{}", error.hint());
     }
 
     #[test]

@@ -9,8 +9,10 @@ drones have (cfclient shows it):
 
 Each drone stands where its plan takes off, its nose along the world's x axis, or turned to the left
 as far as the script says. Nothing moves before you press Enter. Ctrl-C lands all drones; a second
-Ctrl-C cuts their motors, and they fall. Take-off and landing of Crazyswarm2 turn every nose to the x
-axis; between them it points as the plan says.
+Ctrl-C cuts their motors, and they fall. The landing of Crazyswarm2 turns every nose to the x axis;
+before it points as the plan says. A drone that hears nothing more flies to the end of its trajectory,
+lands 3 s later by itself, and 2 s after that the firmware stops its motors and locks it: stay behind
+the net until the propellers stand still.
 """
 
 import argparse
@@ -19,7 +21,6 @@ import math
 import os
 import signal
 
-TAKE_OFF_S = 3.0
 SINK_M_S = 0.3
 SETTLE_S = 10.0
 LAND_AT_M = 0.03
@@ -28,6 +29,8 @@ CAN_BE_ARMED, ARMED, CAN_FLY, FLYING = 1, 2, 8, 16
 FAULTS = {32: "tumbled", 64: "locked", 128: "crashed", 2048: "a deck has a fault"}
 # The custom topic of crazyflies.yaml.
 TOPIC = "noctograph"
+# What is left of a way from rest to rest, in ascending powers of the share of its time.
+LEFT = (1, 0, 0, 0, -35, 84, -70, 20)
 
 
 class Stopped(Exception):
@@ -42,16 +45,31 @@ def attempt(command, *values):
         print(f"warning: {command.__name__}: {error!r}")
 
 
+def take_off_here(trajectory, place):
+    """The trajectory straight up from where the drone stands, and from there to the first letter."""
+    up, level = trajectory.polynomials[:2]
+    for rise, way, x in ((up.px, level.px, place[0]), (up.py, level.py, place[1])):
+        off_m = x - rise.p[0]
+        rise.p[0] += off_m
+        for k, share in enumerate(LEFT):
+            way.p[k] += off_m * share / level.duration**k
+
+
 class Member:
     """A drone with its plan and what it says of itself."""
 
-    def __init__(self, cf, drone, kind):
+    def __init__(self, cf, drone, kinds):
         self.cf, self.drone, self.logged = cf, drone, None
-        self.heard, self.heard_s, self.wrong_s = None, None, {}
-        cf.node.create_subscription(kind, f"{cf.prefix}/{TOPIC}", self.log, 10)
+        self.stamps, self.heard, self.wrong_s = {TOPIC: 0, "pose": 0}, {}, {}
+        for topic, kind in zip((TOPIC, "pose"), kinds):
+            cf.node.create_subscription(kind, f"{cf.prefix}/{topic}", getattr(self, topic), 10)
 
-    def log(self, message):
+    def noctograph(self, message):
         self.logged = list(message.values)
+        self.stamps[TOPIC] += 1
+
+    def pose(self, message):
+        self.stamps["pose"] += 1
 
     def faults(self):
         info = self.cf.get_status()["supervisor"]
@@ -93,16 +111,19 @@ class Member:
     def watch(self, now_s):
         """Ends the flight where the drone says that something is wrong for long enough."""
         status = self.cf.get_status()
-        stamp = status["timestamp_sec"], status["timestamp_nsec"]
-        if stamp != self.heard:
-            self.heard, self.heard_s = stamp, now_s
-        if now_s - self.heard_s > DATA["silent_s"]:
-            raise Stopped(f"{self.name()}: no status for {DATA['silent_s']:.0f} s: the radio is "
-                          "silent")
+        self.stamps["status"] = status["timestamp_sec"], status["timestamp_nsec"]
+        for topic, stamp in self.stamps.items():
+            if topic not in self.heard or stamp != self.heard[topic][0]:
+                self.heard[topic] = (stamp, now_s)
+            if now_s - self.heard[topic][1] > DATA["silent_s"]:
+                raise Stopped(f"{self.name()}: no {topic} topic for {DATA['silent_s']:.0f} s; if the "
+                              "drone hears nothing, it flies to the end and lands by itself")
         if self.faults():
-            raise Stopped(f"{self.name()}: {', '.join(self.faults())}")
+            raise Stopped(f"{self.name()}: {', '.join(self.faults())}: the firmware has stopped its "
+                          "motors, it falls")
         wrong = {
             "the battery is empty": not status["battery"] >= DATA["critical_v"],
+            "the position is lost": not all(v <= DATA["lost_m2"] for v in self.logged[:3]),
             "outside the volume that was checked": not self.is_inside(),
         }
         for what, is_wrong in wrong.items():
@@ -119,14 +140,14 @@ class Member:
 class Flight:
     """All drones, from the checks on the floor to the floor again."""
 
-    def __init__(self, swarm, rate, kind, trajectory):
+    def __init__(self, swarm, rate, kinds, trajectory):
         self.clock, self.rate, self.trajectory = swarm.timeHelper, rate, trajectory
         known = swarm.allcfs.crazyfliesByName
         missing = [drone["name"] for drone in DRONES if drone["name"] not in known]
         if missing:
             raise Stopped(f"the server has no {', '.join(missing)}: start it with the "
                           "crazyflies.yaml beside this script")
-        self.crew = [Member(known[drone["name"]], drone, kind) for drone in DRONES]
+        self.crew = [Member(known[drone["name"]], drone, kinds) for drone in DRONES]
 
     def set(self, member, parameters):
         for name, value in parameters:
@@ -144,10 +165,6 @@ class Flight:
         self.clock.sleep(0.1)
         for member in self.crew:
             member.cf.setParam("kalman.resetEstimation", 0)
-            trajectory = self.trajectory()
-            folder = os.path.dirname(os.path.abspath(__file__))
-            trajectory.loadcsv(os.path.join(folder, member.drone["csv"]))
-            member.cf.uploadTrajectory(0, 0, trajectory)
         self.clock.sleep(2.0)
         end_s = self.clock.time() + SETTLE_S
         while not all(self.settled(member) for member in self.crew):
@@ -155,6 +172,12 @@ class Flight:
                 break
             self.clock.sleep(0.2)
         self.table()
+        for member in self.crew:
+            trajectory = self.trajectory()
+            folder = os.path.dirname(os.path.abspath(__file__))
+            trajectory.loadcsv(os.path.join(folder, member.drone["csv"]))
+            take_off_here(trajectory, member.cf.get_position())
+            member.cf.uploadTrajectory(0, 0, trajectory)
 
     def settled(self, member):
         return (member.cf.get_status() and member.logged
@@ -187,10 +210,6 @@ class Flight:
                 return
             self.clock.sleep(min(0.05, time_s - now_s))
 
-    def wait(self, lasts_s):
-        """Waits for a command on board, whose seconds may be long."""
-        self.wait_until(self.clock.time() + lasts_s / self.rate + 0.5)
-
     def set_armed(self, armed):
         for member in self.crew:
             def arm_or_disarm():
@@ -203,9 +222,8 @@ class Flight:
         for member in self.crew:
             self.set(member, member.drone["parameters"])
         self.clock.sleep(1.0)
-        now_s = self.clock.time()
         for member in self.crew:
-            member.heard, member.heard_s = None, now_s
+            member.heard = {}
         self.set_armed(True)
         airborne = False
         try:
@@ -214,12 +232,6 @@ class Flight:
                 if not member.cf.get_status()["supervisor"] & CAN_FLY:
                     raise Stopped(f"{member.name()}: armed, and still it cannot fly")
             airborne = True
-            for member in self.crew:
-                member.cf.takeoff(member.drone["first_m"][2], TAKE_OFF_S)
-            self.wait(TAKE_OFF_S)
-            for member in self.crew:
-                member.cf.goTo(member.drone["first_m"], member.drone["yaw_rad"], TAKE_OFF_S)
-            self.wait(TAKE_OFF_S)
             self.write()
         except BaseException as why:
             self.land(airborne, isinstance(why, KeyboardInterrupt))
@@ -299,6 +311,7 @@ def main(arguments=None):
     from crazyflie_interfaces.msg import LogDataGeneric
     from crazyflie_py import Crazyswarm
     from crazyflie_py.uav_trajectory import Trajectory
+    from geometry_msgs.msg import PoseStamped
     from rclpy.signals import uninstall_signal_handlers
 
     swarm = Crazyswarm()
@@ -307,7 +320,7 @@ def main(arguments=None):
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        flight = Flight(swarm, rate, LogDataGeneric, Trajectory)
+        flight = Flight(swarm, rate, (LogDataGeneric, PoseStamped), Trajectory)
         flight.prepare()
         input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
         flight.fly()

@@ -2,7 +2,7 @@
 //!
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads to the drone's
 //! memory with an offset in pieces; the script follows Crazyswarm2's Python interface
-//! (`crazyflie_py`): `uploadTrajectory`, `takeoff`, `goTo`, `startTrajectory`, `setParam`, `land`.
+//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`.
 //! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
 //! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no
 //! value of a parameter unless its own configuration says so; decks and the firmware's release are
@@ -15,10 +15,11 @@ use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::safety::{
-    CRITICAL_BATTERY_V, FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, NOSE_RAD, Platform, REST_V,
-    START_RADIUS_M, WRONG_S, variance_m2,
+    CRITICAL_BATTERY_V, FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, LOST_FACTOR, NOSE_RAD, Platform,
+    REST_V, START_RADIUS_M, WRONG_S, variance_m2,
 };
-use super::{File, Job, gains, numbered, stem, with_caution};
+use super::timeline::{Timeline, earliest_s, zero_s};
+use super::{File, Job, ascii, gains, numbered, stem, with_caution};
 use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -29,9 +30,6 @@ const SCRIPT: &str = include_str!("crazyswarm.py");
 /// Variables of the script's own topic, in its order: 24 of the 26 bytes of a block.
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
-
-/// Hover after the landing should have come, s; then the trajectory lands by itself.
-const ALONE_S: f64 = 3.0;
 
 /// All files for Crazyswarm2.
 ///
@@ -61,17 +59,21 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         let found = job.trajectory_clock;
         return Err(Error::input("plan.trajectory_clock", found, "1 for Crazyswarm2", hint));
     }
+    let before_s = earliest_s(job.plans)?;
     let csv = |(drone, plan)| {
         let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
         let stretch = Stretch::new(plan)?;
-        let end_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
+        let over_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
         let trajectory = Poly4d::fit(plan, job.tolerance_m)?;
-        Ok(File::new(name, trajectory.and_lands(end_s + ALONE_S)?.to_csv()))
+        let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
+        Ok(File::new(name, trajectory.flight(&timeline, over_s)?.to_csv()))
     };
     let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
     let drones = job.plans.iter().zip(&files).enumerate();
     let drones = drones
-        .map(|(index, (plan, csv))| drone(job, index, plan, &csv.name, controller))
+        .map(|(index, (plan, csv))| {
+            drone(job, index, plan, &csv.name, controller, zero_s(before_s))
+        })
         .collect::<Result<Vec<_>>>()?;
     let checks = job.checks;
     let data = json!({
@@ -81,6 +83,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "volume_m": checks.volume_m,
         "room_m": checks.room_m,
         "variance_m2": variance_m2(checks.positioning),
+        "lost_m2": LOST_FACTOR * variance_m2(checks.positioning),
         "start_radius_m": START_RADIUS_M,
         "nose_rad": NOSE_RAD,
         "level_rad": LEVEL_RAD,
@@ -93,7 +96,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "last_slow_release": LAST_SLOW_RELEASE,
         "drones": drones,
     });
-    let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
+    let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");
     files.push(File::new("crazyflies.yaml", yaml(job, controller, platform)));
     let script = with_caution(job, SCRIPT.replace("@DATA@", &literal));
     files.push(File::new(format!("fly_{}.py", stem(job.word)), script));
@@ -112,6 +115,7 @@ fn drone(
     plan: &Plan,
     csv: &str,
     controller: u32,
+    start_s: f64,
 ) -> Result<serde_json::Value> {
     let stretch = Stretch::new(plan)?;
     let lights = job.trajectory_lights(index)?;
@@ -130,11 +134,10 @@ fn drone(
         "name": format!("cf{}", index + 1),
         "csv": csv,
         "start_m": [start_m.x, start_m.y],
-        "start_s": stretch.start_s(),
+        "start_s": start_s,
         "end_s": end_s(job, index, &stretch)?,
         "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
         "yaw_rad": plan.yaw_rad,
-        "first_m": stretch.setpoints[0].position_m,
         "least_rest_v": battery.and_then(|battery| battery.least_rest_v).unwrap_or(REST_V),
         "before": before,
         "parameters": parameters,

@@ -14,7 +14,7 @@ use nalgebra::DMatrix;
 use serde_json::{Map, json};
 
 use super::File;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
 use noctograph_sim::{ControllerKind, SimOptions};
 
@@ -26,7 +26,10 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        _ => Vec::new(),
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => Vec::new(),
     }
 }
 
@@ -118,7 +121,15 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        _ => return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]),
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+            return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
+        }
+        ControllerKind::Altitude => {
+            let wanted = "a controller with a gain matrix (lqr, lqr-feedforward, lqr-integral), or \
+                          one of the firmware's (pid, geometric)";
+            let hint = "its thrust follows an estimated map, which no table of gains holds";
+            return Err(Error::input("controller.kind", "altitude", wanted, hint));
+        }
     };
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
 }
@@ -200,6 +211,34 @@ mod tests {
         assert_eq!(gain("pid_attitude.yaw_kd"), Some(0.35));
         let rate = SimOptions::default().controller.pid.roll_rate;
         assert_eq!(gain("pid_rate.roll_ki"), Some(rate[1]), "the scene's");
+    }
+
+    #[test]
+    fn each_controller_is_written_as_what_it_is_and_one_without_a_table_is_refused() {
+        for kind in ControllerKind::ALL {
+            let mut sim = SimOptions::default();
+            sim.controller.kind = *kind;
+            let groups: std::collections::BTreeSet<String> = parameters(&sim)
+                .into_iter()
+                .map(|(name, _)| name.split_once('.').unwrap().0.to_owned())
+                .collect();
+            let groups: Vec<&str> = groups.iter().map(String::as_str).collect();
+            let pid = ["pid_attitude", "pid_rate", "posCtlPid", "velCtlPid"];
+            let (name, own): (_, &[&str]) = match kind {
+                ControllerKind::Lqr
+                | ControllerKind::LqrFeedforward
+                | ControllerKind::LqrIntegral => (Ok("gains.h"), &[]),
+                ControllerKind::Pid => (Ok("gains.json"), &pid),
+                ControllerKind::Geometric => (Ok("gains.json"), &["ctrlLee"]),
+                ControllerKind::Altitude => (Err("controller.kind"), &[]),
+            };
+            assert_eq!(groups, own, "{}", kind.name());
+            match (files(&sim), name) {
+                (Ok(files), Ok(name)) => assert_eq!(files[0].name, name, "{}", kind.name()),
+                (Err(error), Err(key)) => assert!(error.to_string().contains(key), "{error}"),
+                (found, _) => panic!("{}: {found:?}", kind.name()),
+            }
+        }
     }
 
     #[test]

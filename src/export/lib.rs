@@ -4,11 +4,13 @@
 //! out: [`File`]s, one module for each format. SI units and radians up to the last line of each.
 //!
 //! A trajectory on board flies from a run-up before the first letter to a run-out after the last
-//! one; take-off, the way there and landing are commands of their own. [`flown`] is the plan of
-//! such a flight, decoded from what was exported.
+//! one; scripts upload it with take-off, the way there and a landing, other files have the letters
+//! alone. [`flown`] is the plan of such a flight, decoded from what was exported.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+use serde_json::Value;
 
 use noctograph_core::camera::Camera;
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
@@ -31,13 +33,14 @@ pub mod safety;
 mod skybrush;
 #[cfg(test)]
 mod tests;
+mod timeline;
 mod vviz;
 pub mod zip;
 
 pub use cflib::Mode;
 pub use on_board::{Form, Length, flown};
-use on_board::{earliest_s, zero_s};
 use safety::Checks;
+use timeline::{earliest_s, zero_s};
 
 settings! {
     /// Form of exported files.
@@ -117,14 +120,41 @@ impl Format {
                 "for viewers: no drone is flown and no lamp is driven by it; lights and places are \
                  of one clock, and colors are a screen's.",
             ),
-            _ => None,
+            Self::Cflib
+            | Self::Compressed
+            | Self::Poly4d
+            | Self::Crazyswarm2
+            | Self::Gains
+            | Self::LogConfig => None,
         }
     }
 
     /// Whether its files fly a drone.
     #[must_use]
     pub fn flies(self) -> bool {
-        !matches!(self, Self::Gains | Self::LogConfig)
+        match self {
+            Self::Gains | Self::LogConfig => false,
+            Self::Cflib
+            | Self::Compressed
+            | Self::Poly4d
+            | Self::Crazyswarm2
+            | Self::Skyc
+            | Self::Vviz => true,
+        }
+    }
+
+    /// Whether its files are trajectories of the letters alone, which begin and end in the air.
+    #[must_use]
+    pub fn stays_in_the_air(self) -> bool {
+        match self {
+            Self::Compressed | Self::Poly4d => true,
+            Self::Cflib
+            | Self::Crazyswarm2
+            | Self::Skyc
+            | Self::Vviz
+            | Self::Gains
+            | Self::LogConfig => false,
+        }
     }
 }
 
@@ -141,12 +171,34 @@ impl Job<'_> {
     }
 }
 
+/// JSON in ASCII: a word that was typed may hold characters that hide others or turn the line
+/// (U+202E), and the operator reads the script.
+fn ascii(json: &Value) -> String {
+    let mut units = [0; 2];
+    let mut text = String::new();
+    for c in json.to_string().chars() {
+        match c.is_ascii() && c != '\x7f' {
+            true => text.push(c),
+            false => text.extend(c.encode_utf16(&mut units).iter().map(|u| format!("\\u{u:04x}"))),
+        }
+    }
+    text
+}
+
+/// A character of a comment as it is, or escaped where it would not be seen or turns the line.
+fn shown(c: char) -> impl Iterator<Item = char> {
+    let keeps = c.is_ascii() || c.is_alphanumeric() || c.escape_debug().len() == 1;
+    let (plain, escaped) = if keeps { (Some(c), None) } else { (None, Some(c.escape_unicode())) };
+    plain.into_iter().chain(escaped.into_iter().flatten())
+}
+
 /// A script with a comment below its first line that says what speaks against flying it.
 fn with_caution(job: &Job<'_>, script: String) -> String {
     let Some(why) = job.unsafe_because else { return script };
     let (first, rest) = script.split_once('\n').expect("a script has lines");
     // A line of its own: what is quoted may hold a word that was typed.
-    let why = why.replace(|c: char| c.is_control(), " ");
+    let why: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let why: String = why.chars().flat_map(shown).collect();
     format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {why}\n{rest}")
 }
 
@@ -200,6 +252,16 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
         Format::Gains => gains::files(job.sim),
         Format::LogConfig => Ok(log_config::files()),
     }
+}
+
+/// Heights above the floor at which the trajectories of a plan's letters begin and end, m.
+///
+/// # Errors
+///
+/// As [`export`].
+pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
+    let stretch = pieces::Stretch::new(plan)?;
+    Ok([0, stretch.last()].map(|index| stretch.setpoints[index].position_m.z))
 }
 
 /// What a plan takes of the trajectory memory on board, and how it can be sent.
@@ -275,4 +337,54 @@ pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     };
     let each = job.plans.iter().map(worst_m).collect::<Result<Vec<f64>>>()?;
     Ok(Some(each.into_iter().fold(0.0, f64::max)))
+}
+
+#[cfg(test)]
+mod format_tests {
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+
+    #[test]
+    fn the_memory_names_the_forms_that_hold_a_word() {
+        let of = |word: &str| {
+            let strokes = write(word, &LetterOptions::default()).unwrap();
+            memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
+        };
+        let short = of("NO");
+        assert_eq!(
+            (&short.formats[..], short.fits_all),
+            (&["compressed", "poly4d", "cflib"][..], true)
+        );
+        let long = of(&"NOCTOGRAPH".repeat(2));
+        assert_eq!((&long.formats[..], long.fits_all), (&["compressed", "cflib"][..], false));
+        assert!(long.pieces > poly4d::MAX_PIECES && long.bytes <= TRAJECTORY_MEMORY_BYTES);
+    }
+
+    #[test]
+    fn every_format_flies_a_trajectory_or_says_that_it_does_not() {
+        use Format::{Cflib, Compressed, Crazyswarm2, Gains, LogConfig, Poly4d, Skyc, Vviz};
+        let all = [Cflib, Compressed, Poly4d, Crazyswarm2, Skyc, Vviz, Gains, LogConfig];
+        assert_eq!(Format::ALL, all, "a new one is said here");
+        let of = |is: fn(Format) -> bool| -> Vec<Format> {
+            Format::ALL.iter().copied().filter(|format| is(*format)).collect()
+        };
+        let within_mm: Vec<f64> = Form::ALL.iter().map(|form| 1e3 * form.tolerance_m()).collect();
+        assert_eq!(within_mm, [2.0, 5.0]);
+        assert_eq!(of(|format| !format.flies()), [Gains, LogConfig]);
+        assert_eq!(of(Format::stays_in_the_air), [Compressed, Poly4d]);
+        assert_eq!(of(|format| format.note().is_some()), [Skyc, Vviz]);
+        assert_eq!(
+            of(|format| format.trajectory(Mode::Position).is_none()),
+            [Cflib, Gains, LogConfig]
+        );
+        assert_eq!(of(|format| format.trajectory(Mode::Trajectory).is_none()), [Gains, LogConfig]);
+    }
+
+    #[test]
+    fn a_comment_shows_what_is_in_it() {
+        let shown = |text: &str| text.chars().flat_map(shown).collect::<String>();
+        assert_eq!(shown("0.2 m/s², 10°, Ünï"), "0.2 m/s², 10°, Ünï");
+        assert_eq!(shown("A\u{202e}B\u{2028}C\u{ad}"), "A\\u{202e}B\\u{2028}C\\u{ad}");
+    }
 }

@@ -1,25 +1,17 @@
 //! The flight of a trajectory on board as a plan, so that the simulator flies what was exported.
 //!
-//! The script of [`super::cflib`] takes off, goes to the beginning of the trajectory, starts it and
-//! lands with the firmware's high-level commander, which moves from rest to rest on polynomials of
-//! degree 7 (`pptraj.c`, `poly7_nojerk`). Between these the decoded trajectory is flown.
+//! Scripts upload one trajectory from the floor to the floor ([`Timeline`]), and land at its end.
 
 use nalgebra::Vector3;
 
 use super::compressed::Compressed;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
-use super::safety::SINK_M_S;
+use super::timeline::{Timeline, earliest_s};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 use noctograph_plan::{Plan, Setpoint, conflict};
 
-/// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
-const TAKE_OFF_S: f64 = 3.0;
-/// Hover after each, s.
-const HOVER_S: f64 = 0.5;
-/// Shortest landing, s.
-const MIN_LAND_S: f64 = 2.0;
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;
 /// Step of the differences for velocity and acceleration, s.
@@ -101,70 +93,6 @@ pub(super) fn pieces(
     })
 }
 
-/// The command to take off before trajectories of which the first starts at a time, in the time of
-/// their plans, s.
-pub(super) fn zero_s(before_s: f64) -> f64 {
-    before_s - 2.0 * (TAKE_OFF_S + HOVER_S)
-}
-
-/// When the first of several trajectories starts, in the time of their plans, s.
-///
-/// # Errors
-///
-/// As [`Stretch::new`].
-pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
-    let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
-    Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
-}
-
-/// When a drone with a trajectory on board is where; time zero is the command to take off.
-pub(super) struct Timeline {
-    /// That command in the time of the plan, s.
-    pub(super) zero_s: f64,
-    /// Rest to rest before the trajectory, and after it: end, s, and place.
-    pub(super) before: [(f64, Vector3<f64>); 5],
-    pub(super) after: [(f64, Vector3<f64>); 2],
-}
-
-impl Timeline {
-    /// The flight around a trajectory from `first_m` to `last_m`.
-    pub(super) fn new(
-        plan: &Plan,
-        stretch: &Stretch,
-        before_s: f64,
-        [first_m, last_m]: [Vector3<f64>; 2],
-    ) -> Self {
-        let home_m = plan.setpoints[0].position_m;
-        let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
-        let zero_s = zero_s(before_s);
-        let start_s = stretch.start_s() - zero_s;
-        let hover_s = start_s + stretch.duration_s() + HOVER_S;
-        let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
-        Self {
-            zero_s,
-            before: [
-                (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
-                (TAKE_OFF_S, above_m),
-                (TAKE_OFF_S + HOVER_S, above_m),
-                (2.0 * TAKE_OFF_S + HOVER_S, first_m),
-                (start_s, first_m),
-            ],
-            after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
-        }
-    }
-
-    fn position_m(&self, time_s: f64, trajectory_m: impl Fn(f64) -> Vector3<f64>) -> Vector3<f64> {
-        let start_s = self.before[4].0;
-        if (start_s..self.after[0].0).contains(&time_s) {
-            return trajectory_m(time_s - start_s);
-        }
-        let legs: &[_] = if time_s < start_s { &self.before } else { &self.after };
-        let leg = legs.windows(2).find(|leg| time_s < leg[1].0).unwrap_or(&legs[legs.len() - 2..]);
-        let [(from_s, from_m), (to_s, to_m)] = [leg[0], leg[1]];
-        between(from_m, to_m, (time_s - from_s) / (to_s - from_s))
-    }
-}
-
 /// A plan as it is flown with a trajectory, with the trajectory as a function of the time since its
 /// start.
 fn flown_alone(
@@ -209,9 +137,100 @@ fn flown_alone(
     Ok(out)
 }
 
-/// From rest to rest on the polynomial of degree 7 without jerk at its ends.
-fn between(from_m: Vector3<f64>, to_m: Vector3<f64>, share: f64) -> Vector3<f64> {
-    let s = share.clamp(0.0, 1.0);
-    let s4 = s * s * s * s;
-    from_m.lerp(&to_m, s4 * (35.0 - 84.0 * s + 70.0 * s * s - 20.0 * s * s * s))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+
+    fn planned(word: &str) -> Plan {
+        plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
+    }
+
+    /// A plan that begins later and stands farther to the right.
+    fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
+        let mut plan = plan.clone();
+        for setpoint in &mut plan.setpoints {
+            setpoint.time_s += later_s;
+            setpoint.position_m.x += right_m;
+        }
+        plan
+    }
+
+    fn flown_of(plans: &[Plan]) -> Vec<Plan> {
+        flown(plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
+    }
+
+    /// The setpoint of a plan at a time.
+    fn setpoint_at(plan: &Plan, time_s: f64) -> usize {
+        plan.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6) - 1
+    }
+
+    #[test]
+    fn a_flown_plan_moves_as_its_velocities_and_accelerations_say() {
+        for plan in flown_of(&[planned("NO")]) {
+            let mut mean_off_m_s = 0.0;
+            for pair in plan.setpoints.windows(2) {
+                let step_s = pair[1].time_s - pair[0].time_s;
+                // An acceleration of 2 m/s² may begin within a step.
+                let off_m = (pair[0].design_m(pair[1].time_s) - pair[1].position_m).norm();
+                assert!(off_m <= 2.5 * step_s * step_s, "{off_m} m at {} s", pair[0].time_s);
+                let off_m_s = (pair[0].velocity_m_s + pair[0].acceleration_m_s2 * step_s
+                    - pair[1].velocity_m_s)
+                    .norm();
+                assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
+                mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
+            }
+            // Where no piece begins they agree: an acceleration of the other sign is 8 mm/s off.
+            assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
+        }
+    }
+
+    #[test]
+    fn a_flown_plan_writes_the_letters_with_their_lights_between_take_off_and_landing() {
+        let plan = planned("NO");
+        let stretch = Stretch::new(&plan).unwrap();
+        let flown = &flown_of(std::slice::from_ref(&plan))[0];
+        let zero_s = stretch.start_s() - 7.0;
+        let (lit, flown_lit) = (plan.lit(), flown.lit());
+        for (row, setpoint) in plan.setpoints.iter().enumerate().filter(|(_, s)| s.letter.is_some())
+        {
+            let there = setpoint_at(flown, setpoint.time_s - zero_s);
+            let off_m = (flown.setpoints[there].position_m - setpoint.position_m).norm();
+            assert!(off_m < 0.004, "{off_m} m at {} s", setpoint.time_s);
+            assert_eq!(flown.setpoints[there].letter, setpoint.letter);
+            assert_eq!(flown_lit[there], lit[row], "lit at {} s", setpoint.time_s);
+            for (channel, levels) in &plan.lights {
+                assert_eq!(flown.lights[channel][there], levels[row], "{channel}");
+            }
+        }
+        assert!(flown_lit.iter().any(|lit| *lit > 0.0) && flown_lit[0] == 0.0);
+        let [first, last] = [0, flown.setpoints.len() - 1].map(|row| flown.setpoints[row]);
+        let home_m = plan.setpoints[0].position_m;
+        assert_eq!(first.position_m, Vector3::new(home_m.x, home_m.y, 0.0));
+        let end_m = stretch.setpoints[stretch.last()].position_m;
+        assert!((last.position_m - Vector3::new(end_m.x, end_m.y, 0.0)).norm() < 0.001, "{last:?}");
+        assert_eq!(last.position_m.z, 0.0, "on the floor");
+        let lasts_s = 7.0 + stretch.duration_s() + 0.5 + f64::max(end_m.z / 0.3, 2.0);
+        assert!((last.time_s - lasts_s).abs() < 0.02, "{} s instead of {lasts_s} s", last.time_s);
+        let hovers = &flown.setpoints[setpoint_at(flown, 7.0 + stretch.duration_s() + 0.45)];
+        assert!((hovers.position_m - end_m).norm() < 0.001, "it hovers before it lands");
+    }
+
+    #[test]
+    fn drones_take_off_together_and_each_waits_for_its_turn() {
+        let one = planned("I");
+        let two = moved(&one, 3.0, 1.5);
+        let both = flown_of(&[two.clone(), one.clone()]);
+        let first_m = Stretch::new(&two).unwrap().setpoints[0].position_m;
+        let there_m = |time_s: f64| both[0].setpoints[setpoint_at(&both[0], time_s)].position_m;
+        assert!((there_m(7.0) - first_m).norm() < 0.001 && (there_m(9.9) - first_m).norm() < 0.001);
+        assert!((there_m(11.0) - first_m).norm() > 0.05, "and writes from 10 s on");
+        assert!(both[1].duration_s() + 2.9 < both[0].duration_s(), "the other one has not waited");
+        let near = [one.clone(), moved(&one, 3.0, 0.2)];
+        let error = flown(&near, Form::Compressed, 0.002, Length::OnBoard).unwrap_err();
+        assert!(error.to_string().contains("two drones come within 0."), "{error}");
+        assert!(error.hint().contains("fewer drones"), "{}", error.hint());
+        assert!(flown(&near, Form::Compressed, 0.002, Length::Any).is_ok(), "a show is not flown");
+    }
 }

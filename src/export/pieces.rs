@@ -192,6 +192,23 @@ pub(super) struct Polynomials {
 }
 
 impl Polynomials {
+    /// From rest to rest without jerk at the ends, as the firmware's take-off and landing
+    /// (`pptraj.c`, `poly7_nojerk`).
+    pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
+        let way_m = to_m - from_m;
+        let axis = |axis: usize| {
+            let mut power = 1.0;
+            let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|share| {
+                let coefficient = way_m[axis] * share / power;
+                power *= duration_s;
+                coefficient
+            });
+            polynomial[0] = from_m[axis];
+            polynomial
+        };
+        Self { duration_s, axes: [axis(0), axis(1), axis(2)] }
+    }
+
     /// Position, velocity and acceleration at a time since its start, in m and s.
     pub(super) fn at(&self, t: f64) -> [Vector3<f64>; 3] {
         // Horner's scheme for the value, the first derivative and half the second one.

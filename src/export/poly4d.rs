@@ -9,11 +9,11 @@
 //! A piece is the quintic through position, velocity and acceleration of the design at both ends,
 //! and two further coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::compressed::Compressed;
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
-use super::safety::SINK_M_S;
+use super::timeline::{Leg, Timeline};
 use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -22,8 +22,8 @@ use noctograph_plan::Plan;
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Depth below the floor at which a descent ends, which keeps the drone there, m.
-const BELOW_FLOOR_M: f64 = 0.1;
+/// Shortest leg, s: a drone that starts first waits for none.
+const LEAST_LEG_S: f64 = 1e-3;
 /// Header of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -72,37 +72,39 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// The same with a hover at its end, while a script sends the landing, and a descent after it:
-    /// a drone that hears nothing more lands by itself. Two pieces more, so that no CSV has one
-    /// row, of which Crazyswarm2 makes no table (`numpy.loadtxt`, `uav_trajectory.py`).
+    /// The flight from the floor to the floor, after which the firmware stops the motors: its last
+    /// piece is no number, at which the commander on board gives no more setpoints
+    /// (`crtp_commander_high_level.c`, "invalid eval") and the watchdog ends the flight 2 s later.
+    /// The script lands `over_s` after the trajectory's end.
     ///
     /// # Errors
     ///
-    /// [`noctograph_core::error::Error::Infeasible`] where the drone's memory does not hold them.
-    pub(super) fn and_lands(mut self, hover_s: f64) -> Result<Self> {
-        let n = self.pieces.len() + 2;
+    /// [`noctograph_core::error::Error::Infeasible`] where the drone's memory does not hold it.
+    pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
+        let pieces_of = |legs: &[Leg]| -> Vec<Polynomials> {
+            let legs = legs.iter().filter(|leg| leg.duration_s > LEAST_LEG_S);
+            legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
+        };
+        let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
+        let before = pieces_of(&timeline.legs_before());
+        let after = pieces_of(&timeline.legs_alone(over_s));
+        let pieces = [before, self.pieces, after, vec![no_goal]].concat();
+        let n = pieces.len();
         if n > MAX_PIECES {
-            let what =
-                format!("{n} pieces with the landing, the drone's memory holds {MAX_PIECES}");
+            let what = format!(
+                "{n} pieces with take-off and landing, the drone's memory holds {MAX_PIECES}"
+            );
             let hint =
                 "share the word among more drones, or accept a larger distance from the design";
             return Err(Error::Infeasible { what, hint: hint.into() });
         }
-        let last = self.pieces.last().expect("a piece");
-        let [end_m, ..] = last.at(last.duration_s);
-        let axes = [0, 1, 2].map(|axis| constant(end_m[axis]));
-        let hover = Polynomials { duration_s: hover_s, axes };
-        let (drop_m, mut descent) = (end_m.z + BELOW_FLOOR_M, hover);
-        descent.duration_s = drop_m / SINK_M_S;
-        // From rest to rest without jerk at its ends, as the firmware's own landing.
-        let shares = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0];
-        let mut power = 1.0;
-        for (coefficient, share) in descent.axes[2].iter_mut().zip(shares) {
-            *coefficient -= drop_m * share / power;
-            power *= descent.duration_s;
-        }
-        self.pieces.extend([hover, descent]);
-        Ok(self)
+        Ok(Self { pieces, ..self })
+    }
+
+    /// Where it begins and ends.
+    pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
+        let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
+        [first.at(0.0)[0], last.at(last.duration_s)[0]]
     }
 
     /// The bytes that the drone stores.
@@ -208,26 +210,44 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
 
     #[test]
-    fn a_drone_that_hears_nothing_more_lands_by_itself() {
+    fn a_flight_rises_writes_waits_for_the_landing_and_comes_down_by_itself() {
         let plan = plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::even());
-        let one = Poly4d::fit(&plan.unwrap(), 0.005).unwrap();
-        let all = one.clone().and_lands(3.5).unwrap();
-        assert_eq!(all.pieces.len(), one.pieces.len() + 2);
-        let end_s: f64 = one.pieces.iter().map(|piece| piece.duration_s).sum();
-        let at = |after_s: f64| motion(&all.pieces, end_s + after_s);
-        let [end_m, ..] = motion(&one.pieces, end_s);
-        assert!((at(3.49)[0] - end_m).norm() < 1e-12, "it waits for the landing of the script");
-        let lasts_s = (end_m.z + 0.1) / 0.3;
-        let mut before_m = end_m.z;
-        for step in 0..=100 {
-            let [place_m, speed_m_s, _] = at(3.5 + lasts_s * f64::from(step) / 100.0);
-            assert!(place_m.z <= before_m + 1e-12 && (place_m.xy() - end_m.xy()).norm() < 1e-12);
+        let (plan, stretch) =
+            (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
+        let one = Poly4d::fit(plan, 0.005).unwrap();
+        // It starts 2 s after another drone of its fleet.
+        let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
+        let all = one.clone().flight(&timeline, 0.5).unwrap();
+        assert_eq!(all.pieces.len(), 3 + one.pieces.len() + 3);
+        let durations_s: Vec<f64> = all.pieces.iter().map(|piece| piece.duration_s).collect();
+        assert_eq!(durations_s[..2], [3.5; 2]);
+        assert!((durations_s[2] - 2.0).abs() < 1e-9);
+        let ([first_m, last_m], home_m) = (one.ends_m(), plan.setpoints[0].position_m);
+        let place_m = |time_s: f64| motion(&all.pieces, time_s)[0];
+        assert_eq!(place_m(0.0), Vector3::new(home_m.x, home_m.y, 0.0), "from the floor");
+        for step in 0..=10 {
+            let time_s = 0.35 * f64::from(step);
+            assert!((place_m(time_s).xy() - home_m.xy()).norm() < 1e-9, "straight up");
+            assert!((place_m(3.5 + time_s).z - first_m.z).abs() < 1e-9, "and level from there");
+        }
+        assert!((place_m(8.9) - first_m).norm() < 1e-9, "it waits for its turn");
+        let end_s = 9.0 + stretch.duration_s();
+        assert!((place_m(end_s + 3.4) - last_m).norm() < 1e-9, "and for the landing of the script");
+        let sinks_s = f64::max((last_m.z + 0.1) / 0.3, 2.0);
+        let mut before_m = last_m.z;
+        for step in 0..100 {
+            let time_s = end_s + 3.5 + sinks_s * f64::from(step) / 100.0;
+            let [place_m, speed_m_s, _] = motion(&all.pieces, time_s);
+            assert!(place_m.z <= before_m + 1e-9 && (place_m.xy() - last_m.xy()).norm() < 1e-9);
             assert!(speed_m_s.norm() < 0.7, "as fast as the firmware's own landing: {speed_m_s}");
             before_m = place_m.z;
         }
-        assert!((at(3.5 + lasts_s)[0].z + 0.1).abs() < 1e-9, "below the floor");
-        let full = Poly4d { pieces: vec![one.pieces[0]; MAX_PIECES - 1], ..one };
-        assert!(full.and_lands(3.0).is_err(), "the memory is full");
+        assert!((-0.1..-0.09).contains(&before_m), "below the floor: {before_m} m");
+        assert!(place_m(end_s + 3.6 + sinks_s).z.is_nan(), "and then no goal");
+        assert!(all.to_csv().lines().last().unwrap().starts_with("1.0,NaN,"));
+        let full = Poly4d { pieces: vec![one.pieces[0]; MAX_PIECES - 5], ..one };
+        let error = full.flight(&timeline, 0.0).unwrap_err().to_string();
+        assert!(error.contains("32 pieces with take-off and landing"), "{error}");
     }
 
     #[test]

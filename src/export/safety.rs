@@ -37,7 +37,7 @@ pub const SINK_M_S: f64 = 0.3;
 /// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
 /// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell
-/// is then charged by some 28 %, less than which no flight of a word should begin with.
+/// is then charged by some 28 %; a flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate at which its position is lost in the air, over that which is settled.
 pub const LOST_FACTOR: f64 = 10.0;
@@ -226,7 +226,7 @@ pub fn table() -> String {
 | firmware | cflib | {OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE} | `supervisor.c`, `usec_time.c` |
 | firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it | its server reads no parameters |
 | names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
-| state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info`, before take-off and in the air | `supervisor.c` |
+| state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info`, before take-off; in the air the firmware itself stops the motors | `supervisor.c` |
 | position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |
 | place | cflib, Crazyswarm2 | {START_RADIUS_M} m from the plan's start | the way to the first letter is that which was checked |
 | nose, roll and pitch | cflib, Crazyswarm2 | {nose:.0}°, {level:.0}° | `stateEstimate.*` |
@@ -234,7 +234,8 @@ pub fn table() -> String {
 | battery in the air | `check`, cflib, Crazyswarm2, firmware | {cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s; scripts: {CRITICAL_BATTERY_V:.1} V for {WRONG_S} s | `platform_defaults_*.h` |
 | fence | cflib, Crazyswarm2 | {FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s | half of what the volume keeps from walls |
 | distance from the target | cflib | {STRAY_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
-| silence of the radio | Crazyswarm2, firmware | {LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; Crazyswarm2, whose trajectory is on board: {MOTORS_STOP_S:.0} s without status: all land | `supervisor.c` |
+| numbers: place, variances, angles, battery | cflib, Crazyswarm2 | before take-off and, for {WRONG_S} s, in the air | what is no number is above no limit |
+| silence of the radio | cflib, Crazyswarm2, firmware | firmware, with setpoints: {LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; cflib: 1 s without one of the log blocks; Crazyswarm2: {MOTORS_STOP_S:.0} s without one of its topics: all land | `supervisor.c` |
 | geometry of Lighthouse (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | a student's hand and ruler |
 "
     )
@@ -243,6 +244,7 @@ pub fn table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
@@ -276,6 +278,48 @@ mod tests {
     }
 
     #[test]
+    fn the_least_voltage_is_that_of_the_charge_which_a_constant_current_leaves() {
+        let options = BatteryOptions { capacity_ah: 0.25, charge_frac: 0.9, ..Default::default() };
+        let (low_v, drop_v) = (3.2, 0.5);
+        let current_a = drop_v / options.resistance_ohm;
+        let sample = |k: u32| FlightSample { time_s: 0.1 * f64::from(k), ..Default::default() };
+        let samples: Vec<FlightSample> = (0..=600).map(sample).collect();
+        let spent_frac = |time_s: f64| current_a * time_s / (3600.0 * options.capacity_ah);
+        let voltage_v = |sample: &FlightSample| {
+            options.open_circuit_v(options.charge_frac - spent_frac(sample.time_s)) - drop_v
+        };
+        let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
+        let flight = Flight { samples, extra, ..Flight::default() };
+        let battery = Battery::of(&options, &flight, low_v).unwrap();
+        // It may be low for the last 5 s: at 55 s, 3.7 V at no load, where the curve is steep.
+        let idle_v = options.resistance_ohm * options.idle_current_a;
+        let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
+        let least_v = options.open_circuit_v(least_frac) - idle_v;
+        assert!((battery.least_rest_v.unwrap() - least_v).abs() < 1e-3, "{battery:?}, {least_v} V");
+        assert!((battery.rest_v - (4.10 - idle_v)).abs() < 1e-9, "{battery:?}");
+        let lowest_v = options.open_circuit_v(0.9 - spent_frac(60.0)) - drop_v;
+        assert!((battery.sag_v - (battery.rest_v - lowest_v)).abs() < 1e-9, "{battery:?}");
+        assert_eq!(battery.lasts(), battery.rest_v >= least_v);
+        let none = BatteryOptions { capacity_ah: 0.0, ..options.clone() };
+        assert_eq!(Battery::of(&none, &flight, low_v), None, "no battery");
+        let stiff = BatteryOptions { resistance_ohm: 0.0, ..options };
+        assert_eq!(Battery::of(&stiff, &flight, low_v), None, "no load can be told from it");
+    }
+
+    #[test]
+    fn limits_of_platforms_and_positionings_are_the_firmwares() {
+        let limits =
+            [Platform::Crazyflie2, Platform::Brushless].map(|p| (p.names()[0], p.low_battery_v()));
+        assert_eq!(limits, [("Crazyflie 2.1", 3.2), ("Crazyflie 2.1 Brushless", 3.35)]);
+        let sigma_m = |positioning: &Positioning| libm::sqrt(variance_m2(*positioning));
+        let sigmas_m: Vec<f64> = Positioning::ALL.iter().map(sigma_m).collect();
+        for (sigma_m, want_m) in sigmas_m.iter().zip([0.0316, 0.0316, 0.0316, 0.1, 0.1, 0.1]) {
+            assert!((sigma_m - want_m).abs() < 1e-4, "{sigmas_m:?}");
+        }
+        assert_eq!(sigmas_m.len(), 6, "a new kind is said here");
+    }
+
+    #[test]
     fn a_sag_of_less_than_five_seconds_empties_no_battery() {
         let from = |low_s: f64| {
             (0..200).map(move |k| {
@@ -285,6 +329,7 @@ mod tests {
         };
         assert!(lasts(from(4.9), 3.2));
         assert!(!lasts(from(5.3), 3.2));
+        assert!(lasts(from(3.0).chain(from(3.0).map(|(time_s, v)| (20.0 + time_s, v))), 3.2));
         assert!(lasts(from(5.3), 3.05));
     }
 

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 
 use super::compressed::Compressed;
 use super::lights::{commands, screen_rgb};
-use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
+use super::timeline::{Timeline, earliest_s};
 use super::zip::zip;
-use super::{File, Job, stem};
+use super::{File, Job, ascii, stem};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
@@ -56,7 +56,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         "swarm": { "drones": drones.collect::<Result<Vec<_>>>()? },
         "meta": { "title": job.word },
     });
-    let file = ("show.json".to_owned(), format!("{show}\n").into_bytes());
+    let file = ("show.json".to_owned(), format!("{}\n", ascii(&show)).into_bytes());
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
@@ -74,8 +74,10 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     };
     let home_m = timeline.before[0].1;
     let mut points = vec![json!([0.0, place(home_m), []])];
-    points.extend(timeline.before.windows(2).map(|l| leg(l[0].1, l[1].0, l[1].1)));
-    let mut time_s = timeline.before[4].0;
+    // The first drone of a fleet waits for none.
+    let legs = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
+    points.extend(legs.map(|ends| leg(ends[0].1, ends[1].0, ends[1].1)));
+    let mut time_s = timeline.before[3].0;
     for (duration_s, [_, b, c, d]) in curves {
         time_s += duration_s;
         points.push(json!([time_s, place(d), [place(b), place(c)]]));

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use proptest::array::uniform3;
 use proptest::strategy::Strategy;
 
-use super::compressed::{Axis, Compressed, END, Piece};
+use super::compressed::{Axis, Compressed, Piece};
 use super::pieces::{Polynomials, Stretch, motion};
 use noctograph_plan::{Plan, Setpoint};
 
@@ -54,7 +54,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
         pieces.push(Piece { start_mm, duration_ms, axes });
         start_mm = pieces[pieces.len() - 1].end_mm();
     }
-    assert_eq!(bytes[at..], END, "the end");
+    assert_eq!(bytes[at..], [0; 3], "the end");
     Compressed { pieces, yaw }
 }
 

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::lights::{commands, screen_rgb};
-use super::{File, Job, stem};
+use super::{File, Job, ascii, stem};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -52,7 +52,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         "timeOffsetSecs": 0.0,
         "performances": drones.collect::<Result<Vec<_>>>()?,
     });
-    Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{show}\n")))
+    Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
 fn steps(flown: &Plan) -> Vec<Value> {

@@ -1,4 +1,4 @@
-//! Arcs: the curve of which a stroke font's points are samples.
+//! Arcs: the curve behind the sampled points of a stroke font.
 //!
 //! A font of straight moves shows its corners where it is written large. Between corners, a vertex
 //! has the tangent of the circle through it and its neighbors, and two vertices are joined by a

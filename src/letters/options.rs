@@ -3,7 +3,6 @@
 use super::font;
 use noctograph_core::error::Result;
 use noctograph_core::settings::{Described, settings};
-use noctograph_core::strokes::Picture;
 
 settings! {
     /// Letters and their layout.
@@ -25,25 +24,19 @@ settings! {
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
         drawing_sha256: String = String::new(), for "letters.drawing";
-        /// What a picture is.
-        picture: Picture = Picture::Auto, for "letters.drawing";
         /// Corners of the sheet of paper in a picture, which is cut out and seen square on: x and y
         /// of the upper left, upper right, lower right and lower left one, in the picture's pixels.
         /// By default those of a sheet that is seen as a whole.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
         /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go
         /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
-        /// sketch of the longest. By default 1, and 0.5 of a photograph.
-        detail: Option<f64> = None, in 0.0..=1.0, for "letters.drawing";
+        /// sketch of the longest.
+        detail: f64 = 1.0, in 0.0..=1.0, for "letters.drawing";
         /// Strokes of a drawing that are drawn, as large as the canvas allows: colors, and numbers
         /// as the drawing of the plan shows them, such as `red` or `2,5-7`; empty: all.
         ink: String = String::new(), for "letters.drawing";
         /// Strokes of a drawing that are left out, in the same way; empty: none.
         without: String = String::new(), for "letters.drawing";
-        /// Largest distance of straight strokes from a drawing's curves.
-        tolerance_m: f64 = 0.001, in 1e-4..=1.0;
-        /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
-        smoothing_m: f64 = 0.005, in 0.0..=1.0;
         /// Speed along the strokes of handwriting whose points have times.
         pace: Pace = Pace::Even, for "plan.style" = "even";
         /// Height of a capital.
@@ -71,6 +64,12 @@ settings! {
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
         /// Size of a text on that canvas.
         fit: Fitting = Fitting::Shrink, for "letters.canvas_m", unless "letters.drawing";
+        fixed {
+            /// Largest distance of straight strokes from a drawing's curves.
+            tolerance_m: f64 = 0.001;
+            /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
+            smoothing_m: f64 = 0.005;
+        }
     }
 
     /// Size of a text on a canvas.

@@ -112,7 +112,7 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     rhs
 }
 
-/// The same for a closed line, solved over twice its length, of which the middle half is kept.
+/// The same for a closed line: solved over twice its length, keeping the middle half.
 fn bend_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

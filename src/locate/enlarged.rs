@@ -19,8 +19,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::fit::{descend, reflect};
-use super::mirror::ambiguities_of_motion;
+use super::fit::descend;
 use super::pass::{Innovations, together};
 use super::positions::{Positions, extent_m};
 use super::smoother::{checked, heard_s};
@@ -160,7 +159,9 @@ impl Enlarged {
         for drone in 0..self.n {
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
             if let Some(normal) = normal.try_normalize(1e-12) {
-                reflect(&mut places_m, drone, &middle_m, &normal);
+                let mut place_m = places_m.fixed_rows_mut::<3>(3 * drone);
+                let beyond_m = (place_m.clone_owned() - middle_m).dot(&normal);
+                place_m -= normal * (2.0 * beyond_m);
             }
         }
         places_m
@@ -214,7 +215,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is no distance, and for a link without its end.
+/// [`Error::Input`] for a range that is not a distance, and for a link without its end.
 pub fn locate_enlarged(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
@@ -261,8 +262,6 @@ pub fn locate_enlarged(
     }
     located.nis = innovations.nis();
     located.heard_s = heard_s(tracks.len(), &samples);
-    let moved_m = |drone: usize, time_s| tracks[drone].moved_m(time_s);
-    located.ambiguities = ambiguities_of_motion(anchors_m, &samples, &located, moved_m, options);
     located.note_residuals(anchors_m, &samples, &innovations.refused, options.range_sigma_m);
     located.warnings = located.contradictions(options.range_sigma_m);
     Ok(located)

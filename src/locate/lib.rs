@@ -9,12 +9,8 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-mod bias;
-mod biases;
-mod clocks;
 mod enlarged;
 mod fit;
-mod mirror;
 mod pairs;
 mod pass;
 mod positions;
@@ -29,10 +25,7 @@ mod track;
 
 use nalgebra::{DVector, Vector3};
 
-pub use bias::{Bias, BiasOf};
-pub use clocks::{log_offset_s, reference_offset_s};
 pub use enlarged::{Enlarged, locate_enlarged};
-pub use mirror::Ambiguity;
 pub use positions::Positions;
 pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};

@@ -1,17 +1,15 @@
 //! The filter's pass over a log of ranges.
 //!
-//! State: position and velocity of each drone, then the biases of the ranges, which are constant.
-//! Each drone moves with a constant velocity but for white acceleration noise.
+//! State: position and velocity of each drone, which moves with a constant velocity but for white
+//! acceleration noise.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
 use super::positions::slope;
-use super::{BiasOf, Link, LocateOptions, RangeSample};
-use noctograph_sim::estimate::{
-    Entry, Gate, Measurement, Normal, Part, Step, along, variance_rate,
-};
+use super::{Link, LocateOptions, RangeSample};
+use noctograph_sim::estimate::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
 /// States of a drone.
 pub(super) const STATES: usize = 6;
@@ -26,12 +24,6 @@ pub(super) const LATE_S: f64 = 0.25;
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
-    /// Biases in the order of their states.
-    pub(super) biases: Vec<BiasOf>,
-    /// Standard deviations of its innovation beyond which a range is refused.
-    pub(super) gate_sigmas: f64,
-    /// Ranges that are left out, one flag each; empty: none.
-    pub(super) left_out: Vec<bool>,
     /// Until when each drone stands: its first range, where that comes late.
     stands_until_s: Vec<f64>,
 }
@@ -85,12 +77,10 @@ pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeS
     })
 }
 
-/// Multiplications of a pass forward with a bias for every link, and of one backward.
+/// Multiplications of a pass forward and of one backward.
 pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
-    let links: BTreeSet<Link> = samples.iter().map(|sample| sample.link).collect();
     let (states, steps) = ((STATES * n_drones) as f64, together(samples).count() as f64);
-    let all = states + links.len() as f64;
-    samples.len() as f64 * all * all + steps * 6.0 * states * states * states
+    samples.len() as f64 * states * states + steps * 6.0 * states * states * states
 }
 
 impl<'a> Model<'a> {
@@ -101,40 +91,16 @@ impl<'a> Model<'a> {
     ) -> Self {
         let first_s = heard_s.iter().map(|heard| heard[0]).fold(f64::INFINITY, f64::min);
         let until = |heard: &[f64; 2]| if heard[0] > first_s + LATE_S { heard[0] } else { first_s };
-        Self {
-            anchors_m,
-            options,
-            biases: Vec::new(),
-            gate_sigmas: options.gate_sigmas,
-            left_out: Vec::new(),
-            stands_until_s: heard_s.iter().map(until).collect(),
-        }
-    }
-
-    /// The same log with other biases.
-    pub(super) fn with_biases(&self, biases: Vec<BiasOf>) -> Self {
-        let (left_out, stands_until_s) = (self.left_out.clone(), self.stands_until_s.clone());
-        Self { biases, left_out, stands_until_s, ..*self }
+        Self { anchors_m, options, stands_until_s: heard_s.iter().map(until).collect() }
     }
 
     pub(super) fn n_drones(&self) -> usize {
         self.stands_until_s.len()
     }
 
-    /// Slope of a range over the whole state, and the range that is expected at a state.
-    fn slope(&self, link: Link, states: &[f64]) -> (Vec<Part>, f64) {
-        let (mut slope, mut expected_m) = slope(link, self.anchors_m, states, STATES);
-        for (k, _) in self.biases.iter().enumerate().filter(|(_, bias)| bias.covers(link)) {
-            let state = STATES * self.n_drones() + k;
-            slope.push(Part::One(state, 1.0));
-            expected_m += states[state];
-        }
-        (slope, expected_m)
-    }
-
     /// A filter at the beginning of a log.
     pub(super) fn filter(&self, start: &Normal) -> Filter {
-        let gate = Gate::new(self.gate_sigmas);
+        let gate = Gate::new(self.options.gate_sigmas);
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
     }
 
@@ -155,14 +121,12 @@ impl<'a> Model<'a> {
             normal.predict(&transition, &noise);
         }
         let predicted = normal.clone();
-        for (index, sample) in step.iter().enumerate() {
+        for sample in step {
             let at = here.unwrap_or(normal.mean.as_slice());
-            let (slope, expected_m) = self.slope(sample.link, at);
+            let (slope, expected_m) = slope(sample.link, self.anchors_m, at, STATES);
             let value = sample.distance_m - expected_m + along(&slope, at);
             let measurement = Measurement { slope: &slope, value, variance };
-            let is_stray = self.left_out.get(filter.ranges + index).is_some_and(|stray| *stray);
-            let taken =
-                (!is_stray).then(|| gate.correct(normal, sample.link, &measurement)).flatten();
+            let taken = gate.correct(normal, sample.link, &measurement);
             innovations.note(sample.link, taken.map(|innovation| innovation.nis()));
         }
         (filter.last_s, filter.ranges) = (Some(time_s), filter.ranges + step.len());

@@ -162,7 +162,7 @@ fn seen(
     sigma_m: f64,
 ) -> Matrix6<f64> {
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
-    let ranges = FIVE_LINKS.map(|link| Observation::new(link, 0.0, 1.0));
+    let ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
     let places = DVector::from_iterator(6, places_m.iter().flatten().copied());
     let slopes = residuals(&anchors_m, &ranges, &places).0;
     let slopes = slopes.fixed_view::<5, 6>(0, 0);

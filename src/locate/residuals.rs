@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::bias::bias_m;
 use super::pass::together;
-use super::{Bias, Link, Located, RangeSample};
+use super::{Link, Located, RangeSample};
 use noctograph_core::statistics::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
@@ -17,7 +16,7 @@ const MEDIAN_ERROR: f64 = 1.2533;
 /// Standard errors from which a median counts as other than zero: once in two million.
 const SURE_SIGMAS: f64 = 5.0;
 /// Least median that matters, in standard deviations of a range.
-pub(super) const LEAST_BIAS_SIGMAS: f64 = 0.25;
+const LEAST_BIAS_SIGMAS: f64 = 0.25;
 /// Share of a link's ranges that strays may make up: with ultra-wideband some 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
 /// Bounds of the mean normalized innovation squared, where noise and motion are as assumed to some
@@ -33,7 +32,7 @@ pub struct LinkResidual {
     pub ranges: usize,
     /// Ranges of the link that were refused.
     pub refused: usize,
-    /// Median of measured minus located distance, after an estimated bias.
+    /// Median of measured minus located distance.
     pub median_m: f64,
     /// Standard deviation about the median, from the median absolute deviation.
     pub scatter_m: f64,
@@ -47,17 +46,16 @@ pub fn nis_interval(n: usize) -> [f64; 2] {
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Measured minus located distance of every range, after the estimated biases.
-pub(super) fn residuals_m(
+/// Measured minus located distance of every range.
+fn residuals_m(
     anchors_m: &[Vector3<f64>],
     samples: &[RangeSample],
     position_m: &[Vec<Vector3<f64>>],
-    biases: &[Bias],
 ) -> Vec<f64> {
     let steps = together(samples).enumerate();
     let residual = |k: usize, sample: &RangeSample| {
         let distance_m = sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm();
-        sample.distance_m - distance_m - bias_m(biases, sample.link)
+        sample.distance_m - distance_m
     };
     steps.flat_map(|(k, step)| step.iter().map(move |sample| residual(k, sample))).collect()
 }
@@ -80,7 +78,7 @@ pub(super) fn spread_by_link(
 }
 
 /// The residuals of every link, where `refused` were refused and a range has `sigma_m`.
-pub(super) fn link_residuals(
+fn link_residuals(
     samples: &[RangeSample],
     residuals_m: &[f64],
     refused: &BTreeMap<Link, usize>,
@@ -108,7 +106,7 @@ impl Located {
         refused: &BTreeMap<Link, usize>,
         sigma_m: f64,
     ) {
-        let residuals_m = residuals_m(anchors_m, samples, &self.position_m, &self.biases);
+        let residuals_m = residuals_m(anchors_m, samples, &self.position_m);
         self.links = link_residuals(samples, &residuals_m, refused, sigma_m);
         self.ranges = samples.len();
         self.refused_frac = refused.values().sum::<usize>() as f64 / samples.len().max(1) as f64;
@@ -116,28 +114,18 @@ impl Located {
 
     /// What the ranges contradict, in words.
     pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<String> {
-        let is_out = |link: &LinkResidual| self.left_out.contains(&link.link);
-        let left_out = self.left_out.iter().map(|link| {
-            format!(
-                "{link}: left out, since no constant bias explains its ranges: an obstacle for a \
-                 time, an anchor that moved, or clocks that do not agree"
-            )
-        });
-        let suspects = self.links.iter().filter(|link| link.suspect && !is_out(link));
+        let suspects = self.links.iter().filter(|link| link.suspect);
         let of_link = |link: &LinkResidual| {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(
                 "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} cm \
-                 and a scatter of {scatter:.1} cm: the range has an error that changes, an anchor is \
-                 not where the file says, or clocks do not agree",
+                 and a scatter of {scatter:.1} cm: the range is biased or has an error that changes, an \
+                 anchor is not where the file says, or clocks do not agree",
                 link.link
             )
         };
-        left_out
-            .chain(suspects.map(of_link))
-            .chain(nis_warning(self.nis, self.ranges, sigma_m))
-            .collect()
+        suspects.map(of_link).chain(nis_warning(self.nis, self.ranges, sigma_m)).collect()
     }
 }
 

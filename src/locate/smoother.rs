@@ -6,19 +6,17 @@
 //! the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It
 //! starts from the position that best fits the ranges of each drone's first second.
 //!
-//! A link that the gate refuses five times in a row is believed again, as in flight. Where the
-//! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
+//! A link that the gate refuses five times in a row is believed again, as in flight. Biases are
+//! not estimated: the residuals of each link show them.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::biases::repair;
-use super::mirror::{Ambiguity, ambiguities};
 use super::pairs::{counted_once, since_both_are_logged};
 use super::pass::{Model, STEP_S, work};
-use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
-use super::solve::{Solved, solve};
+use super::residuals::LinkResidual;
+use super::solve::solve;
 use super::start::start;
-use super::{Bias, Link, RangeSample, Room};
+use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
 
 /// Least standard deviation of a range for the place at the start.
@@ -31,8 +29,6 @@ const MOST_RANGES: usize = 1_500_000;
 const MOST_WORK: f64 = 4e9;
 const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
                      drones without ranges between them are located as well alone";
-const CUT_SHORT: &str = "not all links were tried as the one that contradicts the others: the logs \
-                         are long; locate a part of the flight";
 
 /// How a log is turned into positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,12 +77,6 @@ pub struct Located {
     pub refused_frac: f64,
     /// Residuals of every link.
     pub links: Vec<LinkResidual>,
-    /// Biases that were found and taken off.
-    pub biases: Vec<Bias>,
-    /// Links of which no range was used, by their names.
-    pub left_out: Vec<String>,
-    /// When the place of a drone cannot be told from another.
-    pub ambiguities: Vec<Ambiguity>,
     /// What the ranges contradict.
     pub warnings: Vec<String>,
 }
@@ -95,7 +85,7 @@ pub struct Located {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is no distance, and for a link without its end;
+/// [`Error::Input`] for a range that is not a distance, and for a link without its end;
 /// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open;
 /// [`Error::Input`] for more ranges than a core works through in minutes.
 pub fn locate(
@@ -112,31 +102,18 @@ pub fn locate(
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
     let start = start(anchors_m, &heard_s, &samples, sigma_m, options.room.as_ref())?;
-    let mut solved = solve(&model, &samples, &start, options.smooth)?;
-    let (mut biases, mut left_out, mut cut_short) = (Vec::new(), Vec::new(), false);
-    if is_inconsistent(&model, &samples, &solved)
-        && let Some(repaired) = repair(&model, &heard_s, &samples, options)?
-    {
-        (solved, biases) = (repaired.solved, repaired.biases);
-        left_out.extend(repaired.left_out.iter().map(Link::to_string));
-        cut_short = repaired.cut_short;
-    }
-    let position_m = solved.positions_m(n_drones);
+    let solved = solve(&model, &samples, &start, options.smooth)?;
     let mut located = Located {
         covariance_m2: solved.covariances_m2(n_drones),
-        position_m,
+        position_m: solved.positions_m(n_drones),
         nis: solved.innovations.nis(),
-        biases,
-        left_out,
         heard_s,
         time_s: solved.time_s,
         ..Located::default()
     };
-    located.ambiguities = ambiguities(anchors_m, &samples, &located, options);
     let (refused, sigma_m) = (&solved.innovations.refused, options.range_sigma_m);
     located.note_residuals(anchors_m, &samples, refused, sigma_m);
     located.warnings = located.contradictions(sigma_m);
-    located.warnings.extend(cut_short.then(|| CUT_SHORT.to_owned()));
     Ok(located)
 }
 
@@ -163,15 +140,6 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let found =
         format!("{n} of {n_drones} drones, {found:.0} million multiplications for each pass");
     Err(Error::input("ranges", found, format!("at most {most:.0} million"), FEWER))
-}
-
-/// Whether the ranges contradict their noise, or a link the others.
-fn is_inconsistent(model: &Model<'_>, samples: &[RangeSample], solved: &Solved) -> bool {
-    let (sigma_m, found) = (model.options.range_sigma_m, &solved.innovations);
-    let left_m = residuals_m(model.anchors_m, samples, &solved.positions_m(model.n_drones()), &[]);
-    let mut links = link_residuals(samples, &left_m, &found.refused, sigma_m).into_iter();
-    found.nis().is_some_and(|nis| nis > nis_interval(found.taken)[1])
-        || links.any(|link| link.suspect)
 }
 
 /// The first and the last range of each drone; without one, nothing.

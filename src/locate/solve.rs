@@ -7,8 +7,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::RangeSample;
 use super::pass::{Filter, Innovations, Model, STATES, together};
-use super::{Bias, RangeSample};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::estimate::{Normal, Step};
 
@@ -54,8 +54,6 @@ impl Path {
 pub(super) struct Solved {
     pub(super) time_s: Vec<f64>,
     pub(super) path: Path,
-    /// All states at the end of the log.
-    end: Normal,
     pub(super) innovations: Innovations,
 }
 
@@ -74,16 +72,6 @@ impl Solved {
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
         let of = |drone| self.path.covariances_m2.iter().skip(drone).step_by(n_drones);
         (0..n_drones).map(|drone| of(drone).copied().collect()).collect()
-    }
-
-    /// The biases of the model, as the whole log has them.
-    pub(super) fn biases(&self, model: &Model<'_>) -> Vec<Bias> {
-        let bias = |(k, of)| {
-            let state = STATES * model.n_drones() + k;
-            let (bias_m, sigma_m) = (self.end.mean[state], self.end.sigma(state));
-            Bias { of, bias_m, sigma_m, in_doubt: false }
-        };
-        model.biases.iter().copied().enumerate().map(bias).collect()
     }
 }
 
@@ -118,7 +106,6 @@ struct Forward {
     begins: Vec<Filter>,
     /// The steps of the last window.
     steps: Vec<Step>,
-    end: Normal,
     innovations: Innovations,
 }
 
@@ -130,20 +117,19 @@ impl Passes<'_, '_> {
         let mut path = Path { states, means: vec![0.0; n * states], covariances_m2 };
         if !smooth {
             let forward = self.forward(None, Some(&mut path));
-            let Forward { end, innovations, .. } = forward;
-            return Ok(Solved { time_s, path, end, innovations });
+            return Ok(Solved { time_s, path, innovations: forward.innovations });
         }
         // The innovations are those of the filter, which knows no later range.
         let first = self.forward(None, None);
-        let (mut begins, mut steps, mut end) = (first.begins, first.steps, first.end);
+        let (mut begins, mut steps) = (first.begins, first.steps);
         for pass in 0..MAX_PASSES {
             let moved_m = self.backward(&begins, steps, pass > 0, &mut path)?;
             if pass > 0 && moved_m < CONVERGED_M || pass + 1 == MAX_PASSES {
                 break;
             }
-            Forward { begins, steps, end, .. } = self.forward(Some(&path), None);
+            Forward { begins, steps, .. } = self.forward(Some(&path), None);
         }
-        Ok(Solved { time_s, path, end, innovations: first.innovations })
+        Ok(Solved { time_s, path, innovations: first.innovations })
     }
 
     /// A pass forward, linearized about its own estimates or about a path; `into` takes its states.
@@ -162,7 +148,7 @@ impl Passes<'_, '_> {
             }
             steps.push(step);
         }
-        Forward { begins, steps, end: filter.normal, innovations }
+        Forward { begins, steps, innovations }
     }
 
     /// The steps of a window, made again from the filter at its begin.
@@ -231,7 +217,7 @@ mod tests {
         let of = |window| {
             let passes = Passes { model: &model, samples: &samples, start: &start, window };
             let solved = passes.solve(true).unwrap();
-            (solved.path.means, solved.path.covariances_m2, solved.end, solved.innovations.sum)
+            (solved.path.means, solved.path.covariances_m2, solved.innovations.sum)
         };
         let whole = of(usize::MAX);
         assert!(whole.0.iter().all(|x| x.is_finite()));

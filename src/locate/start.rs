@@ -96,7 +96,7 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
             (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);
         }
     }
-    let mean = |(link, (sum_m, count))| Observation::new(link, sum_m / count, 1.0);
+    let mean = |(link, (sum_m, count))| Observation { link, distance_m: sum_m / count };
     sums.into_iter().map(mean).collect()
 }
 

@@ -214,7 +214,7 @@ fn close(text: &mut Vec<u8>) {
 struct Reader<'a> {
     budget: &'a Budget,
     log: Recording,
-    /// Members that are no part of a log.
+    /// Members beside those of a log.
     skipped: Vec<String>,
     /// Whether its stamps are seconds, where their steps leave it open.
     in_seconds: bool,

@@ -12,10 +12,8 @@ const MAX_LOGS: usize = 2000;
 /// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
 /// Endings of what lies beside logs and is none.
-const OTHERS: [&str; 14] = [
-    "html", "toml", "md", "yaml", "yml", "png", "apng", "jpg", "jpeg", "svg", "pdf", "mp4", "mov",
-    "zip",
-];
+const OTHERS: [&str; 13] =
+    ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
 /// Beginning of a file, in which its first line ends.
 const HEAD_BYTES: usize = 1 << 16;
 

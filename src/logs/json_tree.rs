@@ -38,7 +38,7 @@ pub(super) enum Node {
 pub(super) struct List {
     /// Its numbers up to the first item that is none; missing values are not a number.
     pub(super) numbers: Vec<f64>,
-    /// The place and the value of the first item that is no number.
+    /// The place and the value of the first item that is not a number.
     pub(super) odd: Option<(usize, String)>,
     /// The numbers of its objects by their names: the row, and the cell.
     pub(super) cells: BTreeMap<String, Vec<(usize, f64)>>,

@@ -3,7 +3,7 @@
 //! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
 //! positions to send. Method: the zero-phase [`Inverse`] of the loop over the flight, per axis.
 //! A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight is sent
-//! through the inverse once more ([`learn`]).
+//! through the inverse once more ([`corrected`]).
 
 use nalgebra::Vector3;
 
@@ -46,10 +46,10 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
 }
 
 /// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
-/// iterative learning, and the correction that a controller with feedforward of its own still
+/// iterative learning, the correction that a controller with feedforward of its own still
 /// needs.
 #[must_use]
-pub fn learn(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
+pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
         inverse[axis].inputs(|time_s| {
             let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);

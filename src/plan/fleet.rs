@@ -246,8 +246,8 @@ impl Track {
         self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
-    /// Horizontal distance and difference in height from another at a step, unless they are above
-    /// each other.
+    /// Horizontal distance and difference in height to another drone at a step; `None` where one
+    /// flies above the other.
     fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
         let ((a, a_parked), (b, b_parked)) = (self.at(step, delay), other.at(step, later));
         let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };

@@ -7,12 +7,6 @@ pub struct LampTiming {
     pub delay_s: f64,
     /// Period of the timer that a change waits for; 0: none.
     pub tick_s: f64,
-    /// When that timer first ticks.
-    pub phase_s: f64,
-    /// From dark to full.
-    pub rise_s: f64,
-    /// From full to dark.
-    pub decay_s: f64,
 }
 
 impl LampTiming {
@@ -23,10 +17,10 @@ impl LampTiming {
             return (time_s.max(self.delay_s), time_s);
         }
         // A command cannot be sent before the flight.
-        let first = ((self.delay_s - self.phase_s) / self.tick_s + 0.5).ceil();
-        let nearest = ((time_s - self.phase_s) / self.tick_s).round();
+        let first = (self.delay_s / self.tick_s + 0.5).ceil();
+        let nearest = (time_s / self.tick_s).round();
         let tick = nearest.max(first).max(last_tick);
-        (self.phase_s + tick * self.tick_s, tick)
+        (tick * self.tick_s, tick)
     }
 
     /// When to send a command whose light changes at a tick: it arrives half a tick before.
@@ -41,7 +35,7 @@ impl LampTiming {
             return arrives_s;
         }
         // The slack covers the time grid of setpoints.
-        let tick = ((arrives_s - self.phase_s - 1e-5) / self.tick_s).ceil();
-        self.phase_s + tick * self.tick_s
+        let tick = ((arrives_s - 1e-5) / self.tick_s).ceil();
+        tick * self.tick_s
     }
 }

@@ -59,9 +59,7 @@ pub fn time_lights(
         if was != is && (is || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
-        let ramp_s = if lit[row] > before { lamp.rise_s } else { lamp.decay_s };
-        let half_ramp_s = 0.5 * ramp_s * (lit[row] - before).abs();
-        let (light_s, tick) = lamp.tick(edge.time_s + lag_s - half_ramp_s, last_tick);
+        let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
         // Of two levels on one tick the later one counts, but an edge is never dropped.
         if tick == last_tick && was == is {
             commands.pop();
@@ -153,8 +151,7 @@ mod tests {
     use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
 
-    const LAMP: LampTiming =
-        LampTiming { delay_s: 0.025, tick_s: 0.05, phase_s: 0.0, rise_s: 0.0, decay_s: 0.0 };
+    const LAMP: LampTiming = LampTiming { delay_s: 0.025, tick_s: 0.05 };
 
     fn noor() -> Plan {
         written("NOE", &PlanOptions::even())

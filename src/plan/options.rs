@@ -6,8 +6,6 @@ use noctograph_core::settings::{Described, settings};
 settings! {
     /// How a word is flown.
     pub struct PlanOptions {
-        /// Part of the flight that is planned.
-        extent: Extent = Extent::Whole;
         /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led` (the
         /// default where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
@@ -16,10 +14,10 @@ settings! {
         /// Time between two setpoints on a leg; the drone holds each until the next.
         setpoint_interval_s: f64 = 0.1, in 0.001..=10.0;
         /// Wait on the floor with motors off, before take-off and after landing.
-        floor_wait_s: f64 = 1.1, in 0.0..=600.0, unless "plan.extent" = "letters";
+        floor_wait_s: f64 = 1.1, in 0.0..=600.0;
         /// Height to which the drone sinks after the last letter, and at which it returns (`team`)
         /// or switches its motors off (`even`).
-        landing_height_m: f64 = 0.15, in 0.001..=1000.0, unless "plan.extent" = "letters";
+        landing_height_m: f64 = 0.15, in 0.001..=1000.0;
         /// Drones that share the strokes; more than one in style `even` only.
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
@@ -29,17 +27,21 @@ settings! {
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
-        /// Rate of the clock that paces the setpoints, in true seconds per second, while light
-        /// commands from the host keep true time. By default 1 where the host sends them, and of a
-        /// trajectory on board (`radio.setpoints`) that of `vehicle.firmware`: 84/85 up to and with
-        /// release 2026.08 (`usec_time.c`).
-        trajectory_clock: Option<f64> = None, in 0.9..=1.1;
         /// Heading of the nose from take-off to landing, from world x toward y: the drone is put
         /// down so. Headlights shine along it; at -π/2 they face the audience, one beside the
         /// other.
         yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Way of flying. It also sets the defaults of the other keys of this table.
         style: Style = Style::default();
+        fixed {
+            /// Rate of the clock that paces the setpoints, in true seconds per second, while light
+            /// commands from the host keep true time. By default 1 where the host sends them, and
+            /// of a trajectory on board (`radio.setpoints`) that of `vehicle.firmware`: 84/85 up to
+            /// and with release 2026.08 (`usec_time.c`).
+            trajectory_clock: Option<f64> = None;
+            /// Part of the flight that is planned.
+            extent: Extent = Extent::Whole;
+        }
     }
 
     /// Way of flying.
@@ -69,7 +71,7 @@ settings! {
         /// Order and direction of strokes.
         order: Order = Order::Shortest;
         /// Hover before the first stroke, in which the height settles after the take-off.
-        hover_s: f64 = 1.0, in 0.0..=600.0, unless "plan.extent" = "letters";
+        hover_s: f64 = 1.0, in 0.0..=600.0;
         /// Greatest speed in the dark.
         dark_speed_m_s: f64 = 1.0, in 0.01..=100.0;
         /// Greatest acceleration of the design.

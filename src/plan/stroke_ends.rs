@@ -150,8 +150,7 @@ impl<'a> Aligned<'a> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
         let end = |((row, on), (sent, _)): ((usize, bool), (usize, bool))| {
-            let ramp_s = if on { lamp.rise_s } else { lamp.decay_s };
-            let time_s = lamp.light_s(plan.setpoints[sent].time_s) + 0.5 * ramp_s;
+            let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);
             let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
             let beyond_m = (self.at_m(time_s) - edge.at_m).dot(&along);

@@ -22,7 +22,7 @@ pub(super) type Classes = u64;
 /// Nothing between two letters.
 pub(super) const BLANK: Classes = 1;
 
-/// Light that is no letter.
+/// Light that no letter explains.
 pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
 
 /// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.

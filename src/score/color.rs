@@ -16,7 +16,7 @@ const FOREIGN: f32 = 3.0;
 
 /// Mean color of the brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    // Half as wide as the pixels themselves, of which there are half a million.
+    // Half as wide as the half million pixels themselves.
     let ranks = light.iter().map(|light| rank(luminance(*light)));
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());

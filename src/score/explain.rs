@@ -40,7 +40,7 @@ const LEAST_GAIN: f64 = 0.005;
 /// anew.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, of which faults are taken out: of a longer one they are named, without
+/// Longest word, in letters, whose faults are taken out: those of a longer one are named, without
 /// their gains.
 const LONGEST_MENDED: usize = 32;
 

@@ -164,7 +164,7 @@ impl Reader {
     /// not show the place of the word, or nothing shines there.
     ///
     /// The word is looked for in its place and in the lines that blind recognition finds: two views
-    /// of the same light, of which the one that shows the word better counts.
+    /// of the same light; the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));

@@ -73,7 +73,7 @@ pub struct ReadLetter {
 }
 
 impl ReadLetter {
-    /// Its share, which light that is no letter has not.
+    /// Its share; `None` for light that no letter explains.
     fn share(&self) -> f64 {
         if self.letter == '?' { 0.0 } else { self.p }
     }

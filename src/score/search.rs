@@ -91,7 +91,7 @@ impl Prefixes {
 }
 
 /// The likeliest words whose first character is of `first` and whose others are of `rest`, with ln
-/// of their probability, the likeliest first; `?` is light that is no letter (prefix beam search,
+/// of their probability, the likeliest first; `?` is light beside letters (prefix beam search,
 /// Hannun and others 2014).
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));

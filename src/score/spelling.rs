@@ -142,7 +142,7 @@ impl Spelled {
 
 /// The likeliest word, given what is seen in the place of each of its letters and the letters that
 /// it was looked at for: as its light says, or as words are spelled that the light might be. `?`
-/// stands for light that is no letter.
+/// stands for light that no letter explains.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();

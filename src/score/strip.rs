@@ -155,7 +155,7 @@ impl Strip {
     }
 
     /// What the strip would be a little larger or smaller, higher or lower, and exposed less: the
-    /// same light, of which one reading is expected.
+    /// same light, for which one reading is expected.
     pub(super) fn neighbors(&self) -> [Self; 4] {
         NEIGHBORS.map(|(height, down_px, exposure)| {
             let [bright, pure] = [&self.bright, &self.pure].map(|light| {

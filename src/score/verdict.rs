@@ -130,7 +130,7 @@ pub enum Reason {
 impl Verdict {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the
     /// readability, and where another word is likelier, no more than the word's own share against
-    /// it. What studies rank, tune and learn by.
+    /// it. What studies rank and tune by.
     #[must_use]
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
@@ -148,7 +148,7 @@ impl Verdict {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// A word of which nothing can be seen.
+    /// Nothing of the word can be seen.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,

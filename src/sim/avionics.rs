@@ -198,7 +198,7 @@ impl Avionics {
         self.command = self.controller.command(&ahead(&estimate, self.yaw_rad), &reference);
     }
 
-    /// Commands the motors m1…m4, which are held within their range; one that is no number stops.
+    /// Commands the motors m1…m4, clamped to their range; NaN stops a motor.
     pub(super) fn command(&mut self, wanted: [f64; 4]) {
         let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
         self.command = Command { motors: motors.into(), saturated: motors != wanted };

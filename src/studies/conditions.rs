@@ -10,7 +10,6 @@ use std::path::Path;
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use serde::{Deserialize, Serialize};
 
 use noctograph_core::digest::fnv_1a;
 use noctograph_core::error::{Error, Result};
@@ -98,62 +97,6 @@ settings! {
     }
 }
 
-/// One thing that differs from flight to flight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Factor {
-    /// Mass and moments of inertia.
-    Mass,
-    /// Center of mass.
-    CenterOfMass,
-    /// Lag of the rotors.
-    MotorLag,
-    /// Error of the positioning.
-    Lighthouse,
-    /// Moment of the air against the motion.
-    AirspeedMoment,
-    /// Gusts.
-    Gusts,
-    /// Delay of the lamps.
-    LedDelay,
-    /// Outages of the radio.
-    Radio,
-    /// Drift of the heading.
-    Yaw,
-    /// A damaged propeller.
-    Propeller,
-    /// An old battery.
-    Battery,
-}
-
-/// Each factor, in their order, with its name in tables and its conditions.
-const FACTORS: [(Factor, &str, &[&str]); 11] = [
-    (Factor::Mass, "mass", &["mass_frac", "inertia_frac"]),
-    (Factor::CenterOfMass, "center of mass", &["center_of_mass_m"]),
-    (Factor::MotorLag, "motor lag", &["motor_lag_s"]),
-    (Factor::Lighthouse, "Lighthouse", &["lighthouse_distortion_m", "lighthouse_frame_frac"]),
-    (Factor::AirspeedMoment, "airspeed moment", &["airspeed_moment_n_s"]),
-    (Factor::Gusts, "gusts", &["gust_m_s"]),
-    (Factor::LedDelay, "LED delay", &["led_delay_s"]),
-    (Factor::Radio, "radio", &["radio_outage_s"]),
-    (Factor::Yaw, "yaw drift", &["yaw_drift_rad_s"]),
-    (Factor::Propeller, "propeller", &["motor_loss_frac"]),
-    (Factor::Battery, "old battery", &["battery_age"]),
-];
-
-impl Factor {
-    /// All of them.
-    pub fn all() -> impl ExactSizeIterator<Item = Self> {
-        FACTORS.into_iter().map(|(factor, ..)| factor)
-    }
-
-    /// Its name in tables.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        FACTORS[self as usize].1
-    }
-}
-
 impl Conditions {
     /// An ordinary room with any drone of the scene's make: a gram of 35 more or less; motors that
     /// differ by 3 %, which is as half the center of mass of the reference flight.
@@ -203,31 +146,9 @@ impl Conditions {
     /// Every flight is as its scene says; only noise differs.
     #[must_use]
     pub fn still() -> Self {
-        Self::default().times(0.0)
-    }
-
-    /// These conditions, `times` as wide.
-    #[must_use]
-    pub fn times(&self, times: f64) -> Self {
-        self.each_times(|_| times)
-    }
-
-    /// Of these conditions, one factor alone.
-    #[must_use]
-    pub fn only(&self, factor: Factor) -> Self {
-        self.each_times(|key| f64::from(FACTORS[factor as usize].2.contains(&key)))
-    }
-
-    /// Each condition so many times as wide; of what there is only once, at most all.
-    fn each_times(&self, times: impl Fn(&str) -> f64) -> Self {
-        let mut table = toml::Table::try_from(self).expect("numbers");
-        for (key, value) in &mut table {
-            *value = (value.as_float().expect("a number") * times(key)).into();
-        }
-        let mut widened: Self = table.try_into().expect("the same keys");
-        widened.charge_used_frac = widened.charge_used_frac.min(1.0);
-        widened.motor_loss_frac = widened.motor_loss_frac.min(1.0);
-        widened
+        let keys = Self::SHAPE.settings().iter();
+        let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
+        zeros.try_into().expect("every key of conditions")
     }
 
     /// Checks the ranges.
@@ -375,9 +296,10 @@ mod tests {
             conditions.draw(&scene, seed, drone).sim.vehicle.motor_rise_s
         };
         let with_s = lag_s(&all, 3, 0);
-        assert_eq!(with_s, lag_s(&all.only(Factor::MotorLag), 3, 0));
+        let lag_of = |motor_lag_s| Conditions { motor_lag_s, ..Conditions::still() };
+        assert_eq!(with_s, lag_s(&lag_of(all.motor_lag_s), 3, 0));
         assert!(with_s != lag_s(&all, 4, 0) && with_s != lag_s(&all, 3, 1), "others differ");
-        assert_eq!(lag_s(&all.times(2.0), 3, 0), 2.0 * with_s);
+        assert_eq!(lag_s(&lag_of(2.0 * all.motor_lag_s), 3, 0), 2.0 * with_s);
     }
 
     #[test]
@@ -399,7 +321,8 @@ mod tests {
             let older = found.battery.resistance_ohm / scene.battery.resistance_ohm - 1.0;
             let smaller = 1.0 - found.battery.capacity_ah / scene.battery.capacity_ah;
             assert!((0.0..0.2282).contains(&older) && (smaller * 1.1404 - older).abs() < 1e-4);
-            assert_eq!(drawn(&evening.only(Factor::Radio), seed).radio, found.radio);
+            let radio = Conditions { radio_outage_s: 0.3, ..Conditions::still() };
+            assert_eq!(drawn(&radio, seed).radio, found.radio);
         }
         assert!(weak.iter().all(|n| (30..75).contains(n)), "each motor in its turn: {weak:?}");
     }
@@ -435,9 +358,11 @@ mod tests {
 
     #[test]
     fn gusts_that_fade_leave_the_scene_as_it_is() {
-        let (gusts, scene) =
-            (Conditions::default().only(Factor::Gusts), Scene::preset(Preset::Ae4832022));
-        let drag = |times| gusts.times(times).draw(&scene, 1, 0).sim.vehicle.body_drag_n_s_m[0];
+        let scene = Scene::preset(Preset::Ae4832022);
+        let drag = |times| {
+            let gusts = Conditions { gust_m_s: times * ROOM_GUST_M_S, ..Conditions::still() };
+            gusts.draw(&scene, 1, 0).sim.vehicle.body_drag_n_s_m[0]
+        };
         assert_eq!((drag(0.0), drag(1.0), drag(4.0)), (0.0, DRAG_N_S_M[0], DRAG_N_S_M[0]));
         assert!(drag(1e-6) < 1e-6 * DRAG_N_S_M[0] * 1.001, "{}", drag(1e-6));
     }

@@ -34,7 +34,7 @@ use noctograph_sim::vehicle::GustOptions;
 const LEAST_RATE_HZ: f64 = 500.0;
 /// Shortest flight that is used: the trim's error falls with its root.
 const LEAST_AIR_S: f64 = 10.0;
-/// Largest share of a flight of which the log knows nothing.
+/// Largest share of a flight that may be missing from its log.
 const MOST_UNKNOWN: f64 = 0.1;
 /// Least gusts of a log: the quietest sensor's noise is more.
 const LEAST_GUST_M_S: f64 = 1e-6;
@@ -111,7 +111,7 @@ impl fmt::Display for Flaw {
 pub struct LogFigures {
     /// Time in the air.
     pub air_s: f64,
-    /// Longest time of which nothing is known.
+    /// Longest gap in the log.
     pub longest_gap_s: f64,
     /// Thrust per command and weight, as a share of the scene's.
     pub thrust_frac: f64,
@@ -258,7 +258,7 @@ impl Evening {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
             "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
-             # room's: rank, robustness and preview --spread take this file as --conditions.\n",
+             # room's: rank and preview --spread take this file as --conditions.\n",
             self.logs.len()
         );
         for FoundCondition { key, value, from } in found {
@@ -322,7 +322,7 @@ impl EveningLog {
     }
 }
 
-/// Times in the air of which a log knows nothing.
+/// Gaps of a log while the drone is in the air.
 fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
     let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);

@@ -1,7 +1,6 @@
 //! Study: which controller paints the most legible word, with confidence intervals.
 //!
-//! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene, a
-//! learned plan, a table of the factors that break the word.
+//! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
 //! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
 //!    the reader's own resolution on a small film and read: one [`Outcome`].
@@ -22,17 +21,14 @@
 
 pub mod comparison;
 mod conditions;
-mod correct;
 mod design;
 mod evening;
 mod hold;
 mod knobs;
-mod learn;
 mod outcome;
 mod rank;
 mod remedy;
 pub mod report;
-mod robustness;
 mod search;
 mod shard;
 mod spread;
@@ -42,8 +38,7 @@ mod tables;
 mod trial;
 mod tune;
 
-pub use conditions::{Conditions, Factor};
-pub use correct::{LearnOptions, align, check_writes, correct};
+pub use conditions::Conditions;
 pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{
@@ -51,14 +46,12 @@ pub use hold::{
     HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,
 };
 pub use knobs::{Knob, Turn, settings, turned};
-pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use remedy::{Remedy, SEEDS, remedies};
-pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
 pub use shard::{Shard, shards};
 pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};
-pub use tables::{candidates_csv, flights_csv, ranking_csv, robustness_csv};
+pub use tables::{candidates_csv, flights_csv, ranking_csv};
 pub use trial::Prepared;
 pub use tune::{Candidate, TuneOptions, Tuned, tune};

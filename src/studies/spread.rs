@@ -22,7 +22,7 @@ use noctograph_score::{Verdict, is_judged};
 
 /// Share of flights that a band holds at every moment.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights of which a band can hold that share: two of twenty lie outside.
+/// Fewest flights whose band can hold that share: two of twenty lie outside.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time between two moments of a band.
 const STEP_S: f64 = 0.1;

@@ -26,7 +26,7 @@ const RESAMPLES: usize = 2000;
 /// Subsets that are drawn where there are more: an end at a level of 1 - 0.05 / 45, as of ten
 /// contenders, rests on 11 of them.
 const SUBSETS: usize = 20_000;
-/// Values of which all subsets are taken.
+/// Most values whose subsets are all enumerated.
 const ALL_SUBSETS_OF: usize = 14;
 
 /// Weight, in values, of what is assumed of probabilities before any is seen

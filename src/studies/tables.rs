@@ -1,9 +1,9 @@
-//! Results of studies as CSV: a row for each flight, scene, level of disturbance or candidate.
+//! Results of studies as CSV: a row for each flight, scene, or candidate.
 
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Endurance, Factor, Flown, Knob, Ranking, Record, Tuned};
+use super::{Flown, Knob, Ranking, Record, Tuned};
 
 /// A column: its name, and the path of its values in a row's JSON.
 type Column = (String, String);
@@ -27,25 +27,6 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().flatten());
     table(all, ranking.measures.iter().map(value))
-}
-
-/// A row for each factor and level.
-#[must_use]
-pub fn robustness_csv(endurances: &[Endurance]) -> String {
-    let read = ["legible", "all_read", "legibility"];
-    let breaks = "breaks_at breaks_from=breaks_between/0 breaks_to=breaks_between/1 place";
-    let all = columns("factor times=level/times")
-        .chain(read.into_iter().flat_map(|name| estimate(name, &format!("level/{name}"))))
-        .chain(columns(breaks));
-    let rows = endurances.iter().flat_map(|endurance| {
-        let mut row = value(endurance);
-        row["factor"] = endurance.factor.map_or("all together", Factor::name).into();
-        endurance.levels.iter().map(move |level| {
-            row["level"] = value(level);
-            row.clone()
-        })
-    });
-    table(all, rows)
 }
 
 /// A row for each candidate, in the order of the search, with the scene's value of each key that a

@@ -13,7 +13,7 @@ use noctograph_core::flight::Flight;
 use noctograph_letters::Strokes;
 use noctograph_picture::photo::{Noise, Photo};
 use noctograph_pipeline::scene::{NamedScene, Scene};
-use noctograph_pipeline::shoot::{Judging, Planned, Recording, Shoot};
+use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
@@ -49,12 +49,10 @@ impl Prepared {
     /// [`Error::Input`] for a word that the font cannot write or a setting out of range.
     pub fn new(named: &NamedScene, word: &str, conditions: &Conditions) -> Result<Self> {
         conditions.check()?;
-        let mut named = NamedScene { name: String::new(), ..named.clone() };
-        named.scene.seed = 0;
-        named.scene.set_word(word);
-        named.scene.check()?;
-        let (scene, learned) = (named.scene.clone(), !named.plans.is_empty());
-        let (mut shoot, unplanned) = match Shoot::named(named) {
+        let mut scene = Scene { seed: 0, ..named.scene.clone() };
+        scene.set_word(word);
+        scene.check()?;
+        let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
@@ -66,7 +64,7 @@ impl Prepared {
             shoot.reader = Some(reader(strokes, &scene.score)?);
         }
         shrink(&mut shoot, CAP_HEIGHT_PX)?;
-        let digest = digest(&scene, conditions, if learned { &shoot.plans } else { &[] });
+        let digest = digest(&scene, conditions);
         Ok(Self { scene, shoot, conditions: conditions.clone(), digest, unplanned })
     }
 
@@ -100,18 +98,8 @@ impl Prepared {
         &self.scene
     }
 
-    /// The same with other plans, one for each drone.
-    #[must_use]
-    pub fn sending(&self, plans: &[Plan]) -> Self {
-        let planned = |plan: &Plan| Planned { plan: plan.clone(), ends: Vec::new() };
-        let plans: Vec<Planned> = plans.iter().map(planned).collect();
-        let digest = digest(&self.scene, &self.conditions, &plans);
-        let shoot = Shoot { plans, ..self.shoot.clone() };
-        Self { shoot, digest, ..self.clone() }
-    }
-
-    /// Names everything that decides an outcome except the seed: program, reader, scene, word,
-    /// conditions and learned plans. 16 hexadecimal digits.
+    /// Names everything that decides an outcome except the seed: program, reader, scene, word and
+    /// conditions. 16 hexadecimal digits.
     #[must_use]
     pub fn digest(&self) -> &str {
         &self.digest
@@ -235,18 +223,13 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
     Ok(reader)
 }
 
-fn digest(scene: &Scene, conditions: &Conditions, learned: &[Planned]) -> String {
+fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
     digest.add(env!("CARGO_PKG_VERSION"));
     digest.add_numbers(&[CAP_HEIGHT_PX, OUTCOME_VERSION]);
     digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));
     digest.add(scene.to_toml());
     digest.add(serde_json::to_vec(conditions).expect("plain data"));
-    for planned in learned {
-        let mut csv = Vec::new();
-        planned.plan.write_csv(&mut csv).expect("writing into memory");
-        digest.add(csv);
-    }
     digest.hex()[..16].to_owned()
 }
 
@@ -255,7 +238,6 @@ mod tests {
     use super::*;
     use noctograph_pipeline::scene::Preset;
     use noctograph_plan::PlanOptions;
-    use noctograph_plan::tracking::{Part, track};
 
     fn prepared(word: &str, change: impl FnOnce(&mut Scene)) -> Prepared {
         let mut scene = Scene::preset(Preset::Ae4832022);
@@ -314,20 +296,5 @@ mod tests {
         assert_eq!((outcome.read.as_str(), ready.plans().len()), ("ON", 2));
         let shoot = ready.shoot(3);
         assert_ne!(shoot.actual[0].sim.vehicle, shoot.actual[1].sim.vehicle);
-    }
-
-    #[test]
-    fn errors_of_a_learned_plan_are_against_the_design() {
-        let ready = prepared("I", |_| {});
-        let mut sent = ready.plans();
-        let moved = sent[0].setpoints.iter().map(|s| s.position_m + Vector3::x() * 0.02);
-        sent[0].sent_m = moved.collect();
-        let moved = ready.sending(&sent);
-        let x_m = |ready: &Prepared| {
-            let flights = ready.fly(1).unwrap();
-            track(&flights[0], Part::Letters).unwrap().mean_error_m.x
-        };
-        assert!((x_m(&moved) - x_m(&ready) - 0.02).abs() < 2e-3);
-        assert_ne!(moved.digest(), ready.digest());
     }
 }

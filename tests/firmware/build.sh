@@ -16,7 +16,7 @@ for source in "$modules"/kalman_core/kalman_core.c "$modules"/kalman_core/mm_swe
     "$modules"/kalman_core/mm_position.c "$modules"/outlierfilter/outlierFilterLighthouse.c \
     "$modules"/outlierfilter/outlierFilterTdoa.c "$modules"/lighthouse/lighthouse_position_est.c \
     "$utils"/lighthouse/lighthouse_geometry.c "$utils"/lighthouse/lighthouse_calibration.c \
-    "$modules"/axis3fSubSampler.c "$modules"/controller/attitude_pid_controller.c \
+    "$modules"/planner.c "$modules"/pptraj.c "$modules"/pptraj_compressed.c "$modules"/axis3fSubSampler.c "$modules"/controller/attitude_pid_controller.c \
     "$modules"/controller/controller_pid.c "$modules"/controller/position_controller_pid.c \
     "$modules"/power_distribution_quadrotor.c "$utils"/pid.c "$utils"/filter.c "$utils"/num.c; do
     object=$out/$(basename "$source" .c).o

@@ -119,21 +119,6 @@ fn two_drones_share_a_word_in_one_command_and_stage_by_stage() {
 }
 
 #[test]
-fn a_learned_folder_is_previewed_with_its_plan() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |arguments: &[&str]| {
-        noctograph(folder.path()).args(arguments).assert().success();
-    };
-    std::fs::create_dir(folder.path().join("learned")).unwrap();
-    run(&["scene", "-o", "learned/scene.toml"]);
-    run(&["plan", "I", "--set", "plan.stroke_speed_m_s=0.3", "-o", "learned/plan-I.csv"]);
-    let preview = ["preview", "I", "--scene", "learned"];
-    noctograph(folder.path()).args(preview).args(SMALL).assert().code(predicates::ord::le(1));
-    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
-    assert!(read("noctograph-out/plan.csv") == read("learned/plan-I.csv"), "another plan");
-}
-
-#[test]
 fn keys_of_the_scene_are_set_on_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("s.toml"), "[plan]\nstroke_speed_m_s = 0.3\n").unwrap();
@@ -155,7 +140,7 @@ fn keys_of_the_scene_are_set_on_the_command_line() {
 fn lines_are_at_most_80_columns_wide() {
     let folder = tempfile::tempdir().unwrap();
     let verbs = "preview plan fly expose score read check meter coverage import compare \
-                 compare-photo identify locate gains rank tune learn robustness scene";
+                 compare-photo identify locate gains rank tune scene";
     let mut commands: Vec<Vec<&str>> = vec![vec!["--help"], vec!["-h"]];
     for verb in verbs.split_whitespace() {
         commands.extend([vec![verb, "--help"], vec![verb, "-h"]]);
@@ -181,9 +166,7 @@ fn lines_are_at_most_80_columns_wide() {
         "scene --style even",
         "scene --preset bzzz",
         "rank team pid --words I:2",
-        "robustness team --words I:1 --times 1",
         "tune team --words I:1 --budget 4 --test-words O --test-seeds 1",
-        "learn team I --rounds 1 --repeats 1",
         "preview NO漢R",
         "scene --set camera.izo=3",
         "fly none.csv",
@@ -421,8 +404,8 @@ fn warnings_name_what_has_no_effect() {
     assert!(stderr("plan PIX --drones 5").contains("3 of 5 drones fly"));
     let on_board = "--set radio.setpoints=on-board";
     assert!(stderr(&format!("plan I {on_board}")).contains("radio.setpoints has no effect"));
-    let robustness = stderr(&format!("robustness cf21 --words I:1 --times 0,1 {on_board}"));
-    assert!(!robustness.contains("no effect"), "conditions have a radio: {robustness}");
+    let rank = stderr(&format!("rank cf21 --words I:1 --conditions evening {on_board}"));
+    assert!(!rank.contains("no effect"), "conditions have a radio: {rank}");
 }
 
 #[test]

@@ -196,26 +196,22 @@ const ANCHORS: [[f64; 3]; 5] =
 
 /// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
 pub(crate) fn recorded() -> [(&'static str, String); 3] {
-    recorded_at(ANCHORS)
-}
-
-fn recorded_at(anchors_m: [[f64; 3]; 5]) -> [(&'static str, String); 3] {
     let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
     (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
-    let mut flight = "t,x,y,z\n".to_owned();
+    let mut flight = "timestamp,x,y,z\n".to_owned();
     for row in 0..2000_u32 {
         let time_s = f64::from(row) * 0.01;
         let place =
             [0.8 * libm::sin(0.7 * time_s), 0.4 * libm::sin(1.1 * time_s), 1.0 + 0.02 * time_s];
-        let anchor = row as usize % 5;
-        let square: f64 = (0..3).map(|k| libm::pow(place[k] - anchors_m[anchor][k], 2.0)).sum();
+        let (anchor, stamp) = (row as usize % 5, format!("2023-05-04 12:00:{time_s:09.6}"));
+        let square: f64 = (0..3).map(|k| libm::pow(place[k] - ANCHORS[anchor][k], 2.0)).sum();
         held[anchor] = square.sqrt();
-        write!(log, "\n{row},2023-05-04 12:00:{time_s:09.6}").unwrap();
+        write!(log, "\n{row},{stamp}").unwrap();
         held.iter().for_each(|distance| write!(log, ",{distance:.6}").unwrap());
-        writeln!(flight, "{time_s},{},{},{}", place[0], place[1], place[2]).unwrap();
+        writeln!(flight, "{stamp},{},{},{}", place[0], place[1], place[2]).unwrap();
     }
     let mut anchors = String::new();
-    for (index, [x, y, z]) in anchors_m.iter().enumerate() {
+    for (index, [x, y, z]) in ANCHORS.iter().enumerate() {
         writeln!(anchors, "{index}:\n  x: {x:?}\n  y: {y:?}\n  z: {z:?}").unwrap();
     }
     [("ranges.csv", log), ("flight.csv", flight), ("anchors.yaml", anchors)]
@@ -275,14 +271,8 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
 }
 
 #[test]
-fn anchors_in_a_plane_are_ambiguous_and_a_fleet_that_is_lost_says_which_drone() {
+fn a_fleet_that_is_lost_says_which_drone() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, text) in recorded_at(ANCHORS.map(|[x, y, _]| [x, y, 2.4])) {
-        std::fs::write(folder.path().join(name), text).unwrap();
-    }
-    let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
-    let located = noctograph(folder.path()).args(arguments).assert().code(1);
-    located.stdout(predicates::str::contains("ambiguous drone 1 from 0.0 to 20.0 s"));
     // Ranges that are wrong by meters turn a drone over.
     let lost = ["preview", "--scene", FIVE_LINKS, "--set", "sensors.uwb.bias_m=2"];
     let lost = noctograph(folder.path()).args(lost).assert().code(2);

@@ -34,7 +34,7 @@ fn the_example_of_every_verb_runs() {
     let folder = tempfile::tempdir().unwrap();
     bring(folder.path());
     let verbs = "preview check export expose score plan fly read meter coverage import compare \
-                 compare-photo identify locate gains rank tune learn robustness hold scene report \
+                 compare-photo identify locate gains rank tune hold scene report \
                  generate";
     for verb in verbs.split(' ') {
         let examples = examples(folder.path(), verb);

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::cli::{json, noctograph};
 
 /// Commands in an order in which each finds the files that it names; the heading is the verb's.
-const COMMANDS: [(&str, &str); 18] = [
+const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),
     ("fly", "fly plan.csv"),
@@ -25,8 +25,6 @@ const COMMANDS: [(&str, &str); 18] = [
     ("identify", "identify flight.csv --scene team"),
     ("gains", "gains --scene team"),
     ("rank", "rank team pid --words I:2"),
-    ("learn", "learn team I --rounds 1 --repeats 1"),
-    ("robustness", "robustness team --words I:1 --times 0,1"),
 ];
 
 /// All keys of a value, at any depth.

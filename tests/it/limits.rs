@@ -29,7 +29,7 @@ const TICKS_HZ: f64 = 100.0;
 type Case = (&'static str, &'static str, fn(&Path, usize), usize);
 
 #[rustfmt::skip]
-const CASES: [Case; 46] = [
+const CASES: [Case; 45] = [
     ("SVG, strokes here and there", "plan --drawing @.svg -o out.csv", svg, 600),
     ("the same, by four drones", "plan --drawing @.svg --drones 4 -o out", svg, 160),
     ("the same, checked", "check --drawing @.svg", svg, 600),
@@ -47,7 +47,6 @@ const CASES: [Case; 46] = [
     ("JSON log, numbers of a variable", "import @.json -o out.csv", log_json_long, 1_200_000),
     ("CSV log, rows at 1 kHz", "import @.csv -o out.csv", log_csv, 1_000_000),
     ("the same, without motors, identified", "identify @.csv", log_csv, 1_000_000),
-    ("the same, learned from", "learn cf21 I --flight @.csv -o out", log_csv, 1_000_000),
     ("logs of 10 MB, an evening", "import @ -o out", evening, 12),
     ("links to one log, an evening", "import @ -o out", links, 12),
     ("flight, rows", "expose @.csv --word I --backend cpu --size 320x180 -o out.png", flight, 40_000),
@@ -71,7 +70,7 @@ const CASES: [Case; 46] = [
     ("words, ranked", "rank cf21 --words @.txt -o out", words, 5_000),
     ("words, tuned for", "tune cf21 --words @.txt --budget 600000 -o out", words, 5_000),
     ("conditions, ranked, bytes", "rank cf21 --words I --seeds 1 --conditions @.toml -o out", conditions, 260_000),
-    ("conditions, robustness, bytes", "robustness cf21 --words I:1 --times 0,1 --conditions @.toml -o out", conditions, 260_000),
+    ("conditions, bytes", "rank cf21 --words I:1 --conditions @.toml -o out", conditions, 260_000),
     ("conditions, a spread, bytes", "preview I --spread 2 --size 320x180 --conditions @.toml -o out", conditions, 260_000),
     ("stroke font, points of a letter", "plan I --font @.strokes -o out.csv", strokes, 4_000),
     ("stroke font, bytes", "plan I --font @.strokes -o out.csv", comments, 1_100_000),

@@ -41,11 +41,7 @@ fn standard_output_takes_a_file_and_the_table_goes_beside_it() {
 fn what_is_refused_leaves_nothing_and_names_stay_in_their_folder() {
     let folder = tempfile::tempdir().unwrap();
     noctograph(folder.path()).args(["plan", "HI"]).assert().success();
-    noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
-    let sent = ["--flight", "flight.csv", "--sent", "plan.csv"];
-    let refusals: [(&[&str], &[&str], &str); 5] = [
-        (&["learn", "cf21", "NOOR"], &sent, "strokes of NOOR"),
-        (&["preview", "HI"], &["--movie", "movie.gif"], "*.apng"),
+    let refusals: [(&[&str], &[&str], &str); 3] = [
         (&["export", "HI", "--to", "poly4d"], &["--word", "NO"], "wanted HI"),
         (&["hold", "--runs", "1"], &["--scenario", "all,clam"], "calm"),
         (&["locate", "--region"], &["--observer", "filter"], "--observer"),
@@ -54,14 +50,13 @@ fn what_is_refused_leaves_nothing_and_names_stay_in_their_folder() {
         let run = noctograph(folder.path()).args(command).args(more).assert().code(2);
         let error = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(error.contains(wanted), "{command:?}: {error}");
-        assert_eq!(names_in(folder.path()), ["flight.csv", "plan.csv"], "{command:?}");
+        assert_eq!(names_in(folder.path()), ["plan.csv"], "{command:?}");
     }
-    noctograph(folder.path()).args(["learn", "cf21", "HI"]).args(sent).assert().success();
     let export = ["export", "../X", "--to", "crazyswarm2", "--unchecked"];
     noctograph(folder.path()).args(export).assert().success();
     let hold = ["hold", "--runs", "1", "--model", "scalar", "--scenario", "step,step"];
     noctograph(folder.path()).args(hold).output().unwrap();
-    let names = ["X-export", "flight.csv", "noctograph-hold", "noctograph-learn", "plan.csv"];
+    let names = ["X-export", "noctograph-hold", "plan.csv"];
     assert_eq!(names_in(folder.path()), names);
     let held = names_in(&folder.path().join("noctograph-hold"));
     assert_eq!(held, ["hold.html", "hold.json", "step-scalar.csv", "step-scalar.svg"]);
@@ -152,15 +147,11 @@ type Fills<'a> = (&'a str, &'a [&'a str], &'a [&'a str], &'a [&'a str]);
 fn the_files_of_a_study_are_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let limited = "trap '' XFSZ; ulimit -f $1; shift; exec \"$0\" \"$@\"";
-    let (rank, learn) = (["rank", "cf21", "--words", "I:2"], ["learn", "cf21", "I"]);
-    let robustness = ["robustness", "cf21", "--words", "I:1", "--times", "0,1"];
+    let rank = ["rank", "cf21", "--words", "I:2"];
     let tune = ["tune", "cf21", "--words", "I:1", "--budget", "34", "--test-seeds", "0"];
-    let rounds = ["--rounds", "1", "--repeats", "2"];
     // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
-    let cases: [Fills<'_>; 4] = [
+    let cases: [Fills<'_>; 2] = [
         ("16", &rank, &[], &["ranking.csv", "ranking.json", "flights.csv", "photos.png"]),
-        ("40", &learn, &rounds, &["scene.toml", "plan-I.csv"]),
-        ("8", &robustness, &[], &["robustness.csv", "robustness.svg"]),
         ("8", &tune, &[], &["candidates.csv", "pareto.svg", "scene.toml"]),
     ];
     for (blocks, command, more, names) in cases {
@@ -198,23 +189,6 @@ fn the_files_of_a_study_are_of_one_run() {
     let small = ["preview", "I", "--report", "--backend", "cpu", "--size", "320x180", "-o", "out"];
     noctograph(folder.path()).args(small).assert().code(2);
     assert_eq!(text(&folder.path().join("out/photo.png")), "old", "the page is one of the set");
-}
-
-#[test]
-fn a_refused_robustness_leaves_nothing_and_no_equal_flight_is_flown_twice() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |word: &str| {
-        let arguments = ["robustness", "cf21", "--times", "0,1,2", "--conditions", "still"];
-        let arguments = [&arguments[..], &["--words", word, "-o", "out"]].concat();
-        noctograph(folder.path()).args(arguments).output().unwrap()
-    };
-    for refused in ["\u{6c34}:1", "I:0"] {
-        assert_eq!(run(refused).status.code(), Some(2), "{refused}");
-        assert_eq!(names_in(folder.path()), [""; 0], "{refused}");
-    }
-    assert_eq!(run("I:2").status.code(), Some(0));
-    let flights = text(&folder.path().join("out/flights.jsonl"));
-    assert_eq!(flights.lines().count(), 2, "without disturbance all levels are equal");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The report, one page, and the movie of a preview.
+//! The report, one page.
 
 use crate::cli::{names_in, noctograph};
 
@@ -38,19 +38,6 @@ fn a_report_says_what_was_seen_flown_and_set_and_needs_nothing_else() {
     // The same run makes the same page.
     noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
     assert!(html == std::fs::read_to_string(out.join("report.html")).unwrap());
-}
-
-#[test]
-fn a_movie_is_an_animated_png_of_six_seconds() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = ["preview", "I", "--movie", "movie.png"];
-    noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
-    assert!(names_in(folder.path()).contains(&"movie.png".to_owned()));
-    let file = std::fs::File::open(folder.path().join("movie.png")).unwrap();
-    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
-    let info = reader.info();
-    assert_eq!((info.width, info.height), (480, 270));
-    assert_eq!(info.animation_control.unwrap().num_frames, 72);
 }
 
 #[test]

@@ -194,10 +194,9 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let changes: Vec<f64> = changes.collect();
     assert_eq!(changes.len(), flown.len());
     for (previewed_s, flown_s) in changes.iter().zip(&flown) {
-        // The trajectory starts seven seconds after the command to take off, by the drone's clock,
-        // by which the script paces its lights.
+        // The trajectory takes off by the drone's clock, by which the script paces its lights.
         let on_board_s = previewed_s * SLOW_CLOCK;
-        assert!((on_board_s - flown_s - 7.0).abs() < 1e-4, "{previewed_s} s, {flown_s} s");
+        assert!((on_board_s - flown_s).abs() < 1e-4, "{previewed_s} s, {flown_s} s");
     }
     to("skyc", "noor.skyc", &[]);
     to("vviz", "noor.vviz", &[]);

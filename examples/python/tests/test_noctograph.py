@@ -275,9 +275,6 @@ def test_commands_of_the_lab_are_functions(shot):
     assert nc.read(shot.image) == "RIGA"
     scene = nc.Scene(word="I", set=SMALL)
     assert nc.meter(scene).text
-    learned = nc.learn("team", "I", rounds=1, repeats=2)
-    assert len(learned["rounds"]) == 2 and {"scene.toml", "plan-I.csv"} <= set(learned.files)
-    assert nc.Plan.from_csv(learned.files["plan-I.csv"].decode()).duration_s > 1
     assert nc.locate(region=True, scene="two-drones-three-anchors").text
     with pytest.raises(nc.InfeasibleError):
         nc.export(nc.Scene(word="NOOR", set={"plan.stroke_speed_m_s": 5.0}), "poly4d")

@@ -183,8 +183,8 @@ impl LensModel {
     /// natural ones: 2.7 in all for Canon's EF 50/1.8 II
     /// (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`), 2.2 for their EF 35/2
     /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`); 1 at the corner of APS-C for their EF
-    /// 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). Zooms of the kind of `kit-16mm`
-    /// lose no more than cos⁴ takes already (1.9 stops for Tokina's 16-50 at f/2.8,
+    /// 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as `kit-16mm`
+    /// loses no more than cos⁴ alone (1.9 stops for Tokina's 16-50 at f/2.8,
     /// `lenstip.com/248.8`). Stopped down, the stops beyond those at f/5.6 fall with the power 2.4
     /// of the aperture number, within 0.45 stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's
     /// Otus 28 from their widest aperture on (`lenstip.com/216.8`, `lenstip.com/504.8`,

@@ -52,7 +52,7 @@ impl OutputFolder {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
                 Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
-                // A pipe would keep the program waiting here, and its reader would see an end.
+                // Opening a pipe would block, and closing it would end its reader.
                 Ok(there) if there.is_file() => {
                     OpenOptions::new().write(true).open(&path).map(|_| ())
                 }

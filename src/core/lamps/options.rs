@@ -16,28 +16,11 @@ settings! {
         /// One parameter write takes about 20 ms one way (crazyswarm issue 245); too little hides
         /// streaks at the ends of strokes.
         radio_delay_s: f64 = 0.02, in 0.0..=10.0;
-        /// Jitter of that delay, added with even distribution.
-        ///
-        /// An assumption; repeated packets cause it.
-        radio_jitter_s: f64 = 0.01, in 0.0..=10.0;
-        /// Time between two parameter writes; red, green and blue of the ring are three.
-        ///
-        /// Crazyswarm issue 728.
-        radio_write_s: f64 = 0.015, in 0.0..=10.0;
         /// Period of the lamp timer of the firmware, 0 or at least 0.001. Changes wait for its next
         /// tick. With 0 the headlights follow at once, and the effects of the ring keep 50 ms.
         ///
         /// `ledring12.c`.
         tick_s: f64 = 0.05, in 0.0..=10.0;
-        /// Time of the first tick.
-        tick_phase_s: f64 = 0.0, in 0.0..=10.0;
-        /// Time of a lamp from dark to full level, linear. LEDs take less than 1 µs.
-        rise_s: f64 = 0.0, in 0.0..=10.0;
-        /// Time of a lamp from full level to dark, linear.
-        ///
-        /// The phosphor of a white LED takes about 1 µs: a stroke that goes on too long has other
-        /// causes.
-        decay_s: f64 = 0.0, in 0.0..=10.0;
         /// Parameter led.bitmask of the firmware: with bit 7 set, bits 0 to 6 turn the LEDs of the
         /// board on, so that 128 turns all of them off. 0 leaves them to the firmware.
         ///
@@ -65,6 +48,12 @@ settings! {
         fixtures: Option<Vec<Fixture>> = None;
         /// Effect of the LED ring (ring.effect of the firmware).
         ring: RingEffect = RingEffect::default();
+        fixed {
+            /// Jitter of that delay, added with even distribution.
+            ///
+            /// An assumption; repeated packets cause it.
+            radio_jitter_s: f64 = 0.01;
+        }
     }
 
     /// Effect of the LED ring. The firmware has more; these are the ones in use.

@@ -4,8 +4,7 @@
 //! Ink is what differs from the paper ([`super::ink`]); its contours lie between pixels, by
 //! marching squares. Each patch of ink with its holes is traced as a typeface's characters are
 //! ([`crate::center_line`]), or along its outline where it is an area ([`areas`]). A line has the
-//! hue of its ink where that is not gray. A photograph, whose paper would have texture or shades,
-//! is drawn by its edges ([`super::photograph`]).
+//! hue of its ink where that is not gray. A photograph, whose paper would have texture, is refused.
 
 use std::io::Cursor;
 
@@ -14,22 +13,16 @@ use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 
 use super::areas::{self, Patch};
 use super::gradient::Paint;
-use super::ink::{Field, RIM, plain_paper};
-use super::inlays::inlays;
+use super::ink::{Field, RIM, even_paper};
 use super::levels::{contours, level};
-use super::paper::Edges;
-use super::photograph::edges;
-use super::qr;
 use super::sheet::{self, Corners, Map};
 use super::{ColoredLine, MAX_POINTS};
-use crate::Picture;
 use crate::options::{LetterOptions, Trace};
 use crate::outline::{Contour, Filled, area, mean_stroke_width};
 use crate::vector::{between, legs};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
-use noctograph_core::statistics::median;
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -41,30 +34,16 @@ const STEPS: usize = 8;
 /// by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
-/// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph.
-/// It was 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs
-/// of scikit-image (astronaut, coffee, cat, motorcycle, grass, tissue).
-const TEXTURE: f64 = 0.175;
-/// Share of a picture in tones between paper and ink that change slowly, beyond which it is a
-/// photograph; and of either bound, from which on that is offered.
-const TONES: f64 = 0.12;
-const NEARLY: f64 = 0.62;
-/// Pixels of the longer side below which a picture is no photograph.
-const SMALL: u32 = 100;
-/// A drawing of more dots of light than this, shorter than a share of its larger side, may be of
-/// lights at night; where its edges are longer than a share of its width, it is.
-const DOTS: usize = 60;
-const DOT: f64 = 0.03;
-const ROOFS: f64 = 0.5;
-/// Share of a QR code's module by which it may be off: readers look at its middle.
-const READ: f64 = 0.25;
-/// Detail of a photograph where none is given.
-const PHOTOGRAPH: f64 = 0.5;
-/// Mean width of what lies over the rim of a sheet and is no line, by the sheet's longer side.
+/// Share of a picture in shades beyond which it is a photograph. It was 0.08 to 0.5 of a portrait
+/// and seven color photographs of scikit-image (astronaut, cat, coffee, grass, gravel, motorcycle,
+/// rocket), 0.01 to 0.04 of three gray ones, and up to 0.03 of drawings, boards and pages of print.
+const SHADES: f64 = 0.04;
+/// What lies over the rim of a photographed picture is no line from this mean width on, by the
+/// longer side, and from this share of its outline on that lies along the rim.
 const OVER_RIM: f64 = 0.02;
-/// Least share of a hole that an area of stronger ink fills, and least contrast of ink between.
-const FILLED: f64 = 0.7;
-const INKED: f64 = 0.15;
+const ALONG: f64 = 0.1;
+/// Share of a picture in faint marks from which on they are named.
+const FAINT: f64 = 0.02;
 /// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
 /// out; but one of which most is opaque and as white as paper has its paper.
 const GROUNDS: [u8; 3] = [255, 0, 128];
@@ -79,10 +58,6 @@ const GRAY: f64 = 0.04;
 pub(super) struct Traced {
     /// In pixels, y up, with their colors; black where the ink is gray.
     pub(super) lines: Vec<ColoredLine>,
-    /// The detail in which they are drawn.
-    pub(super) detail: f64,
-    /// What the picture is taken for.
-    pub(super) picture: Picture,
     /// What of it is not drawn.
     pub(super) warnings: Vec<String>,
     /// Corners of the sheet that is drawn, in pixels of the file.
@@ -99,51 +74,24 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Traced> {
     let budget = Budget::of(file, "make the picture smaller, or draw less");
-    let (picture, shrunk) = upright(bytes, &budget, file)?;
-    let (picture, mut field, sheet) = match paper(&picture, shrunk, options, file)? {
-        Some((sheet, field, corners)) => (sheet, field, Some(corners)),
-        None => {
-            let field = Field::of(&picture, Edges::Soft);
-            (picture, field, None)
-        }
-    };
-    // A photograph by its edges.
-    let photograph = |edges: Vec<Vec<[f64; 2]>>| Traced {
-        lines: edges.into_iter().map(|line| (line, Paint::Plain([0; 3]))).collect(),
-        detail: options.detail.unwrap_or(PHOTOGRAPH),
-        picture: Picture::Photograph,
-        warnings: Vec::new(),
-        corners_px: sheet,
-        in_file: match &sheet {
-            Some(corners) => sheet::back(corners, picture.dimensions()),
-            None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
-        },
-    };
-    let longer = picture.width().max(picture.height());
-    let mut found = field.threshold();
-    // How far the picture is on the way to a photograph: 1 and more, it is one. A sheet is none,
-    // and a picture of few pixels is mostly blur.
-    let is_whole = sheet.is_none() && longer >= SMALL;
-    let photographic = found.filter(|_| is_whole).map_or(0.0, |(threshold, strong)| {
-        (field.texture(threshold) / TEXTURE).max(field.tones(strong) / TONES)
-    });
-    let is_auto = options.picture == Picture::Auto;
-    if options.picture == Picture::Photograph || is_auto && photographic > 1.0 {
-        return Ok(photograph(edges(&picture)));
-    }
-    if field.is_shaded && sheet.is_none() {
-        field = Field::of(&picture, Edges::Sharp);
-        found = field.threshold();
-    }
-    let blank = || {
-        let found = "a picture without lines that stand out from its paper";
-        let hint = "photograph the drawing in even light, or draw with a darker pen";
+    let (whole, shrunk) = upright(bytes, &budget, file)?;
+    let corners = corners(&whole, shrunk, options, file)?;
+    let in_whole = corners.map(|corners| corners.map(|corner| corner.map(|x| x / shrunk)));
+    let picture = in_whole.map_or_else(|| whole.clone(), |it| sheet::square_on(&whole, &it));
+    let refuse = |found: &str, hint: &str| {
         Error::input(file, found, "a drawing, handwriting or a logo", hint)
     };
-    let (_, strong) = found.ok_or_else(blank)?;
-    #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-    let (is_ruled, n_across) = field.find(strong, speck(f64::from(longer)) as usize);
-    let (patches, n_cut) = field.patches(sheet.is_some());
+    let blank = || {
+        let hint = "photograph the drawing in even light, or draw with a darker pen";
+        refuse("a picture without lines that stand out from its paper", hint)
+    };
+    let field = Field::of(&picture).ok_or_else(blank)?;
+    if corners.is_none() && field.shades > SHADES {
+        let hint = "draw its lines on paper or in a drawing program; where it shows a sheet of paper, \
+                    name the corners of that (letters.corners_px)";
+        return Err(refuse("a photograph, of tones without lines", hint));
+    }
+    let (patches, n_cut) = field.patches();
     if patches.is_empty() {
         return Err(blank());
     }
@@ -151,102 +99,69 @@ pub(super) fn read(
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let scale = size(extent)?;
     let patch = |contours| Patch::new(contours, [larger, 1.0 / scale], &budget);
-    let traced = |patches: Vec<Patch<'_>>| match options.trace {
+    let patches: Vec<Patch<'_>> = patches.into_iter().map(patch).collect();
+    let lines: Vec<Vec<[f64; 2]>> = match options.trace {
         Trace::CenterLine => areas::lines(patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
-    let lines = traced(patches.into_iter().map(patch).collect());
-    let hues: Vec<Paint> = lines.iter().map(|line| Paint::Plain(field.hue(line))).collect();
-    let mut lines: Vec<ColoredLine> = lines.into_iter().zip(hues).collect();
-    let (inlays, too_many_inlays) = inlays(&field);
-    for (contours, color) in inlays {
-        let color = Paint::Plain(saturated(color, CHROMA));
-        for contours in nested(contours, speck(larger)) {
-            lines.extend(traced(vec![patch(contours)]).into_iter().map(|line| (line, color)));
-        }
-    }
     budget.check()?;
-    lines.retain(|(line, _)| line.len() > 1);
+    let lines = lines.into_iter().filter(|line| line.len() > 1);
+    let colored = |line: Vec<[f64; 2]>| {
+        let color = Paint::Plain(field.hue(&line));
+        (line, color)
+    };
+    let lines: Vec<ColoredLine> = lines.map(colored).collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
-    let n_dots = lines.iter().filter(|(line, _)| polyline_length_m(line) < DOT * larger).count();
-    let is_night = field.is_light && n_dots > DOTS && 2 * n_dots > lines.len();
-    if is_night && is_auto {
-        let edges = edges(&picture);
-        let length: f64 = edges.iter().map(|edge| polyline_length_m(edge)).sum();
-        if length > ROOFS * f64::from(picture.width()) {
-            return Ok(photograph(edges));
-        }
-    }
     let mut warnings = Vec::new();
-    if let Some(module_px) = qr::module_px(&field) {
-        let module_mm = 1e3 * module_px * scale * options.cap_height_m;
-        warnings.push(format!(
-            "a QR code of modules of {module_mm:.0} mm: a phone reads it only if they are filled, in \
-             lines as wide as the lamp, and each lies within {:.0} mm of its place; the drone draws \
-             them by lines along them, so write its address instead",
-            READ * module_mm
-        ));
-    }
     let mut warn = |is: bool, text: &str| warnings.extend(is.then(|| text.to_owned()));
-    warn(
-        is_auto && (photographic > NEARLY || is_night),
-        "this looks much like a photograph: letters.picture = \"photograph\" draws its edges",
-    );
-    let n_cut = n_cut + n_across;
     let cut = format!(
         "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
          paper; leave a margin around the drawing"
     );
     warn(n_cut > 0, &cut);
     warn(
-        too_many_inlays,
-        "what has another color within an area is not drawn: there are too many of it",
+        field.faint > FAINT,
+        "marks that are much fainter than the rest are not drawn, such as the paper's rulings: draw \
+         over those that are meant",
     );
     warn(
-        is_ruled,
-        "pale lines across the picture are not drawn: they look like the paper's rulings",
+        field.inner_edges() > field.width.max(field.height),
+        "areas of several colors that touch are drawn as one: leave a gap between them",
     );
-    if let Some(corners) = sheet.filter(|_| options.corners_px.is_none()) {
+    if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
         warnings.push(format!(
             "drawn is the sheet of paper with its corners at {corners} (letters.corners_px)"
         ));
     }
-    let (detail, picture) = (options.detail.unwrap_or(1.0), Picture::Drawing);
-    Ok(Traced { lines, detail, picture, warnings, ..photograph(Vec::new()) })
+    let in_file = match &corners {
+        Some(corners) => sheet::back(corners, picture.dimensions()),
+        None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
+    };
+    Ok(Traced { lines, warnings, corners_px: corners, in_file })
 }
 
-/// The sheet of paper in a picture seen square on, its ink, and its corners in the pixels of the
-/// file, of which one of the picture's is so many; `None` where the whole picture is drawn.
-fn paper(
+/// Corners of the sheet of paper in a picture, in pixels of the file, of which one of the picture's
+/// is so many; `None` where the whole picture is drawn.
+fn corners(
     picture: &RgbImage,
     shrunk: f64,
     options: &LetterOptions,
     file: &str,
-) -> Result<Option<(RgbImage, Field, Corners)>> {
-    if let Some([a, b, c, d, e, f, g, h]) = options.corners_px {
-        let corners = [[a, b], [c, d], [e, f], [g, h]];
-        if !sheet::is_convex(&corners) {
-            let wanted =
-                "x and y of the upper left, upper right, lower right and lower left corner";
-            let hint = "read the corners of the sheet off the picture, clockwise from upper left";
-            let found = format!("{corners:?}");
-            return Err(Error::input(format!("{file}: corners"), found, wanted, hint));
-        }
-        let sheet = sheet::square_on(picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
-        let field = Field::of(&sheet, Edges::Soft);
-        return Ok(Some((sheet, field, corners)));
+) -> Result<Option<Corners>> {
+    let Some([a, b, c, d, e, f, g, h]) = options.corners_px else {
+        let seen = sheet::corners(picture).filter(|_| even_paper(picture).is_none());
+        return Ok(seen.map(|corners| corners.map(|corner| corner.map(|x| x * shrunk))));
+    };
+    let corners = [[a, b], [c, d], [e, f], [g, h]];
+    if sheet::is_convex(&corners) {
+        return Ok(Some(corners));
     }
-    if options.picture == Picture::Photograph || plain_paper(picture).is_some() {
-        return Ok(None);
-    }
-    let Some(corners) = sheet::corners(picture) else { return Ok(None) };
-    let sheet = sheet::square_on(picture, &corners);
-    let field = Field::of(&sheet, Edges::Sharp);
-    let is_drawn = field.threshold().is_some_and(|(ink, _)| field.texture(ink) <= TEXTURE);
-    Ok(is_drawn.then(|| (sheet, field, corners.map(|corner| corner.map(|x| x * shrunk)))))
+    let wanted = "x and y of the upper left, upper right, lower right and lower left corner";
+    let hint = "read the corners of the sheet off the picture, clockwise from upper left";
+    Err(Error::input(format!("{file}: corners"), format!("{corners:?}"), wanted, hint))
 }
 
 /// The picture in upright position, opaque, and at most as large as needed; and how many pixels of
@@ -316,45 +231,22 @@ impl Field {
     /// Patches of ink, each a contour with its holes; without specks and what stands around the
     /// paper, and without what lies over the rim of a sheet: a hand, or what is left of the table.
     /// And how many these are.
-    fn patches(&self, is_sheet: bool) -> (Vec<Vec<Contour>>, usize) {
+    fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
-        let mut contours = contours(&self.ink, [self.width, self.height], RIM);
-        let inner: Vec<(f64, [f64; 4])> =
-            contours.iter().map(|of| (area(of), bounds(of.iter().copied()))).collect();
-        // Between two inks there is one edge: that of the stronger one.
-        contours.retain(|hole| {
-            let (of, [left, bottom, right, top]) = (area(hole), bounds(hole.iter().copied()));
-            let is_filled = |(inner, [l, b, r, t]): &(f64, [f64; 4])| {
-                let is_within = left < *l && *r < right && bottom < *b && *t < top;
-                is_within && (-1.0..-FILLED).contains(&(inner / of))
-            };
-            of > 0.0 || !inner.iter().any(is_filled) || !self.is_inked(hole)
-        });
-        let mut patches = nested(contours, speck(side));
+        let contours = contours(&self.ink, [self.width, self.height], RIM);
+        let mut patches = nested(contours, (SPECK * side * SPECK * side).max(2.0));
         let n_all = patches.len();
-        let around = |patch: &Vec<Contour>| self.along_rim(&patch[0]) > SURROUNDINGS * side;
-        if !patches.iter().all(around) {
-            patches.retain(|patch| !around(patch));
-        }
-        if is_sheet {
-            let is_foreign = |patch: &Vec<Contour>| {
-                let along = self.along_rim(&patch[0]);
-                let thick = mean_stroke_width(patch) > OVER_RIM * side;
-                along > 0.0 && (thick || along > 0.25 * polyline_length_m(&patch[0]))
-            };
-            patches.retain(|patch| !is_foreign(patch));
+        let is_around = |patch: &Vec<Contour>| {
+            let along = self.along_rim(&patch[0]);
+            let is_thick = || mean_stroke_width(patch) > OVER_RIM * side;
+            let is_over = || is_thick() || along > ALONG * polyline_length_m(&patch[0]);
+            along > SURROUNDINGS * side || !self.is_clean && along > 0.0 && is_over()
+        };
+        if !patches.iter().all(is_around) {
+            patches.retain(|patch| !is_around(patch));
         }
         let n_cut = n_all - patches.len();
         (patches, n_cut)
-    }
-
-    /// Whether there is ink all along a contour, on both sides of it.
-    fn is_inked(&self, contour: &Contour) -> bool {
-        let least = contour.iter().map(|[x, y]| {
-            let at = self.pixel([*x, *y]);
-            self.around(at, 2).map(|at| self.contrast[at]).fold(1.0, f64::min)
-        });
-        median(least).is_some_and(|least| least > INKED)
     }
 
     /// Length of a contour along the rim of the picture.
@@ -425,9 +317,4 @@ fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
         }
     }
     patches
-}
-
-/// Least area of a patch, by the longer side of its picture in pixels.
-fn speck(side: f64) -> f64 {
-    (SPECK * side * SPECK * side).max(2.0)
 }

@@ -1,6 +1,5 @@
-//! Pictures: ink on paper under any light, areas, photographs.
+//! Pictures: ink on paper under any light, areas.
 
-use super::super::Picture;
 use super::picture_tests::{Canvas, icon, line, polygon, traced};
 use super::tests::{drawn_in, lit, on_canvas};
 use super::*;
@@ -201,41 +200,31 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
     assert!(refused.contains("stand out"), "{refused}");
 }
 
-/// Smooth tones behind a bright disc, a dark tower and a star, with the grain of a camera.
+/// A face in soft light before a dark wall, with the grain of a camera.
 fn photograph() -> image::RgbImage {
-    let mut picture = image::RgbImage::new(480, 320);
-    change(&mut picture, |x, y, _| {
-        let hills = 60.0 + 40.0 * libm::sin(0.03 * x) * libm::cos(0.05 * y) + 0.2 * x;
-        let disc = libm::hypot(x - 150.0, y - 150.0) < 80.0;
-        let tower = (330.0..390.0).contains(&x) && y > 60.0;
-        let star = libm::hypot(x - 250.0, y - 40.0) < 5.0;
-        let light = [(disc, 90.0), (tower, -60.0), (star, 120.0)];
-        let light = light.into_iter().filter(|(is, _)| *is).map(|(_, light)| light).sum::<f64>();
-        (hills + light).clamp(0.0, 255.0)
+    let mut picture = image::RgbImage::from_fn(480, 320, |x, y| {
+        let [x, y] = [f64::from(x), f64::from(y)];
+        let far = libm::hypot((x - 240.0) / 110.0, (y - 160.0) / 150.0);
+        let face = 1.0 / (1.0 + libm::exp(12.0 * (far - 1.0)));
+        let light = 1.0 - 0.5 * far * face + 0.0006 * (x - 240.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+        let tone = |wall: f64, skin: f64| (wall + (skin * light - wall) * face) as u8;
+        image::Rgb([tone(40.0, 230.0), tone(50.0, 180.0), tone(70.0, 150.0)])
     });
     noise(&mut picture);
     picture
 }
 
 #[test]
-fn a_photograph_is_drawn_by_its_long_edges() {
-    let photograph = photograph();
-    let options = |detail, picture| LetterOptions { detail, picture, ..on_canvas(4.8, 3.2) };
-    let drawn = |options: &LetterOptions| drawn(photograph.clone(), options, Ink::Alike).unwrap();
-    let auto = drawn(&options(None, Picture::Auto));
-    assert_eq!(auto, drawn(&options(Some(0.5), Picture::Photograph)), "recognized");
-    // The disc, and three sides of the tower, which is 260 pixels high.
-    let [_, bottom, _, top] = auto.bounds_m();
-    let edges_m = (top - bottom) / 260.0 * (std::f64::consts::TAU * 80.0 + 60.0 + 2.0 * 260.0);
-    let length = auto.length_m() / edges_m;
-    assert!((0.93..1.07).contains(&length) && auto.n_strokes() == 2, "{length}");
-    assert!(auto.left_out.strokes == 1 && auto.left_out.share < 0.05, "{:?}", auto.left_out);
-    let all = drawn(&options(Some(1.0), Picture::Photograph));
-    assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0), "the star");
-    assert_eq!(auto.picture, Picture::Photograph);
-    let ink = drawn(&options(None, Picture::Drawing));
-    assert_eq!(ink.picture, Picture::Drawing);
-    assert_ne!(ink, auto, "the kind can be given");
+fn a_photograph_is_refused_unless_the_corners_of_its_sheet_are_named() {
+    let drawn = |corners_px| {
+        let options = LetterOptions { corners_px, ..on_canvas(4.8, 3.2) };
+        drawn(photograph(), &options, Ink::Alike)
+    };
+    let error = drawn(None).unwrap_err();
+    let told = format!("{error}; {}", error.hint());
+    assert!(told.contains("a photograph") && told.contains("letters.corners_px"), "{told}");
+    drawn(Some([0.0, 0.0, 480.0, 0.0, 480.0, 320.0, 0.0, 320.0])).unwrap();
 }
 
 #[test]
@@ -281,5 +270,16 @@ fn a_picture_of_one_color_is_no_drawing() {
         let picture = image::RgbImage::from_pixel(320, 200, image::Rgb([gray; 3]));
         let error = drawn(picture, &on_canvas(1.0, 1.0), Ink::Alike).unwrap_err().to_string();
         assert!(error.contains("a.png: found a picture"), "{gray}: {error}");
+    }
+}
+
+#[test]
+fn a_narrow_strip_is_drawn_or_refused() {
+    for size in [[3, 3], [3, 4000], [4000, 3], [5, 9]] {
+        let strip = image::RgbImage::from_fn(size[0], size[1], |x, y| {
+            image::Rgb([(40 * x + 7 * y).to_le_bytes()[0]; 3])
+        });
+        let told = drawn(strip, &on_canvas(1.0, 1.0), Ink::Alike).map_err(|it| it.to_string());
+        assert!(told.as_ref().is_ok_and(|it| it.n_strokes() > 0) || told.is_err(), "{told:?}");
     }
 }

@@ -105,6 +105,13 @@ fn topology(lines: &Lines, reach: f64) -> [usize; 3] {
     [parts(&mask, true, 1), n_loops, n_ends]
 }
 
+/// A pixel and its neighbors.
+fn around(at: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let range = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
+    range(at / width, height)
+        .flat_map(move |y| range(at % width, width).map(move |x| y * width + x))
+}
+
 /// Connected parts of what a mask covers or not, of at least so many pixels.
 fn parts(mask: &Mask, is_covered: bool, least: usize) -> usize {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
@@ -115,7 +122,7 @@ fn parts(mask: &Mask, is_covered: bool, least: usize) -> usize {
         let mut next = 0;
         while next < part.len() {
             let at = part[next];
-            for near in levels::around(at, width, height, 1) {
+            for near in around(at, width, height) {
                 let beside = near.abs_diff(at) == 1 || near.abs_diff(at) == width;
                 if (is_covered || beside) && std::mem::take(&mut open[near]) {
                     part.push(near);

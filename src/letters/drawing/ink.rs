@@ -1,42 +1,49 @@
-//! Ink: what of a picture differs from its paper, in lightness and in color, at every level.
+//! Ink: what of a picture differs from its paper, in lightness and in color.
 //!
-//! In each of red, green and blue, ink is what is darker than the paper around it (lighter, where
-//! most of the picture is dark), and the channel in which it is most counts: yellow is as strong
-//! as blue. The paper is estimated block by block, so that shadows are none; where the picture's
-//! rim is of one color, that is the paper, and what differs from it to either side is ink.
-//!
-//! Its regions and their levels are found by [`super::regions`].
+//! Where the picture's rim is of one even color, that is the paper, and what differs from it to
+//! either side is ink. Else ink is what is darker than the paper around it (lighter, where most of
+//! the picture is dark): the paper is the picture without what is narrower than a pen, so that the
+//! edges of shadows stay in it. In each of red, green and blue; the channel in which ink is most
+//! counts: yellow is as strong as blue.
 
-use image::{RgbImage, imageops};
+use image::RgbImage;
+use image::imageops::{grayscale, thumbnail};
 
-use super::levels::{around, histogram, quantile, softened};
-use super::paper::{Edges, Paper};
+use super::levels::{closed, extremes, quantile, softened};
 
 /// Channels of a color.
 const CHANNELS: usize = 3;
 
-/// Largest difference of paper from the color of most of the rim, in levels of 255; the share of
-/// the rim that has to be so near, and of the picture.
+/// Largest difference of even paper from the color that its sides have, in levels of 255; the share
+/// of the rim that has to be so near, and of the picture.
 const SAME: f64 = 8.0;
-const PLAIN_RIM: f64 = 0.6;
-const PLAIN: f64 = 0.2;
+const EVEN_RIM: f64 = 0.6;
+const EVEN: f64 = 0.2;
+/// Tones of paper that changes evenly on which light ink shows as dark ink does.
+const MIDDLE: [f64; 2] = [70.0, 155.0];
 
-/// Blocks along the longer side by which light ink is told from dark ink, and how much more than
-/// the other it differs from the middle of its block.
+/// Blocks along the longer side by which light ink is told from dark ink, and by how much more than
+/// the other it differs from most of its block.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
 
-/// Least contrast of light ink on paper of a middle tone, and the share of the picture that has it.
-const LIGHT: f64 = 0.5;
-const LIGHTS: f64 = 1e-3;
+/// How many times half of the widest pen, and of the widest patch that is ink, are in the picture's
+/// longer side; pixels across one of the picture in which patches are sought.
+const PEN: u32 = 40;
+const PATCH: u32 = 3;
+const COARSE: u32 = 4;
+/// What is wider than a pen is paper in shadow where it has this share of the light around it, in
+/// channels whose shares differ by no more than this ratio.
+const SHADOW: f64 = 0.22;
+const HUE: f64 = 1.3;
 
-/// Least ink, as a share of the paper's brightness: of paper that is estimated, and of plain
-/// paper.
-const LEAST: f64 = 0.10;
-const LEAST_PLAIN: f64 = 0.07;
-/// Least ink by the paper's grain.
+/// Least ink, as a share of the paper's brightness, of a picture that was drawn on a screen, whose
+/// paper is even and has no more than a grain; of one that was photographed or scanned; of that by
+/// its paper's grain; and by its strong ink, as which rulings are weaker.
+const LEAST: [f64; 2] = [0.07, 0.10];
+const CLEAN: f64 = 0.001;
 const GRAINS: f64 = 6.0;
-
+const FAINT: f64 = 0.4;
 /// Tones between paper and strong ink, by the contrast of that; and how much they may change over
 /// four pixels.
 const BETWEEN: [f64; 2] = [0.2, 0.8];
@@ -45,6 +52,12 @@ const SLOW: f64 = 0.12;
 /// Share of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
 
+/// Pixels around one whose strongest ink is its level: more than the blur of a lens.
+const NEAR: usize = 3;
+
+/// Least change of a color over four pixels that is the edge of another ink.
+const APART: f64 = 0.2;
+
 /// The level at which a rim of ink lies, by that of the ink: see [`Field::ink`].
 pub(super) const RIM: f64 = 0.5;
 
@@ -52,111 +65,79 @@ pub(super) const RIM: f64 = 0.5;
 pub(super) struct Field {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// By the level of the region it belongs to, 0 to 1; 0 where no region is near.
+    /// By the strongest ink around it, 0 to 1, so that pale lines beside dark ones are there.
     pub(super) ink: Vec<f64>,
     /// Share of the paper's brightness that the ink takes, 0 to 1.
     pub(super) contrast: Vec<f64>,
     /// What the ink leaves of red, green and blue of the paper's; of light ink, its own.
     pub(super) color: Vec<[f64; CHANNELS]>,
-    /// The least contrast of ink.
-    pub(super) least: f64,
-    /// Whether the paper is of one color.
-    pub(super) is_plain: bool,
-    /// Whether its ink is lighter than the paper.
-    pub(super) is_light: bool,
-    /// Whether sharp edges of shadows may cross the paper, which [`Edges::Sharp`] follows.
-    pub(super) is_shaded: bool,
+    /// Share of the picture in marks that are too faint for ink.
+    pub(super) faint: f64,
+    /// Whether the picture was drawn on a screen, not photographed or scanned.
+    pub(super) is_clean: bool,
+    /// Share of the picture in tones between paper and strong ink that change slowly, as those of
+    /// a photograph do; 0 of what was drawn on a screen.
+    pub(super) shades: f64,
 }
 
 impl Field {
-    /// The ink of a picture, by what edges shadows have on it; none is in `ink` until
-    /// [`Self::find`].
-    pub(super) fn of(picture: &RgbImage, edges: Edges) -> Self {
+    /// The ink of a picture; `None` where nothing stands out from its paper.
+    pub(super) fn of(picture: &RgbImage) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
-        let plain = plain_paper(picture);
-        let is_light = plain.map_or_else(
-            || has_light_ink(&imageops::grayscale(picture)),
-            |paper| paper.iter().sum::<f64>() < 0.5 * 255.0 * CHANNELS as f64,
-        );
-        let (inks, is_shaded) = match plain {
-            Some(paper) => (inks_on_plain(picture, paper), false),
-            None => inks_of_both_kinds(picture)
-                .map_or_else(|| inks(picture, is_light, edges), |inks| (inks, false)),
+        let even = even_paper(picture);
+        let inks = match &even {
+            Some(paper) => inks_on(picture, paper),
+            None => inks(picture),
         };
         let mut contrast = vec![0.0; width * height];
         let mut color = vec![[1.0; CHANNELS]; width * height];
         for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
             let first = row * width + 1;
-            for (at, (ink, left)) in (first..).zip(inks) {
-                (contrast[at], color[at]) = (*ink, *left);
+            for (pixel, (ink, left)) in (first..).zip(inks) {
+                (contrast[pixel], color[pixel]) = (*ink, *left);
             }
         }
-        let least = if plain.is_some() { LEAST_PLAIN } else { LEAST };
-        let least = least.max(GRAINS * grain(&contrast, width));
-        let (ink, is_plain) = (Vec::new(), plain.is_some());
-        Self { width, height, ink, contrast, color, least, is_plain, is_light, is_shaded }
+        let grain = grain(&contrast, width);
+        let is_clean = even.is_some() && grain < CLEAN;
+        let least = LEAST[usize::from(!is_clean)].max(GRAINS * grain);
+        let inked = || contrast.iter().filter(|ink| **ink > least);
+        let strong = quantile(inked().map(|ink| 255.0 * ink), STRONG) / 255.0;
+        let faint = if is_clean { least } else { least.max(FAINT * strong) };
+        let levels = extremes(&contrast, width, NEAR, f64::max);
+        let by_level = |(ink, level): (&f64, &f64)| (ink / level.max(faint / RIM)).min(1.0);
+        let ink: Vec<f64> = contrast.iter().zip(&levels).map(by_level).collect();
+        let is_faint = |level: &&f64| (least..faint).contains(*level);
+        let n_faint = levels.iter().filter(is_faint).count();
+        let shades = if is_clean { 0.0 } else { shades(&contrast, width, strong) };
+        (inked().count() > 0).then_some(Self {
+            width,
+            height,
+            ink,
+            contrast,
+            color,
+            faint: n_faint as f64 / (width * height) as f64,
+            is_clean,
+            shades,
+        })
     }
 
-    /// A pixel and those within so many steps of it.
-    pub(super) fn around(&self, at: usize, steps: usize) -> impl Iterator<Item = usize> {
-        around(at, self.width, self.height, steps)
-    }
-
-    /// Otsu's threshold of the contrast, the one with the largest variance between ink and paper,
-    /// and the contrast of its strong ink (IEEE Trans. SMC 9, 1979). `None` where ink and paper are
-    /// hardly different.
-    pub(super) fn threshold(&self) -> Option<(f64, f64)> {
-        let mut counts = histogram(self.contrast.iter().map(|ink| 255.0 * ink));
-        let total = self.contrast.len() as f64;
-        let whole: f64 = (0..).zip(&counts).map(|(i, n)| f64::from(i) * *n as f64).sum();
-        let (mut below, mut sum) = (0.0, 0.0);
-        let mut best = (0.0, 0.0, 0.0);
-        for (i, n) in (0..255).map(f64::from).zip(&counts) {
-            below += *n as f64;
-            sum += i * *n as f64;
-            let above = total - below;
-            if above == 0.0 {
-                break;
-            }
-            let apart = (whole - sum) / above - sum / below;
-            let variance = below * above * apart * apart;
-            if variance > best.0 {
-                best = (variance, apart / 255.0, (i + 0.5) / 255.0);
-            }
-        }
-        let (_, apart, threshold) = best;
-        (0..counts.len()).filter(|i| (*i as f64) < 255.0 * threshold).for_each(|i| counts[i] = 0);
-        let strong = quantile(&counts, STRONG) as f64 / 255.0;
-        (apart > self.least).then_some((threshold, strong))
-    }
-
-    /// Standard deviation of what is paper by a threshold, by the contrast of ink.
-    pub(super) fn texture(&self, threshold: f64) -> f64 {
-        let (paper, ink): (Vec<f64>, Vec<f64>) =
-            self.contrast.iter().partition(|ink| **ink <= threshold);
-        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
-        let (paper_mean, ink_mean) = (mean(&paper), mean(&ink));
-        let squares: Vec<f64> = paper.iter().map(|x| (x - paper_mean) * (x - paper_mean)).collect();
-        libm::sqrt(mean(&squares)) / (ink_mean - paper_mean)
-    }
-
-    /// Share of the picture in tones between paper and strong ink that change slowly, as shades do;
-    /// 0 on plain paper.
-    pub(super) fn tones(&self, strong: f64) -> f64 {
-        let (contrast, width) = (&self.contrast, self.width);
-        if self.is_plain {
-            return 0.0;
-        }
-        let is_tone = |at: &usize| {
-            let share = contrast[*at] / strong;
-            let slope = libm::hypot(
-                contrast[at + 2] - contrast[at - 2],
-                contrast[at + 2 * width] - contrast[at - 2 * width],
-            );
-            (BETWEEN[0]..BETWEEN[1]).contains(&share) && slope < SLOW * strong
+    /// Pixels along edges between two inks, with ink all around.
+    pub(super) fn inner_edges(&self) -> usize {
+        let within = extremes(&self.ink, self.width, NEAR, f64::min);
+        // Shadows cross what was photographed: they leave its hue.
+        let color = |pixel: usize| {
+            let color = self.color[pixel];
+            let light = if self.is_clean { 1.0 } else { color.iter().sum::<f64>().max(APART) };
+            color.map(|value| value / light)
         };
-        let inner = 2 * width..contrast.len() - 2 * width;
-        inner.clone().filter(is_tone).count() as f64 / inner.len() as f64
+        let changes = |pixel: usize, step: usize| {
+            let (after, before) = (color(pixel + 2 * step), color(pixel - 2 * step));
+            (0..CHANNELS).any(|c| (after[c] - before[c]).abs() > APART)
+        };
+        let is_edge = |pixel: &usize| {
+            within[*pixel] > RIM && (changes(*pixel, 1) || changes(*pixel, self.width))
+        };
+        (2 * self.width..within.len() - 2 * self.width).filter(is_edge).count()
     }
 }
 
@@ -164,123 +145,157 @@ impl Field {
 type Inked = (f64, [f64; CHANNELS]);
 
 /// The channels of a picture, softened.
-fn channels(picture: &RgbImage, of: impl Fn(u8) -> f64) -> [Vec<f64>; CHANNELS] {
+fn channels(picture: &RgbImage, tone: impl Fn(u8) -> f64) -> [Vec<f64>; CHANNELS] {
     [0, 1, 2].map(|c| {
-        let values: Vec<f64> = picture.pixels().map(|pixel| of(pixel.0[c])).collect();
+        let values: Vec<f64> = picture.pixels().map(|pixel| tone(pixel.0[c])).collect();
         softened(&values, picture.width() as usize)
     })
 }
 
-/// The ink of each pixel on plain paper, of which it differs to either side.
-fn inks_on_plain(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
+/// Paper whose color changes evenly: that of its middle, and by how much it changes from left to
+/// right and from top to bottom.
+pub(super) struct Even([[f64; 3]; CHANNELS]);
+
+impl Even {
+    /// At a place in shares of the picture.
+    fn at(&self, [x, y]: [f64; 2]) -> [f64; CHANNELS] {
+        self.0.map(|[middle, across, down]| middle + across * (x - 0.5) + down * (y - 0.5))
+    }
+}
+
+/// Paper of the color that the picture's sides have, where most of them and some of the picture
+/// are of it.
+pub(super) fn even_paper(picture: &RgbImage) -> Option<Even> {
+    let (width, height) = picture.dimensions();
+    let sides = |x: u32, y: u32| [x < 2, x + 2 >= width, y < 2, y + 2 >= height];
+    let paper = Even([0, 1, 2].map(|c| {
+        let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| {
+            let pixels = picture.enumerate_pixels().filter(|(x, y, _)| sides(*x, *y)[side]);
+            quantile(pixels.map(|(.., pixel)| f64::from(pixel.0[c])), 0.5)
+        });
+        [0.25 * (left + right + top + bottom), right - left, bottom - top]
+    }));
+    let [mut n_rim, mut even_rim, mut n_even] = [0.0; 3];
+    for (x, y, pixel) in picture.enumerate_pixels() {
+        let place = [f64::from(x) / f64::from(width), f64::from(y) / f64::from(height)];
+        let differs = |(value, paper): (&u8, f64)| (f64::from(*value) - paper).abs() > SAME;
+        let is_even = !pixel.0.iter().zip(paper.at(place)).any(differs);
+        n_even += f64::from(u8::from(is_even));
+        if sides(x, y).contains(&true) {
+            n_rim += 1.0;
+            even_rim += f64::from(u8::from(is_even));
+        }
+    }
+    let tone = paper.0.iter().map(|[middle, ..]| middle).sum::<f64>() / CHANNELS as f64;
+    let is_flat = paper.0.iter().flat_map(|p| &p[1..]).all(|slope| slope.abs() <= SAME);
+    let is_known = is_flat || (MIDDLE[0]..MIDDLE[1]).contains(&tone);
+    let share = if is_flat { EVEN } else { EVEN_RIM };
+    let is_even =
+        even_rim > EVEN_RIM * n_rim && n_even > share * f64::from(width) * f64::from(height);
+    (is_known && is_even).then_some(paper)
+}
+
+/// The ink of each pixel on even paper, of which it differs to either side.
+fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
     let channels = channels(picture, f64::from);
-    let range = paper.map(|level| level.max(255.0 - level));
-    let ink = |at: usize| {
-        let values = [0, 1, 2].map(|c| channels[c][at]);
-        let off = (0..CHANNELS).map(|c| (values[c] - paper[c]).abs() / range[c]);
-        (off.fold(0.0, f64::max), values.map(|value| value / 255.0))
+    let [width, height] = [picture.width() as usize, picture.height() as usize];
+    let ink = |pixel: usize| {
+        let place = [(pixel % width) as f64 / width as f64, (pixel / width) as f64 / height as f64];
+        let (paper, values) = (paper.at(place), [0, 1, 2].map(|c| channels[c][pixel]));
+        let contrast = |c: usize| (values[c] - paper[c]).abs() / paper[c].max(255.0 - paper[c]);
+        let most = (0..CHANNELS).map(contrast).fold(0.0, f64::max);
+        (most.min(1.0), values.map(|value| value / 255.0))
     };
     (0..channels[0].len()).map(ink).collect()
 }
 
-/// The ink of each pixel by the paper that is estimated around it, dark or light ink alone; and
-/// whether edges of shadows cross it.
-fn inks(picture: &RgbImage, is_light: bool, edges: Edges) -> (Vec<Inked>, bool) {
+/// The ink of each pixel, dark or light ink alone, by the paper around it.
+fn inks(picture: &RgbImage) -> Vec<Inked> {
     let width = picture.width() as usize;
+    let is_light = has_light_ink(picture);
     let bright = |value: u8| if is_light { 255.0 - f64::from(value) } else { f64::from(value) };
     let channels = channels(picture, bright);
-    let paper = Paper::of(&channels, width, edges);
-    let ink = |at: usize| {
-        let papers = paper.at(at % width, at / width);
-        let mean = papers.iter().sum::<f64>() / CHANNELS as f64;
+    let side = picture.width().max(picture.height());
+    let [wide, high] = [picture.width(), picture.height()].map(|side| side.div_ceil(COARSE));
+    let coarse = self::channels(&thumbnail(picture, wide, high), bright);
+    let near = [0, 1, 2].map(|c| closed(&channels[c], width, side.div_ceil(PEN) as usize));
+    let far = [0, 1, 2]
+        .map(|c| closed(&coarse[c], wide as usize, high.max(wide).div_ceil(PATCH) as usize));
+    let papers = |pixel: usize| {
+        let [x, y] = [pixel % width, pixel / width].map(|place| place / COARSE as usize);
+        let far = [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0));
+        ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
+    };
+    // What is wider than a pen and no shadow is a patch of ink, as is its rim.
+    let is_patch = |pixel: usize| {
+        let (near, far) = papers(pixel);
+        let shares = [0, 1, 2].map(|c| near[c] / far[c]);
+        let [least, most] =
+            [f64::min, f64::max].map(|extreme| shares.into_iter().fold(shares[0], extreme));
+        let is_dark = shares.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
+        f64::from(u8::from(is_dark || most > HUE * least))
+    };
+    let patches: Vec<f64> = (0..channels[0].len()).map(is_patch).collect();
+    let patches = extremes(&patches, width, NEAR, f64::max);
+    let ink = |pixel: usize| {
+        let (near, far) = papers(pixel);
+        let paper = if patches[pixel] > 0.0 { far } else { near };
+        let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
         let (mut most, mut left) = (0.0_f64, [0.0; CHANNELS]);
         for c in 0..CHANNELS {
-            let value = channels[c][at];
-            most = most.max((papers[c] - value) / papers[c].max(mean)).min(1.0);
-            left[c] = if is_light { (255.0 - value) / 255.0 } else { (value / papers[c]).min(1.0) };
+            let value = channels[c][pixel];
+            most = most.max((paper[c] - value) / paper[c].max(mean)).min(1.0);
+            left[c] = if is_light { (255.0 - value) / 255.0 } else { (value / paper[c]).min(1.0) };
         }
         (most, left)
     };
-    ((0..channels[0].len()).map(ink).collect(), paper.is_shaded())
-}
-
-/// The same of light and dark ink on paper of a middle tone, such as kraft paper; `None` where
-/// there is no such paper, or no light ink.
-fn inks_of_both_kinds(picture: &RgbImage) -> Option<Vec<Inked>> {
-    let width = picture.width() as usize;
-    let channels = channels(picture, f64::from);
-    let paper = Paper::of_middle_tone(&channels, width)?;
-    let mut n_light = 0.0;
-    let ink = |at: usize| {
-        let papers = paper.at(at % width, at / width);
-        let (mut most, mut least_light) = (0.0_f64, 1.0_f64);
-        for c in 0..CHANNELS {
-            let off = channels[c][at] - papers[c];
-            most = most.max(off.abs() / papers[c].max(255.0 - papers[c]));
-            least_light = least_light.min(off / (255.0 - papers[c]).max(1.0));
-        }
-        n_light += f64::from(u8::from(least_light > LIGHT));
-        (most.min(1.0), [0, 1, 2].map(|c| channels[c][at] / 255.0))
-    };
-    let inks: Vec<_> = (0..channels[0].len()).map(ink).collect();
-    (n_light > LIGHTS * inks.len() as f64).then_some(inks)
-}
-
-/// The color of most of the rim, where rim and picture are mostly of that color: paper that needs
-/// no estimate.
-pub(super) fn plain_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
-    let (width, height) = picture.dimensions();
-    let is_rim = |x: u32, y: u32| x < 2 || y < 2 || x + 2 >= width || y + 2 >= height;
-    let at_rim = || picture.enumerate_pixels().filter(|(x, y, _)| is_rim(*x, *y));
-    let paper = [0, 1, 2].map(|c| {
-        quantile(&histogram(at_rim().map(|(.., pixel)| f64::from(pixel.0[c]))), 0.5) as f64
-    });
-    let is_paper = |pixel: &image::Rgb<u8>| {
-        pixel.0.iter().zip(paper).all(|(value, paper)| (f64::from(*value) - paper).abs() <= SAME)
-    };
-    let [mut rim, mut plain_rim, mut plain] = [0.0; 3];
-    for (x, y, pixel) in picture.enumerate_pixels() {
-        let is_plain = f64::from(u8::from(is_paper(pixel)));
-        plain += is_plain;
-        if is_rim(x, y) {
-            rim += 1.0;
-            plain_rim += is_plain;
-        }
-    }
-    let is_plain = plain_rim > PLAIN_RIM * rim && plain > PLAIN * f64::from(width * height);
-    is_plain.then_some(paper)
+    (0..channels[0].len()).map(ink).collect()
 }
 
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most
-/// of it rather than darker; where both are alike, by the tone of most of the picture.
-fn has_light_ink(luma: &image::GrayImage) -> bool {
+/// of it rather than darker; where both are alike, where the picture's rim is dark.
+fn has_light_ink(picture: &RgbImage) -> bool {
+    let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    let columns = width.div_ceil(block);
-    let mut blocks = vec![[0_usize; 256]; columns * height.div_ceil(block)];
-    for (x, y, pixel) in luma.enumerate_pixels() {
-        let block = y as usize / block * columns + x as usize / block;
-        blocks[block][usize::from(pixel.0[0])] += 1;
-    }
-    let mut whole = [0_usize; 256];
-    let [mut darker, mut brighter] = [0.0; 2];
-    for counts in &blocks {
-        let [dark, most, bright] = [0.02, 0.5, 0.98].map(|share| quantile(counts, share) as f64);
-        darker += most - dark;
-        brighter += bright - most;
-        whole.iter_mut().zip(counts).for_each(|(whole, n)| *whole += n);
+    let quantiles = |[left, top]: [usize; 2]| {
+        let rows = luma.chunks(width).skip(top).take(block);
+        let block =
+            rows.flat_map(|row| row[left..].iter().take(block).map(|tone| f64::from(*tone)));
+        [0.02, 0.5, 0.98].map(|share| quantile(block.clone(), share))
+    };
+    let tops = (0..height).step_by(block);
+    let blocks = tops.flat_map(|top| (0..width).step_by(block).map(move |left| [left, top]));
+    let (mut darker, mut brighter) = (0.0, 0.0);
+    for [dark, most, bright] in blocks.map(quantiles) {
+        (darker, brighter) = (darker + most - dark, brighter + bright - most);
     }
     if brighter.max(darker) > SKEWED * brighter.min(darker) {
         return brighter > darker;
     }
-    let level = |share: f64| quantile(&whole, share) as f64;
-    2.0 * level(0.5) < level(0.01) + level(0.99)
+    let is_rim =
+        |x: u32, y: u32| x == 0 || y == 0 || x + 1 == luma.width() || y + 1 == luma.height();
+    let tones = |rim_alone: bool, share: f64| {
+        let kept = luma.enumerate_pixels().filter(|(x, y, _)| !rim_alone || is_rim(*x, *y));
+        quantile(kept.map(|(.., tone)| f64::from(tone.0[0])), share)
+    };
+    2.0 * tones(true, 0.5) < tones(false, 0.02) + tones(false, 0.98)
 }
 
 /// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
 fn grain(contrast: &[f64], width: usize) -> f64 {
     let rows = contrast.chunks(width).flat_map(|row| row.iter().zip(row.iter().skip(2)));
     // In 4000ths, so that the finest grain has a level.
-    let counts = histogram(rows.map(|(a, b)| 4000.0 * (a - b).abs()));
-    1.05 * quantile(&counts, 0.5) as f64 / 4000.0
+    1.05 * quantile(rows.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
+}
+
+/// Share of pixels in tones between paper and strong ink that change slowly.
+fn shades(contrast: &[f64], width: usize, strong: f64) -> f64 {
+    let is_shade = |pixel: &usize| {
+        let change = |step: usize| contrast[pixel + 2 * step] - contrast[pixel - 2 * step];
+        (BETWEEN[0]..BETWEEN[1]).contains(&(contrast[*pixel] / strong))
+            && libm::hypot(change(1), change(width)) < SLOW * strong
+    };
+    let inner = 2 * width..contrast.len() - 2 * width;
+    inner.filter(is_shade).count() as f64 / contrast.len() as f64
 }

@@ -1,4 +1,4 @@
-//! Levels of a picture: values pixel by pixel, averaged, and the contours of one of them.
+//! Levels of a picture: values pixel by pixel, averaged, closed, and the contours of one of them.
 
 use std::collections::BTreeMap;
 
@@ -69,46 +69,43 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     pass(&pass(values, 1, width), width, values.len() / width)
 }
 
-/// Values opened (`f64::min`, then `f64::max`) or closed (the other way round): the extremes of
-/// what lies within so many steps of each, in a square, so that what is smaller than that vanishes
-/// and edges stay where they are.
-pub(super) fn morphed(
-    values: &[f64],
-    width: usize,
-    steps: usize,
-    first: impl Fn(f64, f64) -> f64,
-    second: impl Fn(f64, f64) -> f64,
-) -> Vec<f64> {
-    let mut values = values.to_vec();
-    extremes(&mut values, width, steps, first);
-    extremes(&mut values, width, steps, second);
-    values
+/// Values without what is darker and narrower than so many steps to both sides; edges stay where
+/// they are (a morphological closing).
+pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
+    let brightest = extremes(values, width, steps, f64::max);
+    extremes(&brightest, width, steps, f64::min)
 }
 
 /// The extreme of what lies within so many steps of each value, in a square (van Herk, Pattern
 /// Recognition Letters 13, 1992).
-fn extremes(values: &mut [f64], width: usize, steps: usize, of: impl Fn(f64, f64) -> f64) {
+pub(super) fn extremes(
+    values: &[f64],
+    width: usize,
+    steps: usize,
+    extreme: impl Fn(f64, f64) -> f64,
+) -> Vec<f64> {
     let size = 2 * steps + 1;
-    let (height, longer) = (values.len() / width, width.max(values.len() / width));
-    let mut line = Vec::with_capacity(longer);
-    let mut onward = vec![0.0; longer];
+    let mut values = values.to_vec();
+    let height = values.len() / width;
+    let (mut line, mut onward) = (Vec::new(), vec![0.0; width.max(height)]);
     for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();
             line.extend(values[first..].iter().step_by(step).take(n));
             // The extremes from each place to the end of its span of the window's size, and from
             // the beginning.
-            for at in (0..n).rev() {
-                let ends = at + 1 == n || (at + 1) % size == 0;
-                onward[at] = if ends { line[at] } else { of(line[at], onward[at + 1]) };
+            for place in (0..n).rev() {
+                let ends = place + 1 == n || (place + 1) % size == 0;
+                onward[place] =
+                    if ends { line[place] } else { extreme(line[place], onward[place + 1]) };
             }
-            for at in (0..n).filter(|at| at % size > 0) {
-                line[at] = of(line[at], line[at - 1]);
+            for place in (0..n).filter(|place| place % size > 0) {
+                line[place] = extreme(line[place], line[place - 1]);
             }
-            for at in 0..n {
-                let (from, to) = (at.saturating_sub(steps), (at + steps).min(n - 1));
-                values[first + at * step] = if from / size < to / size {
-                    of(onward[from], line[to])
+            for place in 0..n {
+                let (from, to) = (place.saturating_sub(steps), (place + steps).min(n - 1));
+                values[first + place * step] = if from / size < to / size {
+                    extreme(onward[from], line[to])
                 } else if from % size == 0 {
                     line[to]
                 } else {
@@ -117,50 +114,20 @@ fn extremes(values: &mut [f64], width: usize, steps: usize, of: impl Fn(f64, f64
             }
         }
     }
+    values
 }
 
-/// A pixel and those within so many steps of it.
-pub(super) fn around(
-    at: usize,
-    width: usize,
-    height: usize,
-    steps: usize,
-) -> impl Iterator<Item = usize> {
-    let (x, y) = (at % width, at / width);
-    let range = move |at: usize, n: usize| at.saturating_sub(steps)..(at + steps + 1).min(n);
-    range(y, height).flat_map(move |y| range(x, width).map(move |x| y * width + x))
-}
-
-/// The open pixels that hang together with one, which are closed; none where it is closed.
-pub(super) fn connected(start: usize, open: &mut [bool], width: usize) -> Vec<usize> {
-    let height = open.len() / width;
-    let mut part = if std::mem::take(&mut open[start]) { vec![start] } else { Vec::new() };
-    let mut next = 0;
-    while next < part.len() {
-        part.extend(
-            around(part[next], width, height, 1).filter(|at| std::mem::take(&mut open[*at])),
-        );
-        next += 1;
-    }
-    part
-}
-
-/// The value below which a share of counted values lies.
-pub(super) fn quantile(counts: &[usize; 256], share: f64) -> usize {
+/// The value of 0 to 255 below which a share of some values lies; 0 of none.
+pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
+    let mut counts = [0_usize; 256];
+    values.into_iter().for_each(|value| counts[level(value)] += 1);
     let wanted = share * counts.iter().sum::<usize>() as f64;
     let mut passed = 0;
     let reaches = |n: &usize| {
         passed += n;
         passed as f64 >= wanted
     };
-    counts.iter().position(reaches).unwrap_or(255)
-}
-
-/// How many of some values are of each level.
-pub(super) fn histogram(values: impl IntoIterator<Item = f64>) -> [usize; 256] {
-    let mut counts = [0; 256];
-    values.into_iter().for_each(|value| counts[level(value)] += 1);
-    counts
+    counts.iter().position(reaches).unwrap_or(255) as f64
 }
 
 /// A value as one of 256 levels.

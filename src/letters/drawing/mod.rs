@@ -29,14 +29,9 @@ mod elements;
 mod gradient;
 mod handwriting;
 mod ink;
-mod inlays;
 mod layers;
 mod levels;
-mod paper;
-mod photograph;
 mod plain;
-mod qr;
-mod regions;
 mod sheet;
 mod shown;
 mod style;
@@ -99,12 +94,12 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 ///
 /// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
-/// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With
-/// less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the
-/// color of its stroke, or else of its fill, and along a gradient up to 64 colors. What is not
-/// followed, such as filters, is named in the warnings; text is refused. Handwriting keeps its
-/// order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
-/// [`LetterOptions::pace`].
+/// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
+/// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
+/// path has the color of its stroke, or else of its fill, and along a gradient up to 64 colors.
+/// What is not followed, such as filters, is named in the warnings; text is refused. Handwriting
+/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has
+/// the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
@@ -123,7 +118,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let size = placing.size();
             let drawn = |scale: f64| {
                 let lines = drawing.flatten(options.tolerance_m / scale, &file)?;
-                detailed(lines, options.detail.unwrap_or(1.0), size, |point| point, options, &file)
+                detailed(lines, options.detail, size, |point| point, options, &file)
             };
             let (mut lines, mut left_out, strokes) = drawn(placing.scale)?;
             if options.chooses() {
@@ -131,7 +126,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
                 placing = Placing::new(extent(&lines), options, &file)?;
                 (lines, left_out, _) = drawn(placing.scale)?;
             }
-            let source = Source { strokes, corners_px: None };
+            let source = Source { strokes, ..Source::default() };
             let warnings = drawing.warnings;
             let strokes = by_color(&lines, &drawing.gradients, &placing, ink, &file)?;
             Ok(Strokes { left_out, warnings, source, ..strokes })
@@ -139,23 +134,23 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
-            let Traced { lines, detail, picture, warnings, corners_px, in_file } =
+            let Traced { lines, warnings, corners_px, in_file } =
                 bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
             let larger = placing(bounds(points))?.size();
             // The field of the ink has a margin of a pixel, and counts from the first one's middle.
             let in_file = |point: [f64; 2]| in_file.at(point.map(|x| x - 0.5));
             let (lines, left_out, strokes) =
-                detailed(lines, detail, larger, in_file, options, &file)?;
-            let source = Source { strokes, corners_px };
+                detailed(lines, options.detail, larger, in_file, options, &file)?;
+            let source = Source { strokes, corners_px, is_bitmap: true };
             let strokes = by_color(&lines, &[], &placing(extent(&lines))?, ink, &file)?;
-            Ok(Strokes { left_out, picture, warnings, source, ..strokes })
+            Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("json") => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
             let strokes = all(traces.iter().map(|it| (&it.points, it.color)), |point| point);
             let traces = chosen(traces, |trace| trace.color, options, &file)?;
-            let source = Source { strokes, corners_px: None };
+            let source = Source { strokes, ..Source::default() };
             Ok(Strokes { source, ..write(traces, canvas, options, ink, &file)? })
         }
         kind => Err(foreign(kind.unwrap_or(""), &file)),

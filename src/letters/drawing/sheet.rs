@@ -8,9 +8,10 @@
 
 use std::f64::consts::PI;
 
-use image::{Rgb, RgbImage, imageops};
+use image::imageops::{interpolate_bilinear, thumbnail};
+use image::{ImageBuffer, Luma, Rgb, RgbImage};
 
-use super::levels::{morphed, softened};
+use super::levels::{closed, softened};
 use crate::outline::area;
 use crate::vector::{ahead, between, cross, direction, dot, minus};
 use noctograph_core::geometry::distance;
@@ -34,15 +35,16 @@ const LEAST_AREA: f64 = 0.12;
 const SLANT: f64 = 0.75;
 const LEAST_APART: f64 = 0.2;
 const OUTSIDE: f64 = 0.03;
-/// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides.
+/// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides;
+/// and that of an edge that counts in full where one of two quadrangles is chosen.
 const EDGE: f64 = 0.02;
 const ACROSS: [f64; 3] = [2.0, 5.0, 12.0];
-/// The same of an edge that counts in full where one of two quadrangles is chosen.
 const CLEAR: f64 = 0.1;
 /// Share of each side and of all that has to be such an edge.
 const SEEN: [f64; 2] = [0.45, 0.7];
-/// Points along a side.
+/// Points along a side, and half pixels by which its ends are moved.
 const POINTS: u32 = 48;
+const SHIFTS: u32 = 16;
 /// Least, usual and greatest focal length by the picture's longer side, of cameras and phones; and
 /// least convergence of sides, across the sheet, from which it is known.
 const FOCAL: [f64; 3] = [0.5, 0.85, 3.0];
@@ -56,11 +58,9 @@ const RIM: f64 = 0.008;
 
 /// The logarithm of a picture's brightness, made small.
 struct Edges {
-    width: usize,
-    height: usize,
     /// Pixels of the picture by those of these edges.
     scale: [f64; 2],
-    log: Vec<f64>,
+    log: ImageBuffer<Luma<f32>, Vec<f32>>,
 }
 
 /// A straight line: the points whose product with its normal is its offset.
@@ -74,13 +74,13 @@ struct Line {
 pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
     let edges = Edges::of(picture);
     let lines = edges.lines();
-    let longer = edges.width.max(edges.height) as f64;
+    let [width, height] = edges.size();
     let mut pairs = Vec::new();
     for (k, a) in lines.iter().enumerate() {
         for b in &lines[k + 1..] {
             let along = dot(a.normal, b.normal);
             let apart = (a.offset - along.signum() * b.offset).abs();
-            if along.abs() > SLANT && apart > LEAST_APART * longer {
+            if along.abs() > SLANT && apart > LEAST_APART * width.max(height) {
                 pairs.push([*a, *b]);
             }
         }
@@ -101,45 +101,50 @@ pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
 }
 
 impl Edges {
+    #[expect(clippy::cast_possible_truncation, reason = "a logarithm")]
     fn of(picture: &RgbImage) -> Self {
         let longer = picture.width().max(picture.height());
-        let small = |side: u32| (side * SIDE / longer.max(SIDE)).max(3);
-        let (width, height) = (small(picture.width()), small(picture.height()));
-        let small = imageops::thumbnail(picture, width, height);
+        let [width, height] =
+            [picture.width(), picture.height()].map(|side| (side * SIDE / longer.max(SIDE)).max(3));
         let log = |pixel: &Rgb<u8>| {
             let [r, g, b] = pixel.0.map(f64::from);
             libm::log(8.0 + 0.299 * r + 0.587 * g + 0.114 * b)
         };
         // Without thin dark lines: rulings are no sides of a sheet, nor is a frame that is drawn.
-        let log: Vec<f64> = small.pixels().map(log).collect();
-        let log = morphed(&log, width as usize, PEN, f64::max, f64::min);
-        let log = softened(&log, width as usize);
+        let log: Vec<f64> = thumbnail(picture, width, height).pixels().map(log).collect();
+        let log = softened(&closed(&log, width as usize, PEN), width as usize);
+        let log = ImageBuffer::from_fn(width, height, |x, y| {
+            Luma([log[(y * width + x) as usize] as f32])
+        });
         let scale = [(picture.width(), width), (picture.height(), height)]
             .map(|(n, small)| f64::from(n) / f64::from(small));
-        Self { width: width as usize, height: height as usize, scale, log }
+        Self { scale, log }
+    }
+
+    fn size(&self) -> [f64; 2] {
+        [self.log.width(), self.log.height()].map(f64::from)
     }
 
     fn at(&self, place: [f64; 2]) -> f64 {
-        let value = |x: usize, y: usize| [self.log[y * self.width + x]];
-        bilinear(place, [self.width, self.height], value)[0]
+        between_pixels(&self.log, place).map_or(0.0, |Luma([log])| f64::from(log))
     }
 
     /// The lines along which the gradient is strongest, in the direction of the gradient.
     fn lines(&self) -> Vec<Line> {
-        let (width, height) = (self.width, self.height);
+        let (width, height) = (self.log.width(), self.log.height());
+        let log = |x: u32, y: u32| f64::from(self.log.get_pixel(x, y).0[0]);
         let mut gradients = Vec::new();
         for (y, x) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (y, x))) {
-            let at = y * width + x;
-            let gradient =
-                [self.log[at + 1] - self.log[at - 1], self.log[at + width] - self.log[at - width]];
+            let gradient = [log(x + 1, y) - log(x - 1, y), log(x, y + 1) - log(x, y - 1)];
             let strength = libm::hypot(gradient[0], gradient[1]);
-            gradients.push(([x as f64 + 0.5, y as f64 + 0.5], gradient, strength));
+            gradients.push(([x, y].map(|x| f64::from(x) + 0.5), gradient, strength));
         }
         let mut sorted: Vec<f64> = gradients.iter().map(|(.., strength)| *strength).collect();
         sorted.sort_by(f64::total_cmp);
         #[expect(clippy::cast_possible_truncation, reason = "an index")]
         let weak = sorted[(WEAK * (sorted.len() - 1) as f64) as usize].max(0.5 * EDGE);
-        let n_offsets = 2 * (width + height);
+        let middle = (width + height) as usize;
+        let n_offsets = 2 * middle;
         let mut votes = vec![0.0; ANGLES * n_offsets];
         #[expect(clippy::cast_possible_truncation, reason = "within the votes")]
         for ([x, y], [gx, gy], strength) in gradients.iter().filter(|it| it.2 > weak) {
@@ -148,7 +153,7 @@ impl Edges {
                 let turned = angle + f64::from(step) * PI / ANGLES as f64;
                 let k = libm::floor(turned / PI * ANGLES as f64).rem_euclid(ANGLES as f64) as usize;
                 let [nx, ny] = normal(k);
-                let offset = (nx * x + ny * y).round() + (width + height) as f64;
+                let offset = (nx * x + ny * y).round() + middle as f64;
                 votes[k.min(ANGLES - 1) * n_offsets + offset as usize] += strength.min(8.0 * weak);
             }
         }
@@ -159,7 +164,7 @@ impl Edges {
                 break;
             }
             let (k, at) = (most / n_offsets, most % n_offsets);
-            let line = Line { normal: normal(k), offset: at as f64 - (width + height) as f64 };
+            let line = Line { normal: normal(k), offset: at as f64 - middle as f64 };
             for beside in 0..=2 * APART[0] {
                 let wrapped = k + ANGLES + beside - APART[0];
                 let other = wrapped % ANGLES;
@@ -180,9 +185,8 @@ impl Edges {
         let corners = [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]));
         let [Some(a), Some(b), Some(c), Some(d)] = corners else { return None };
         let mut corners = [a, b, c, d];
-        let longer = self.width.max(self.height) as f64;
-        let [right, bottom] = [self.width, self.height].map(|side| side as f64);
-        let slack = OUTSIDE * longer;
+        let [right, bottom] = self.size();
+        let slack = OUTSIDE * right.max(bottom);
         let inside = |[x, y]: &[f64; 2]| {
             (-slack..right + slack).contains(x) && (-slack..bottom + slack).contains(y)
         };
@@ -235,52 +239,32 @@ impl Edges {
         (seen > SEEN[1] * whole).then_some(balance)
     }
 
-    /// The corners of lines fitted to where the brightness changes most beside each side.
+    /// The corners of the sides moved to where the brightness changes most across them.
     fn refined(&self, corners: Corners) -> Corners {
-        let lines = [0, 1, 2, 3].map(|k| {
-            let (from, to) = (corners[k], corners[(k + 1) % 4]);
-            let [dx, dy] = direction(from, to);
+        let sides = [0, 1, 2, 3].map(|k| {
+            let [a, b] = [corners[k], corners[(k + 1) % 4]];
+            let [dx, dy] = direction(a, b);
             let inward = [-dy, dx];
-            let steepest = |j: u32| {
-                let place = on_side(from, to, f64::from(j));
-                let slope = |step: i32| {
-                    let across = 0.25 * f64::from(step);
-                    let [near, far] =
-                        [1.0, -1.0].map(|by| self.at(ahead(place, inward, across + by)));
-                    (across, near - far)
+            let mut best = (0.0, [a, b]);
+            for (i, j) in (0..=SHIFTS).flat_map(|i| (0..=SHIFTS).map(move |j| (i, j))) {
+                let shift = |n: u32| 0.5 * f64::from(n) - 0.25 * f64::from(SHIFTS);
+                let [from, to] = [ahead(a, inward, shift(i)), ahead(b, inward, shift(j))];
+                let rise = |piece: u32| {
+                    let place = on_side(from, to, f64::from(piece));
+                    let [within, without] = [1.0, -1.0].map(|x| self.at(ahead(place, inward, x)));
+                    (within - without).max(0.0)
                 };
-                let steps = (-16..=16).map(slope);
-                steps.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|it| it.1 > EDGE)
-            };
-            let found = (2..POINTS - 2).filter_map(|j| Some((f64::from(j), steepest(j)?.0)));
-            let (shift, slope) = fitted(found.collect());
-            let at = |j: f64| ahead(on_side(from, to, j), inward, shift + slope * j);
-            let (a, b) = (at(0.0), at(f64::from(POINTS)));
-            let [ux, uy] = direction(a, b);
-            Line { normal: [-uy, ux], offset: -uy * a[0] + ux * a[1] }
+                let rise: f64 = (2..POINTS - 2).map(rise).sum();
+                if rise > best.0 {
+                    best = (rise, [from, to]);
+                }
+            }
+            let [from, to] = best.1;
+            let [ux, uy] = direction(from, to);
+            Line { normal: [-uy, ux], offset: -uy * from[0] + ux * from[1] }
         });
-        [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]).unwrap_or(corners[k]))
+        [0, 1, 2, 3].map(|k| crossing(sides[(k + 3) % 4], sides[k]).unwrap_or(corners[k]))
     }
-}
-
-/// Offset and slope of the line through most of the points: fitted again without those that are
-/// farthest off.
-fn fitted(mut points: Vec<(f64, f64)>) -> (f64, f64) {
-    let mut line = (0.0, 0.0);
-    for _ in 0..4 {
-        if points.len() < 8 {
-            return line;
-        }
-        let n = points.len() as f64;
-        let (x, y) = points.iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
-        let xx: f64 = points.iter().map(|p| (p.0 - x) * (p.0 - x)).sum();
-        let xy: f64 = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
-        line = (y - xy / xx * x, xy / xx);
-        let off = |p: &(f64, f64)| (p.1 - line.0 - line.1 * p.0).abs();
-        points.sort_by(|a, b| off(a).total_cmp(&off(b)));
-        points.truncate(points.len() * 4 / 5);
-    }
-    line
 }
 
 /// Whether four corners follow each other clockwise around something.
@@ -303,14 +287,9 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
     let [wide, high] = [high * ratio, high].map(|side| side.round().clamp(8.0, 4096.0) as u32);
     let map = back(corners, (wide, high));
-    let (pixels, size) = (picture.as_raw(), [picture.width(), picture.height()]);
-    let size = size.map(|side| side as usize);
-    let value =
-        |x: usize, y: usize| [0, 1, 2].map(|c| f64::from(pixels[3 * (y * size[0] + x) + c]));
     RgbImage::from_fn(wide, high, |x, y| {
         let place = map.at([x, y].map(|at| f64::from(at) + 0.5));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
-        Rgb(bilinear(place, size, value).map(|value| value.round().clamp(0.0, 255.0) as u8))
+        between_pixels(picture, place).unwrap_or(Rgb([0; 3]))
     })
 }
 
@@ -320,24 +299,14 @@ pub(super) fn back(corners: &Corners, (wide, high): (u32, u32)) -> Map {
     Map(Map::to(corners).0.map(|[x, y, one]| [across * x, down * y, one + RIM * (x + y)]))
 }
 
-/// The values at a place between the middles of pixels.
-fn bilinear<const N: usize>(
+/// The value at a place between the middles of pixels; beyond the picture, that of its rim.
+#[expect(clippy::cast_possible_truncation, reason = "a picture's side")]
+fn between_pixels<P: image::Pixel>(
+    picture: &impl image::GenericImageView<Pixel = P>,
     [x, y]: [f64; 2],
-    [width, height]: [usize; 2],
-    values: impl Fn(usize, usize) -> [f64; N],
-) -> [f64; N] {
-    let split = |x: f64, n: usize| {
-        let x = (x - 0.5).clamp(0.0, (n - 1) as f64);
-        #[expect(clippy::cast_possible_truncation, reason = "in the picture")]
-        let first = (x as usize).min(n - 2);
-        (first, x - first as f64)
-    };
-    let ((x, dx), (y, dy)) = (split(x, width), split(y, height));
-    let mix = |a: [f64; N], b: [f64; N], share: f64| {
-        std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
-    };
-    let row = |y: usize| mix(values(x, y), values(x + 1, y), dx);
-    mix(row(y), row(y + 1), dy)
+) -> Option<P> {
+    let within = |x: f64, side: u32| (x - 0.5).clamp(0.0, f64::from(side - 1)) as f32;
+    interpolate_bilinear(picture, within(x, picture.width()), within(y, picture.height()))
 }
 
 /// From the unit square to a quadrangle (Heckbert, Fundamentals of Texture Mapping, 1989).

@@ -305,7 +305,7 @@ fn gradients_share_what_colors_are_left() {
 fn an_svg_with_less_detail_has_fewer_strokes() {
     let body = "<path d='M0 50 h98' stroke='red'/><path d='M200 50 h-101' stroke='red'/>
         <path d='M0 20 h4' stroke='red'/>";
-    let of = |detail| LetterOptions { detail: Some(detail), ..on_canvas(2.0, 1.0) };
+    let of = |detail| LetterOptions { detail, ..on_canvas(2.0, 1.0) };
     let [all, some] = [1.0, 0.5].map(|detail| drawn("a.svg", &svg(body), &of(detail)).unwrap());
     assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0));
     assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));

@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 
 use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
-use noctograph_sim::vehicle::GustOptions;
+use noctograph_sim::vehicle::TORQUE_TIME_S;
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 1.0;
@@ -73,7 +73,7 @@ pub(super) fn uneven_air(
     };
     // Of an Ornstein–Uhlenbeck process, the variance that is left in the mean over a time.
     let left = |time_s: f64| {
-        let share = GustOptions::default().torque_time_s / time_s;
+        let share = TORQUE_TIME_S / time_s;
         2.0 * share * (1.0 - share * (1.0 - libm::exp(-1.0 / share)))
     };
     let torque_sigma_n_m = [0, 1].map(|axis| residual(axis) / left(WINDOW_S).sqrt());

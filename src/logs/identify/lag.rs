@@ -7,17 +7,21 @@
 //! changes (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for
 //! System Identification, 1983; in closed loop Gilson, Van den Hof, Automatica 41, 2005). The
 //! lag is the one that leaves the least of it; its confidence comes from leaving out one stretch
-//! of the flight after the other, as in [`super::yaw`].
+//! of the flight after the other (jackknife over groups: Efron, Stein 1981), which gusts that last
+//! from span to span do not deceive.
 //!
 //! Not done: flights whose design never moves, as a hover, tell nothing.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::rotors::impulses;
-use super::yaw::{STRETCHES, T_95, jackknife_sigma};
 use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 
+/// Stretches of the flight that are left out in turn.
+const STRETCHES: usize = 20;
+/// Student's t of 95 % with nineteen degrees of freedom.
+pub const T_95: f64 = 2.093;
 /// Length of a span: two or more samples of a log of 50 Hz, short against the lag.
 const SPAN_S: f64 = 0.04;
 /// Lags that are tried: up to twice the longest published one, in steps.
@@ -77,6 +81,14 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     let others = (0..STRETCHES).map(without);
     let half_width_s = T_95 * jackknife_sigma(&others.collect::<Option<Vec<_>>>()?);
     Some(RotorLag { lag_s, half_width_s, explained: all.share })
+}
+
+/// Standard deviation of an estimate, from those that leave out one stretch each.
+fn jackknife_sigma(estimates: &[f64]) -> f64 {
+    let n = estimates.len() as f64;
+    let middle = estimates.iter().sum::<f64>() / n;
+    let square: f64 = estimates.iter().map(|x| (x - middle) * (x - middle)).sum();
+    (square * (n - 1.0) / n).sqrt()
 }
 
 /// Changes from span to span, a row each, about body x and y.

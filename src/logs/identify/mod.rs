@@ -6,25 +6,22 @@
 //! B u)`, with ẋ by finite differences; thrust per command, of rotors that follow in the assumed
 //! time, is fitted to the accelerometer, and the mean motor commands show the torque that
 //! compensates a displaced center of mass. Inertia comes from a pendulum test
-//! ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is fitted to the
-//! yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]). The rotors' lag
-//! comes from how roll and pitch answer ([`RotorLag`]), uneven air from the torque that answers
-//! it ([`UnevenAir`]).
+//! ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' lag comes from how roll and pitch
+//! answer ([`RotorLag`]); uneven air, of a folder of logs, from the torque that answers it
+//! ([`UnevenAir`]).
 //!
-//! Not done: inertia from flight, where slow logs do not show it.
+//! Not done: inertia and the rotors' reaction torque, which slow logs and flights that hardly turn
+//! do not show.
 
 mod air;
 mod lag;
 mod rotors;
-pub mod yaw;
 
 use nalgebra::{SVector, Vector3, Vector4};
 
 pub use self::air::UnevenAir;
-pub use self::lag::RotorLag;
+pub use self::lag::{RotorLag, T_95};
 use self::rotors::thrust_per_command_n;
-use self::yaw::ReactionTorque;
-pub use self::yaw::T_95;
 use noctograph_core::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
@@ -59,8 +56,6 @@ pub struct Assumed {
     pub mass_kg: f64,
     /// Distance of a motor from the body's x and y axis, which torque is proportional to.
     pub arm_m: f64,
-    /// Moment of inertia about body z.
-    pub inertia_z_kg_m2: f64,
     /// Time in which a motor follows its command: 63 % of a step.
     pub motor_lag_s: f64,
 }
@@ -72,7 +67,6 @@ impl Assumed {
         Self {
             mass_kg: vehicle.mass_kg,
             arm_m: vehicle.arm_m,
-            inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
             motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
         }
     }
@@ -96,8 +90,6 @@ pub struct Identified {
     pub lag: Option<RotorLag>,
     /// Uneven air; `None` for a flight too short.
     pub air: Option<UnevenAir>,
-    /// The rotors' reaction torque from the yaw; `None` where no body rate is logged.
-    pub reaction: Option<ReactionTorque>,
     /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
     /// logged.
     pub measurement_sigma_m: Option<[f64; 3]>,
@@ -214,16 +206,14 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
             .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
         air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
             .filter(|air| finite(air.torque_sigma_n_m)),
-        reaction: yaw::reaction(flight, samples, assumed)
-            .filter(|r| turns && finite([r.k_m_n_m, r.half_width_n_m, r.correlation])),
         measurement_sigma_m,
         model_sigma: if moves { model() } else { None },
         left_out,
     })
 }
 
-/// Whether the motors of these samples never roll or pitch the drone otherwise than in the first,
-/// as if one row was repeated: no flight keeps still, whatever its yaw does.
+/// Whether the motors never change their roll and pitch torque, as where a logger repeats one row.
+/// No real flight holds both constant.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;
@@ -362,7 +352,6 @@ mod tests {
             center_of_mass_m: [0.0; 2],
             lag: None,
             air: None,
-            reaction: None,
             measurement_sigma_m: Some([0.003, 0.004, 0.002]),
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
             left_out: Vec::new(),

@@ -110,26 +110,28 @@ settings! {
 
     /// Resolution of the exposure, and the floor and the walls that the lamps light.
     pub struct ExposeOptions {
-        /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs
-        /// least; 0.005 errs by up to 1e-3 of the peak; more is faster and coarser.
-        merge_tolerance_px: f64 = 0.005, in 0.0..=1.0;
         /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet
         /// 0.1, gray concrete 0.3, a black floor 0.
         floor_albedo: f64 = 0.2, in 0.0..=1.0;
-        /// Height of the floor below the position of a standing drone.
-        ///
-        /// That of a Crazyflie is the position of its board, 2 cm above the floor (an assumption:
-        /// feet below the motor mounts).
-        floor_z_m: f64 = -0.02, in -1e3..=1e3, for "expose.floor_albedo";
         /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3
         /// for linoleum, 0.6 for worn boards (assumptions); matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
         /// Width, depth and height of a room with its middle at x = y = 0, whose walls take light;
         /// none if left out.
         room_m: Option<[f64; 3]> = None, in 0.1..=1e3;
-        /// Share of light that the walls and the ceiling reflect, evenly to all sides: white paint
-        /// 0.8, gray 0.4, black cloth 0.05.
-        wall_albedo: f64 = 0.4, in 0.0..=1.0, for "expose.room_m";
+        fixed {
+            /// How far a sample may lie from the segment that replaces it. 0 merges nothing and
+            /// errs least; 0.005 errs by up to 1e-3 of the peak; more is faster and coarser.
+            merge_tolerance_px: f64 = 0.005;
+            /// Height of the floor below the position of a standing drone.
+            ///
+            /// That of a Crazyflie is the position of its board, 2 cm above the floor (an
+            /// assumption: feet below the motor mounts).
+            floor_z_m: f64 = -0.02;
+            /// Share of light that the walls and the ceiling reflect, evenly to all sides: white
+            /// paint 0.8, gray 0.4, black cloth 0.05.
+            wall_albedo: f64 = 0.4;
+        }
     }
 }
 

@@ -175,7 +175,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
         let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
-            let samples = way::shine(stretches, fixture, &changes, options);
+            let samples = way::shine(stretches, fixture, &changes);
             if !samples.is_empty() {
                 trace.lamps.push(Lamp { drone: None, emitter, samples });
             }

@@ -79,8 +79,7 @@ impl<'a> Programs<'a> {
         let chance = Chance::new(self.seed, self.drone, channel);
         let levels = self.flight.lights.get(channel).map_or(&[][..], |levels| levels);
         let arrivals = arrivals(&self.flight.samples, levels, 0.0, self.options, &chance);
-        let LightOptions { tick_s, tick_phase_s, .. } = self.options;
-        Timer { period_s: *tick_s, phase_s: *tick_phase_s }.hold(&arrivals)
+        Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {

@@ -13,6 +13,9 @@ use noctograph_core::flight::Flight;
 /// Red, green, blue of every LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
+/// Time between two parameter writes; red, green and blue of the ring are three (Crazyswarm issue
+/// 728).
+const RADIO_WRITE_S: f64 = 0.015;
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
 /// Channels of a plan for the ring: on, red, green, blue.
@@ -31,7 +34,7 @@ pub(super) fn frames(
         return Vec::new();
     };
     let period_s = if options.tick_s == 0.0 { RING_TICK_S } else { options.tick_s };
-    let timer = Timer { period_s, phase_s: options.tick_phase_s };
+    let timer = Timer { period_s, phase_s: 0.0 };
     let mut ring = Ring::at_start(flight, options);
     let mut commands = commands(flight, options, chance).into_iter().peekable();
 
@@ -64,7 +67,7 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
         commands.extend(changes.map(|c| (index, Change { time_s: c.time_s + write_s, ..c })));
         // A fade's color is one parameter, a solid color three: they arrive one after another.
         if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
-            write_s += options.radio_write_s;
+            write_s += RADIO_WRITE_S;
         }
     }
     commands.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));

@@ -216,47 +216,6 @@ fn commands_take_the_radio_the_jitter_and_the_tick() {
 }
 
 #[test]
-fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
-    let options =
-        LightOptions { rise_s: 0.1, decay_s: 0.3, radio_jitter_s: 0.0, ..LightOptions::default() };
-    let trace = lit(&options, &["headlights"]);
-    let lamp = named(&trace, "headlight left");
-    for (time_s, wanted) in [(0.6, 0.5), (0.66, 1.0), (2.549, 1.0), (2.7, 0.5), (2.86, 0.0)] {
-        assert!((level(lamp, time_s) - wanted).abs() < 1e-6, "at {time_s} s");
-    }
-}
-
-proptest::proptest! {
-    #![proptest_config(proptest::prelude::ProptestConfig {
-        cases: 200, failure_persistence: None, ..Default::default()
-    })]
-    #[test]
-    fn a_slow_lamp_has_levels_from_0_to_1_and_ends_dark(
-        rise_s in 0.0..0.5_f64,
-        decay_s in 0.0..0.5_f64,
-        tick_s in proptest::prop_oneof![
-            proptest::prelude::Just(0.0), proptest::prelude::Just(0.05), 0.001..0.2_f64
-        ],
-        switch in 1..40_usize,
-        seed in 0..1000_u64,
-    ) {
-        let mut flight = flight(&["headlights"]);
-        let levels = flight.lights.get_mut("headlights").unwrap();
-        for (i, level) in levels.iter_mut().enumerate() {
-            *level = if i < 300 && (i / switch) % 3 == 1 { 0.7 } else { 0.0 };
-        }
-        let options = LightOptions { rise_s, decay_s, tick_s, ..LightOptions::default() };
-        let trace = light(&flight, &options, seed, 0).unwrap();
-        for sample in trace.lamps.iter().flat_map(|lamp| &lamp.samples) {
-            proptest::prop_assert!((0.0..=1.0).contains(&sample.level), "{:?}", sample);
-        }
-        for lamp in trace.lamps.iter().filter(|l| l.emitter.name.starts_with("headlight")) {
-            proptest::prop_assert_eq!(lamp.samples.last().unwrap().level, 0.0);
-        }
-    }
-}
-
-#[test]
 fn the_color_led_follows_its_firmwares_curve() {
     let options = |color_led_levels| LightOptions {
         deck: Deck::ColorLed,

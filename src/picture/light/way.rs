@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use nalgebra::{Matrix3, Vector3};
 
 use super::radio::Change;
-use super::{Fixture, LightOptions, LightSample};
+use super::{Fixture, LightSample};
 use noctograph_core::flight::FlightSample;
 use noctograph_core::geometry::Chords;
 
@@ -106,9 +106,8 @@ pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,
     changes: &[Change],
-    options: &LightOptions,
 ) -> Vec<LightSample> {
-    let knots = knots(changes, options);
+    let knots = knots(changes);
     let mut samples = Vec::new();
     // Knots up to `next` have passed.
     let mut next = 0;
@@ -158,29 +157,16 @@ fn shine_along(
     }
 }
 
-/// Levels as knots, between which they are linear, and of which two at one time are a step: a
-/// change is a step, or a ramp of a lamp with a rise or decay time. After a ramp that the next
-/// change cuts short, levels continue from its end.
-fn knots(changes: &[Change], options: &LightOptions) -> Vec<Change> {
-    let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());
+/// Levels as knots, between which they are linear, and of which two at one time are a step: every
+/// change is one, since LEDs take less than 1 µs.
+fn knots(changes: &[Change]) -> Vec<Change> {
     let mut level = 0.0;
-    for (index, change) in changes.iter().enumerate() {
-        let gap = change.level - level;
-        if gap == 0.0 {
-            continue;
+    let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());
+    for change in changes {
+        if change.level != level {
+            knots.extend([Change { level, ..*change }, *change]);
+            level = change.level;
         }
-        let full_s = if gap > 0.0 { options.rise_s } else { options.decay_s };
-        let ramp_s = full_s * gap.abs();
-        let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
-        let end_s = change.time_s + ramp_s;
-        knots.push(Change { time_s: change.time_s, level });
-        // A whole ramp ends on the level itself: sums of rounded times would miss it, below 0.
-        level = if end_s <= until_s {
-            change.level
-        } else {
-            level + gap * ((until_s - change.time_s) / ramp_s)
-        };
-        knots.push(Change { time_s: end_s.min(until_s), level });
     }
     knots
 }

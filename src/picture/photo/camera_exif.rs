@@ -4,8 +4,8 @@
 //! changes the camera, and a directory that holds none of them may be broken.
 //!
 //! The width of the sensor is that of the body where the model is known, else from its resolution
-//! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film (36 mm
-//! wide, as most makers define it). Of an edited picture the number of pixels is of another age
+//! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
+//! is one of diagonals (CIPA DCG-001; 43.3 mm). Of an edited picture the number of pixels is of another age
 //! than the resolution: Canon writes the resolution as 1000 times the pixels over thousandths of
 //! the unit, so that it holds both of one age; of others the width is taken where the film
 //! equivalent agrees, and else with a warning, or not at all where the tags say that the picture
@@ -58,6 +58,10 @@ const TAGS: [(&str, &str); 7] = [
 pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Vec<String>)> {
     let place = path.display().to_string();
     let bytes = LIMIT.read(path)?;
+    if let Some((maker, _)) = RAW_FILES.iter().find(|(_, head)| has_head(&bytes, head)) {
+        let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
+        return Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint));
+    }
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
     // What is needed may stand in whole directories beside a broken one.
@@ -98,7 +102,7 @@ fn with_exif(
     let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
     let sensor_width_m = match &body {
         Some(body) => Some(body.figures().sensor_width_m),
-        None => width_m(exif, focal_length_m, &mut warnings),
+        None => width_m(exif, size_px, focal_length_m, &mut warnings),
     };
     let f_number = number(exif, Tag::FNumber)
         .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
@@ -142,10 +146,7 @@ fn take_aspect(
     size_px: Option<[f64; 2]>,
     warnings: &mut Vec<String>,
 ) {
-    let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
-    let width = side(Tag::PixelXDimension, Tag::ImageWidth);
-    let height = side(Tag::PixelYDimension, Tag::ImageLength);
-    let Some([mut width, mut height]) = width.zip(height).map(<[f64; 2]>::from).or(size_px) else {
+    let Some([mut width, mut height]) = tagged_size_px(exif).or(size_px) else {
         let missing = "EXIF without PixelXDimension and PixelYDimension";
         warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
         return;
@@ -190,13 +191,51 @@ fn ratio_off(a: f64, b: f64) -> f64 {
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
+/// Raw files whose EXIF is not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and ARW
+/// are TIFF files.
+const RAW_FILES: [(&str, &[u8]); 8] = [
+    ("Canon CR3", b"....ftypcrx "),
+    ("Canon CRW", b"II......HEAPCCDR"),
+    ("Fujifilm RAF", b"FUJIFILMCCD-RAW"),
+    ("Minolta MRW", b"\0MRM"),
+    ("Olympus ORF", b"IIRO"),
+    ("Olympus ORF", b"MMOR"),
+    ("Panasonic RW2", b"IIU\0"),
+    ("Sigma X3F", b"FOVb"),
+];
+
+fn has_head(bytes: &[u8], head: &[u8]) -> bool {
+    bytes.len() >= head.len()
+        && head.iter().zip(bytes).all(|(want, byte)| [b'.', *byte].contains(want))
+}
+
+/// Diagonal of a frame of 35 mm film, 36 by 24 mm.
+const FILM_DIAGONAL_M: f64 = 0.043_267;
+
+/// Width on 35 mm film of the longer side of a picture, by its aspect: sensors are 4:3 or 3:2, with
+/// the diagonal of the film; a longer picture is cut from the height, a squarer one from the width.
+pub(super) fn film_width_m(aspect: f64) -> f64 {
+    if aspect < 4.0 / 3.0 {
+        return 0.6 * aspect * FILM_DIAGONAL_M;
+    }
+    let aspect = aspect.min(1.5);
+    aspect / libm::hypot(aspect, 1.0) * FILM_DIAGONAL_M
+}
+
+/// Equivalent focal lengths of lenses, mm: from fisheye lenses to bridge cameras.
+const FILM_MM: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
+
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
 /// Width of the sensor of a camera that is not known by name, from tags of one age.
-fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>) -> Option<f64> {
-    let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
-    let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
+fn width_m(
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    focal_length_m: Option<f64>,
+    warnings: &mut Vec<String>,
+) -> Option<f64> {
+    let of_film = equivalent_width_m(exif, size_px, focal_length_m, warnings);
     let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
         None | Some(2.0) => 0.0254, // inches by default
         Some(3.0) => 0.01,
@@ -220,7 +259,14 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
     }
     match of_film {
         // Programs that shrink a picture leave its resolution tags unchanged.
-        Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => return Some(film_m),
+        Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => {
+            let [film_mm, width_mm] = [1e3 * film_m, 1e3 * width_m];
+            warnings.push(format!(
+                "the sensor is taken to be {film_mm:.2} mm wide, by FocalLengthIn35mmFilm: \
+                 FocalPlaneXResolution makes it {width_mm:.2} mm"
+            ));
+            return Some(film_m);
+        }
         None if of_canon.is_none() => {}
         _ => return Some(width_m),
     }
@@ -238,6 +284,30 @@ fn width_m(exif: &Exif, focal_length_m: Option<f64>, warnings: &mut Vec<String>)
          camera.body in a scene file"
     ));
     Some(width_m)
+}
+
+/// Width and height of the picture by its tags.
+fn tagged_size_px(exif: &Exif) -> Option<[f64; 2]> {
+    let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
+    let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
+    Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
+}
+
+/// Width of the sensor by the equivalent of the focal length on film, for the picture's aspect.
+fn equivalent_width_m(
+    exif: &Exif,
+    size_px: Option<[f64; 2]>,
+    focal_length_m: Option<f64>,
+    warnings: &mut Vec<String>,
+) -> Option<f64> {
+    let film_mm = number(exif, Tag::FocalLengthIn35mmFilm)?;
+    if !FILM_MM.contains(&film_mm) {
+        warnings.push(format!("FocalLengthIn35mmFilm {film_mm} mm is not that of a lens"));
+        return None;
+    }
+    let [width, height] = tagged_size_px(exif).or(size_px).unwrap_or([3.0, 2.0]);
+    let aspect = width.max(height) / width.min(height);
+    Some(1e3 * film_width_m(aspect) * focal_length_m? / film_mm)
 }
 
 /// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
@@ -408,7 +478,8 @@ mod tests {
             (0.0057, 1.8, 50.0)
         );
         let sensor_width_m = camera.body.figures().sensor_width_m;
-        assert!((sensor_width_m - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
+        // Diagonals: 43.267 mm of film, and 5 of a picture of 4 by 3.
+        assert!((sensor_width_m - 0.8 * 0.043_267 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
         assert_eq!(camera.shutter_close_s, Some(30.0));
         assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
         camera.check().unwrap();
@@ -416,6 +487,27 @@ mod tests {
         let turned = telephone_with(&[], &[(Tag::Orientation, Value::Short(vec![6]))]);
         let camera = taken(&turned).0;
         assert_eq!((camera.width_px, camera.height_px), (1440, 1920), "held upright");
+    }
+
+    #[test]
+    fn an_equivalent_focal_length_that_no_lens_has_is_named() {
+        let film = (Tag::FocalLengthIn35mmFilm, Value::Short(vec![11_113]));
+        let file = tiff(&telephone_with(&[], &[film]));
+        let error = taken_as(CameraOptions::default(), file.path()).unwrap_err().to_string();
+        assert!(error.contains("FocalLengthIn35mmFilm 11113 mm"), "{error}");
+    }
+
+    #[test]
+    fn a_raw_file_is_named_with_the_way_out() {
+        for head in
+            [&b"\0\0\0\x18ftypcrx \0\0"[..], b"FUJIFILMCCD-RAW 0201", b"IIU\0\x18\0", b"FOVb\0\0"]
+        {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), head).unwrap();
+            let error = taken_as(CameraOptions::default(), file.path()).unwrap_err();
+            assert!(error.to_string().contains("a raw file ("), "{error}");
+            assert!(error.hint().contains("JPEG"), "{}", error.hint());
+        }
     }
 
     #[test]
@@ -439,7 +531,9 @@ mod tests {
         let width_m = |tags: &[(Tag, Value)]| taken(tags).0.body.figures().sensor_width_m;
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
-        assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{}", width_m(&tags));
+        // A picture of 2 by 1 is as wide as one of 3 by 2: 36 mm on film.
+        assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
+        assert!(taken(&tags).1[0].contains("makes it 22.30 mm"), "{:?}", taken(&tags).1);
     }
 
     /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of

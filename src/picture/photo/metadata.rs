@@ -6,6 +6,7 @@
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
 
+use super::camera_exif::film_width_m;
 use noctograph_core::camera::Camera;
 use noctograph_core::digest::sha256;
 
@@ -20,8 +21,8 @@ pub struct Metadata {
     pub iso: f64,
     /// Focal length.
     pub focal_length_m: f64,
-    /// Width of the sensor.
-    pub sensor_width_m: f64,
+    /// Width of the sensor on 35 mm film of the same diagonal, over its width.
+    pub crop_factor: f64,
     /// Dots per inch of the print that the picture is for.
     pub dots_per_inch: Option<f64>,
     /// 128 bits of the SHA-256 of the picture, in hexadecimal.
@@ -35,12 +36,14 @@ impl Metadata {
     /// Metadata of a picture by a camera, with an identifier from its bytes.
     #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
+        let [width, height] = [camera.width_px, camera.height_px].map(f64::from);
+        let (longer, shorter) = (width.max(height), width.min(height));
         Self {
             exposure_s: camera.shutter_close_s - camera.shutter_open_s,
             f_number: camera.f_number,
             iso: camera.iso,
             focal_length_m: camera.focal_length_m,
-            sensor_width_m: camera.sensor_width_m,
+            crop_factor: film_width_m(longer / shorter) / (camera.sensor_width_m * longer / width),
             dots_per_inch: None,
             unique_id: sha256(picture)[..32].to_owned(),
         }
@@ -55,7 +58,7 @@ impl Metadata {
     #[must_use]
     pub fn exif(&self) -> Vec<u8> {
         let ascii = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
-        let length_35_mm = self.focal_length_m * 36.0 / self.sensor_width_m;
+        let length_35_mm = 1e3 * self.focal_length_m * self.crop_factor;
         let iso = whole(self.iso);
         let fields = [
             (Tag::Software, ascii(SOFTWARE)),

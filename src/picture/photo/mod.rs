@@ -26,7 +26,6 @@ use noctograph_core::settings::Described;
 pub use camera_exif::taken_as;
 pub use noctograph_core::photo::Photo;
 
-pub use animation::Animation;
 pub use metadata::Metadata;
 pub use open::{read, read_with_notes};
 pub use options::{Noise, PhotoOptions, SensorNoise};
@@ -39,7 +38,6 @@ use sensor::Sensor;
 use starburst::{Change, starburst};
 use tone::{Levels8, Levels16};
 
-mod animation;
 mod backdrop;
 mod camera_exif;
 pub mod exr;
@@ -50,7 +48,6 @@ mod noise;
 mod open;
 mod options;
 pub mod png;
-pub mod register;
 mod sensor;
 mod spread;
 mod starburst;

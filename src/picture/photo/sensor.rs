@@ -37,7 +37,6 @@ pub(super) struct Sensor {
 #[derive(Debug)]
 struct Noisy {
     seed: u64,
-    hot_pixel_seed: u64,
     normal: &'static Normal,
     poisson: &'static Poisson,
     /// Electrons of each channel at white.
@@ -51,6 +50,11 @@ struct Noisy {
     hot_in_row: f64,
     hot: f64,
 }
+
+/// Mean dark current of a hot photosite; it is distributed exponentially.
+pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
+/// Which photosites are hot: the same in all pictures of the camera.
+const HOT_PIXEL_SEED: u64 = 0;
 
 /// Pixels whose electrons are drawn at once.
 const LANES: usize = 16;
@@ -145,7 +149,6 @@ impl Noisy {
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
             seed,
-            hot_pixel_seed: noise.hot_pixel_seed,
             normal: &NORMAL,
             poisson: &POISSON,
             at_white: noise.response.map(|r| narrow((clip - dark) * r / largest)),
@@ -154,7 +157,7 @@ impl Noisy {
             read_variance: narrow(noise.read_noise_e * noise.read_noise_e),
             prnu_squared: narrow(noise.prnu_frac * noise.prnu_frac),
             hot_in_row: noise.hot_pixel_frac * 3.0 * f64::from(camera.width_px),
-            hot: noise.hot_pixel_e_s * exposure_s,
+            hot: HOT_PIXEL_E_S * exposure_s,
         }
     }
 
@@ -205,7 +208,7 @@ impl Noisy {
         }
     }
 
-    /// Electrons of pixels of which some are dark.
+    /// Electrons of pixels, some of them dark.
     #[inline(always)]
     fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], reading: [u32; N]) {
         let photons = self.poisson.numbers(*means, bits);
@@ -232,7 +235,7 @@ impl Noisy {
     /// The hot photosites of a row: channel, column, electrons.
     fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
         out.clear();
-        let stream = Stream::new(self.hot_pixel_seed, y, 0, Source::Hot);
+        let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {

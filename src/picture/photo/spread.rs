@@ -4,8 +4,7 @@
 //! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
 //! mirrored at its border, so that uniform light stays uniform.
 //!
-//! The blurs of `flip` (any kernel, in f32) and of `register` (wide means at a cost independent of
-//! the radius) conserve no counts.
+//! The blur of `flip` (any kernel, in f32) conserves no counts.
 
 /// Light of cells, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -310,16 +310,16 @@ fn a_full_well_clips() {
 #[test]
 fn hot_photosites_have_their_density_and_mean() {
     let options = noisy(|noise| {
-        (noise.hot_pixel_frac, noise.hot_pixel_e_s, noise.read_noise_e) = (1e-3, 200.0, 1.0);
+        (noise.hot_pixel_frac, noise.read_noise_e) = (1e-3, 1.0);
     });
     let film = film([1000, 1000], |_, _, _| 0);
     let rgb = read_out(&film, &camera([1000, 1000], |_| {}), &options, 4).unwrap().rgb;
-    // Exponential with a mean of 200 e-/s · 10 s: exp(-0.05) of 3,000 are above 100 e-.
+    // Exponential with a mean of 100 e-/s · 10 s: exp(-0.1) of 3,000 are above 100 e-.
     let hot = rgb.iter().map(|value| f64::from(*value) * 50_000.0).filter(|e| *e > 100.0);
     let (number, sum) = hot.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e));
-    let wanted = 3000.0 * libm::exp(-0.05);
+    let wanted = 3000.0 * libm::exp(-0.1);
     assert!((number - wanted).abs() < 4.0 * wanted.sqrt(), "{number} for {wanted}");
-    assert!((sum / number - 2100.0).abs() < 4.0 * 2000.0 / number.sqrt(), "{}", sum / number);
+    assert!((sum / number - 1100.0).abs() < 4.0 * 1000.0 / number.sqrt(), "{}", sum / number);
 }
 
 /// Four photosites of a sensor against one pixel of a print: the same mean and variance, whether
@@ -456,18 +456,17 @@ fn below_its_base_sensitivity_a_sensor_saturates_at_its_full_well() {
 
 #[test]
 fn hot_photosites_belong_to_the_camera() {
-    let hot = |seed, hot_pixel_seed| -> Vec<usize> {
-        let options = noisy(|noise| {
-            (noise.hot_pixel_frac, noise.hot_pixel_e_s) = (1e-3, 1e5);
-            noise.hot_pixel_seed = hot_pixel_seed;
-        });
+    let hot = |seed| -> Vec<usize> {
+        let options = noisy(|noise| noise.hot_pixel_frac = 1e-3);
         let dark = film([200, 100], |_, _, _| 0);
         let rgb = read_out(&dark, &camera([200, 100], |_| {}), &options, seed).unwrap().rgb;
-        (0..rgb.len()).filter(|index| rgb[*index] > 0.05).collect()
+        (0..rgb.len()).filter(|index| rgb[*index] > 0.005).collect()
     };
-    assert!(hot(1, 0).len() > 30, "{:?}", hot(1, 0));
-    assert_eq!(hot(1, 0), hot(2, 0), "the same in every flight");
-    assert_ne!(hot(1, 0), hot(1, 1), "others in another camera");
+    let [one, other] = [hot(1), hot(2)];
+    assert!(one.len() > 30, "{one:?}");
+    // Near the threshold the noise of the electrons decides.
+    let shared = one.iter().filter(|index| other.contains(index)).count();
+    assert!(20 * shared > 19 * one.len().max(other.len()), "the same in every flight: {shared}");
 }
 
 #[test]

@@ -214,8 +214,8 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
     )
 }
 
-/// Whether the scene's camera has a place square in front of the word, or which usual one has;
-/// `None` for one whose place is said, and without a word.
+/// Whether the room has a place square in front of the word for the scene's camera, or else for
+/// which usual camera. `None` for a camera with a given pose, and without a word.
 pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {

@@ -27,16 +27,7 @@ const RULES: &[Rule] = &[
         |s| !s.letters.drawing.is_empty(),
         "letters.drawing takes the place of a word",
     ),
-    (
-        &["letters.smoothing_m", "letters.pace"],
-        |s| !is_handwriting(s),
-        "letters.drawing is no handwriting",
-    ),
-    (
-        &["letters.tolerance_m"],
-        |s| s.letters.drawing.is_empty() && !is_typeface(s),
-        "the letters are drawn of straight strokes",
-    ),
+    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is no handwriting"),
     (&["letters.line_gap_m"], |s| !s.word.contains('\n'), "the word has one line"),
     (
         &["vehicle.rotor_thrust_n_s2"],
@@ -70,14 +61,6 @@ const RULES: &[Rule] = &[
         &["light.ring"],
         |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
         "no lamp is of the ring",
-    ),
-    (
-        &["light.radio_write_s"],
-        |s| {
-            let channels = s.plan.lights.iter().any(|channel| channel.starts_with("ring."));
-            !channels && (s.light.letters_wrgb.is_empty() || !ring_writes(s))
-        },
-        "the plan sends no color of the ring",
     ),
     (
         &["light.color_led_wrgb", "light.color_led_levels"],
@@ -115,11 +98,6 @@ const RULES: &[Rule] = &[
         &["camera.lens", "camera.f_number", "camera.base_iso"],
         |s| s.camera.body.fixed_lens().is_some(),
         "a telephone has a lens of its own",
-    ),
-    (
-        &["light.tick_phase_s"],
-        |s| s.light.tick_s == 0.0 && !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
-        "light.tick_s is 0",
     ),
 ];
 

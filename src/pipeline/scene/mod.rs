@@ -262,8 +262,8 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Rate of the clock that paces the setpoints, in true seconds a second: as
-    /// `plan.trajectory_clock` says, else of a trajectory on board that of the drone's firmware.
+    /// Rate of the clock that paces the setpoints, in true seconds a second: as the plan's options
+    /// say, else of a trajectory on board that of the drone's firmware.
     #[must_use]
     pub fn trajectory_clock(&self) -> f64 {
         let on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;

@@ -441,6 +441,5 @@ mod tests {
         }
         assert!(text.contains("# Speed along every leg; in style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
         assert!(text.contains("\n[plan.style]\n#   team: "), "{text}");
-        assert!(text.contains("in order: [[20, 30]] is silence from"), "{text}");
     }
 }

@@ -28,7 +28,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
         "lamps so dim or flights so long that the room would fog the picture",
     ),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
-    ("photo.aperture_blades", "spikes, where a lamp dwells"),
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
 ];
 

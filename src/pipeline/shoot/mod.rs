@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use crate::scene::{NamedScene, Scene};
+use crate::scene::Scene;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_letters::Strokes;
@@ -42,7 +42,7 @@ mod file;
 mod keys;
 mod lighting;
 mod metering;
-mod movie;
+mod moments;
 mod planned;
 mod problems;
 mod response;
@@ -80,7 +80,7 @@ pub struct Shoot {
     pub recordings: Vec<Recording>,
     /// True drones where they differ from the scene's, in the order of the plans.
     pub actual: Vec<Actual>,
-    /// Seed of what is wrong with the room; `None`: the scene's.
+    /// Seed of the room's errors (survey, stations); `None` takes the scene's.
     pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
@@ -255,22 +255,6 @@ impl Shoot {
         }
         let hint = "thin the flights out, or cut them to the time of the picture";
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
-    }
-
-    /// Flies the learned plans of the scene's word; without them, as [`Shoot::new`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Shoot::new`].
-    pub fn named(named: NamedScene) -> Result<Self> {
-        let NamedScene { scene, mut plans, .. } = named;
-        if plans.is_empty() {
-            return Self::new(scene);
-        }
-        match plans.remove(&scene.strokes()?.word) {
-            Some(plans) => Self::with_plans(scene, plans),
-            None => Self::new(scene),
-        }
     }
 
     fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {

@@ -13,7 +13,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Warning};
 use noctograph_letters::Strokes;
 use noctograph_picture::light::{COLOR_LED, LightOptions, RING};
-use noctograph_plan::feedforward::{feedforward, inverse, learn};
+use noctograph_plan::feedforward::{corrected, feedforward, inverse};
 use noctograph_plan::response::StepResponse;
 use noctograph_plan::{
     Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
@@ -57,7 +57,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
                 // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
                 flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
-                learn(&led, &flight, &inverse)
+                corrected(&led, &flight, &inverse)
             }
         };
         match scene.plan.light_clock {
@@ -168,9 +168,6 @@ fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
         tick_s: options.tick_s,
-        phase_s: options.tick_phase_s,
-        rise_s: options.rise_s,
-        decay_s: options.decay_s,
     }
 }
 

@@ -80,7 +80,7 @@ impl DesignPath {
         designed.then(|| Self::of(corners))
     }
 
-    /// The path through points in the order of their times, of which there is at least one.
+    /// The path through at least one point, in the order of their times.
     pub fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
         let corners = without_even_corners(corners);

@@ -16,6 +16,8 @@ use noctograph_core::error::Result;
 
 /// Least lift per throttle, m/s²: a gain near zero or below would turn the loop around.
 const LEAST_GAIN_M_S2: f64 = 1.0;
+/// Error of the vertical velocity that weighs as much as `controller.altitude.error_m`.
+const ERROR_M_S: f64 = 1.0;
 /// Cosine of the largest tilt that the throttle makes up for.
 const LEAST_COS_TILT: f64 = 0.5;
 /// Horizontal distance from the design that the regulator sees at most, m. Satellites that are back
@@ -47,7 +49,7 @@ impl ThrustMap {
 /// None that weights within their ranges can meet.
 pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
     let weight = |scale: f64| 1.0 / (scale * scale);
-    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(options.error_m_s)];
+    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(ERROR_M_S)];
     let r = dmatrix![weight(options.acceleration_m_s2)];
     let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &r)?;
     Ok([k[0], k[1]])

@@ -11,6 +11,27 @@ use crate::options::AltitudeOptions;
 use crate::sensors::HeightSensor;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
+/// Standard deviation of a satellite altitude, and of a range to the floor.
+const GNSS_SIGMA_M: f64 = 0.05;
+const TIME_OF_FLIGHT_SIGMA_M: f64 = 0.06;
+/// Vertical acceleration by gusts, σ, and its correlation time: a first-order Gauss-Markov process
+/// (Singer 1970), held from one prediction to the next.
+///
+/// Taken for white noise instead, gusts make the innovations correlated with the throttle that
+/// answers them, and α⁰ and α¹ are then told apart by that correlation, wrongly.
+const GUST_SIGMA_M_S2: f64 = 0.15;
+const GUST_TIME_S: f64 = 2.0;
+/// Random walk of α⁰: mass and lift at no throttle hardly change.
+const OFFSET_WALK_M_S2_SQRT_S: f64 = 0.005;
+/// Random walk of the floor: flat between steps, which the step test finds.
+const RANGER_WALK_M_SQRT_S: f64 = 0.003;
+/// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
+const BAROMETER_WALK_M_SQRT_S: f64 = 0.05;
+/// Standard deviation that a step adds to the ranger's bias.
+const STEP_SIGMA_M: f64 = 0.5;
+/// Standard deviation of the barometer's bias before the flight.
+const BAROMETER_BIAS_SIGMA_M: f64 = 0.5;
+
 /// Index of the vertical acceleration by gusts, which no table reports.
 const GUST: usize = 6;
 
@@ -91,19 +112,19 @@ impl AltitudeFilter {
             options.offset_sigma_m_s2,
             options.gain_sigma_m_s2,
             floor,
-            options.barometer_bias_sigma_m,
-            options.gust_sigma_m_s2,
+            BAROMETER_BIAS_SIGMA_M,
+            GUST_SIGMA_M_S2,
         ]);
         let known = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
         normal.mean.rows_mut(0, known.len()).copy_from_slice(&known);
-        let test = StepTest::new(options.step_gate_sigmas, 0.0, options.step_sigma_m);
+        let test = StepTest::new(options.step_gate_sigmas, 0.0, STEP_SIGMA_M);
         Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
     }
 
     /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
         let (t, o) = (span_s, &self.options);
-        let kept = libm::exp(-t / o.gust_time_s);
+        let kept = libm::exp(-t / GUST_TIME_S);
         let half = 0.5 * t * t;
         let transition = [
             (0, 1, t),
@@ -121,11 +142,11 @@ impl AltitudeFilter {
             (0, 0, density * t * t * t / 3.0),
             (0, 1, density * t * t / 2.0),
             (1, 1, density * t),
-            (2, 2, walk(o.offset_walk_m_s2_sqrt_s)),
+            (2, 2, walk(OFFSET_WALK_M_S2_SQRT_S)),
             (3, 3, walk(o.gain_walk_m_s2_sqrt_s)),
-            (4, 4, walk(o.ranger_walk_m_sqrt_s)),
-            (5, 5, walk(o.barometer_walk_m_sqrt_s)),
-            (GUST, GUST, (1.0 - kept * kept) * o.gust_sigma_m_s2 * o.gust_sigma_m_s2),
+            (4, 4, walk(RANGER_WALK_M_SQRT_S)),
+            (5, 5, walk(BAROMETER_WALK_M_SQRT_S)),
+            (GUST, GUST, (1.0 - kept * kept) * GUST_SIGMA_M_S2 * GUST_SIGMA_M_S2),
         ];
         self.normal.predict(&transition, &noise);
         self.readings.clear();
@@ -134,16 +155,17 @@ impl AltitudeFilter {
     /// Propagates the estimate over a span in which the drone stood with its motors off.
     pub fn rest(&mut self, span_s: f64) {
         let Normal { mean, covariance, .. } = &mut self.normal;
-        let gust = self.options.gust_sigma_m_s2;
-        for (still, sigma) in [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, gust)] {
+        for (still, sigma) in
+            [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, GUST_SIGMA_M_S2)]
+        {
             mean[still] = 0.0;
             covariance.row_mut(still).fill(0.0);
             covariance.column_mut(still).fill(0.0);
             covariance[(still, still)] = sigma * sigma;
         }
         for (bias, walk) in [
-            (AltitudeState::Ranger, self.options.ranger_walk_m_sqrt_s),
-            (AltitudeState::Barometer, self.options.barometer_walk_m_sqrt_s),
+            (AltitudeState::Ranger, RANGER_WALK_M_SQRT_S),
+            (AltitudeState::Barometer, BAROMETER_WALK_M_SQRT_S),
         ] {
             covariance[(bias as usize, bias as usize)] += walk * walk * span_s;
         }
@@ -158,9 +180,9 @@ impl AltitudeFilter {
         let (options, of) = (&self.options, |state: AltitudeState| Part::One(state as usize, 1.0));
         let altitude = of(AltitudeState::Altitude);
         let (slope, sigma_m): (&[Part], f64) = match sensor {
-            AltitudeSensor::Gnss => (&[altitude], options.gnss_sigma_m),
+            AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
             AltitudeSensor::TimeOfFlight => {
-                (&[altitude, of(AltitudeState::Ranger)], options.time_of_flight_sigma_m)
+                (&[altitude, of(AltitudeState::Ranger)], TIME_OF_FLIGHT_SIGMA_M)
             }
             AltitudeSensor::Barometer => {
                 (&[altitude, of(AltitudeState::Barometer)], options.barometer_sigma_m)

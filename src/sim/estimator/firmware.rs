@@ -43,6 +43,8 @@ const LEAST_TURN_RAD: f64 = 0.1e-3;
 const YAW_SIGMA_RAD: f64 = 0.01;
 /// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
+/// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
+const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
 /// The filter.
 #[derive(Debug)]
@@ -197,7 +199,7 @@ impl Firmware {
 
     fn correct_by_range(&mut self, range: &Range) {
         let (slope, error_m, variance) = self.model.range(range, &self.position_m);
-        if let Some(other) = range.minus.filter(|_| self.options.difference_filter) {
+        if let Some(other) = range.minus {
             let anchors_m = &self.model.anchors_m;
             let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
             let possible = range.distance_m.abs() < apart_m;
@@ -223,7 +225,7 @@ impl Firmware {
                 if cos_tilt <= LEAST_COS_TILT {
                     continue;
                 }
-                let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * self.options.ranger_cone_rad;
+                let tilt_rad = libm::acos(cos_tilt.min(1.0)) - 0.5 * RANGER_CONE_RAD;
                 per_m /= libm::cos(tilt_rad.max(0.0));
             }
             let sigma_m = self.model.sensors.height_sigma_m(sensor, measured_m);

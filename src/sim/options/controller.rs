@@ -27,7 +27,7 @@ settings! {
     pub enum SetpointKind {
         /// Positions. The firmware's own landing is of the same kind.
         "position" => Position,
-        /// Positions, velocities and accelerations, of which the cascade flies the positions. The
+        /// Positions, velocities and accelerations; the cascade uses the positions alone. The
         /// landing is of another kind: since release 2026.08 all loops begin anew at it, and the
         /// drone drops by 12 to 18 cm.
         "full-state" => FullState,
@@ -92,8 +92,6 @@ settings! {
     pub struct AltitudeHoldOptions {
         /// Error of the altitude that weighs as much as the other two.
         error_m: f64 = 0.2, in 0.001..=100.0;
-        /// Error of the vertical velocity.
-        error_m_s: f64 = 1.0, in 0.001..=100.0;
         /// Vertical acceleration.
         acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }

@@ -59,15 +59,17 @@ settings! {
         ///
         /// Regulators, and the attitude and rate loops of the cascade.
         attitude_hz: u32 = 500, in 50.0..=2000.0;
-        /// Runs per second of the cascade's position and velocity loops; divides `attitude_hz`,
-        /// which also caps it.
-        position_hz: u32 = 100, in 10.0..=2000.0, for "controller.kind" = "pid";
         /// Samples per second of the flight's log; divides `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
-        /// Runge-Kutta steps per control tick.
-        ///
-        /// The error of 1 (2 ms) is less than a micrometer.
-        steps_per_tick: u32 = 1, in 1.0..=100.0;
+        fixed {
+            /// Runs per second of the cascade's position and velocity loops; divides `attitude_hz`,
+            /// which also caps it.
+            position_hz: u32 = 100;
+            /// Runge-Kutta steps per control tick.
+            ///
+            /// The error of 1 (2 ms) is less than a micrometer.
+            steps_per_tick: u32 = 1;
+        }
     }
 
     /// The radio that carries setpoints and light commands. By default they arrive at once.
@@ -148,13 +150,13 @@ impl RateOptions {
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
             ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),
-            ("position_hz", self.position_hz, "attitude_hz", self.attitude_hz()),
+            ("attitude_hz", self.attitude_hz(), "position_hz", self.position_hz),
             ("log_hz", self.log_hz, "control_hz", self.control_hz),
         ] {
             // A loop that could run a whole number of times a tick runs once.
             let capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
             if !capped && !fast_hz.is_multiple_of(slow_hz) {
-                let wanted = format!("a divisor or a multiple of rates.{fast} = {fast_hz}");
+                let wanted = format!("a divisor or a multiple of {fast} = {fast_hz}");
                 let hint = "the firmware runs its loops at 1000, 500 and 100 Hz";
                 return Err(Error::input(format!("rates.{slow}"), slow_hz, wanted, hint));
             }
@@ -232,14 +234,13 @@ mod tests {
     #[test]
     fn a_refused_setting_is_named() {
         type Change = fn(&mut SimOptions);
-        let cases: [(Change, &str); 12] = [
+        let cases: [(Change, &str); 11] = [
             (|o| o.vehicle.mass_kg = f64::NAN, "vehicle.mass_kg: "),
             (|o| o.controller.lqr.q[3] = -1.0, "controller.lqr.q[3]: "),
             (|o| o.observer.luenberger.r[7] = 0.0, "observer.luenberger.r[7]: "),
             (|o| o.rates.log_hz = 300, "rates.log_hz: "),
             (|o| o.rates.attitude_hz = 300, "rates.attitude_hz: "),
             (|o| o.rates.attitude_hz = 650, "rates.attitude_hz: "),
-            (|o| o.rates.position_hz = 99, "rates.position_hz: "),
             (|o| o.controller.geometric.k_rate[2] = -1.0, "controller.geometric.k_rate[2]: "),
             (|o| o.controller.lqr.k = Some(vec![vec![0.0; 12]; 3]), "3 rows of 12, 12"),
             (|o| o.controller.lqr.k = Some(vec![vec![0.0; 15]; 4]), "12 numbers for lqr"),
@@ -259,7 +260,7 @@ mod tests {
         let rates = RateOptions { control_hz: 250, ..Default::default() };
         assert_eq!((rates.attitude_hz(), rates.position_hz()), (250, 100));
         let slow = SimOptions { rates, ..Default::default() };
-        assert!(slow.check().unwrap_err().to_string().starts_with("rates.position_hz"));
+        assert!(slow.check().unwrap_err().to_string().starts_with("rates.attitude_hz"));
     }
 
     #[test]

@@ -94,19 +94,9 @@ settings! {
         acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.004472, in 1e-7..=10.0;
-        /// Standard deviation of a sweep angle of a second-generation station.
-        sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0,
-            for "sensors.positioning" = "sweeps",
-            for "sensors.lighthouse.stations.generation" = "v2";
-        /// Standard deviation of a sweep angle of a first-generation station.
-        sweep_v1_sigma_rad: f64 = 0.0004, in 1e-6..=1.0,
-            for "sensors.positioning" = "sweeps",
-            for "sensors.lighthouse.stations.generation" = "v1";
         /// Standard deviation of a measured position per axis.
         position_sigma_m: f64 = 0.01, in 1e-5..=100.0,
             for "sensors.positioning" = "position" | "crossing-beams" | "gnss";
-        /// Standard deviation of a difference of ultra-wideband ranges.
-        range_sigma_m: f64 = 0.15, in 1e-4..=100.0, for "sensors.positioning" = "uwb-tdoa";
         /// Standard deviation of an ultra-wideband range by two-way ranging.
         two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0, for "sensors.positioning" = "uwb-twr";
         /// Standard deviation of a barometric height.
@@ -127,54 +117,42 @@ settings! {
         /// and not motion of the drone.
         floor_steps: bool = false,
             for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf-improved";
+        fixed {
+            /// Standard deviation of a sweep angle of a second-generation station.
+            sweep_sigma_rad: f64 = 0.001;
+            /// Standard deviation of a sweep angle of a first-generation station.
+            sweep_v1_sigma_rad: f64 = 0.0004;
+            /// Standard deviation of a difference of ultra-wideband ranges.
+            range_sigma_m: f64 = 0.15;
+        }
     }
 
     /// Covariances of the altitude filter. Random walks are per root of a second.
     pub struct AltitudeOptions {
-        /// Standard deviation of a satellite altitude.
-        gnss_sigma_m: f64 = 0.05, in 0.001..=10.0;
-        /// Standard deviation of a range to the floor.
-        time_of_flight_sigma_m: f64 = 0.06, in 0.001..=10.0;
         /// Standard deviation of a barometric altitude.
         barometer_sigma_m: f64 = 0.25, in 0.001..=10.0;
-        /// Vertical acceleration by gusts, σ: a first-order Gauss-Markov process (Singer 1970),
-        /// held from one prediction to the next.
-        ///
-        /// Taken for white noise instead, gusts make the innovations correlated with the throttle
-        /// that answers them, and α⁰ and α¹ are then told apart by that correlation, wrongly.
-        gust_sigma_m_s2: f64 = 0.15, in 0.0..=100.0;
-        /// Correlation time of the gusts.
-        gust_time_s: f64 = 2.0, in 0.01..=1000.0;
         /// Noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts within a
         /// step, lag of the motors.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
-        /// Random walk of α⁰: mass and lift at no throttle hardly change.
-        offset_walk_m_s2_sqrt_s: f64 = 0.005, in 0.0..=100.0;
-        /// Random walk of α¹.
-        ///
-        /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹: with
-        /// a walk of 0.1 the drone sinks by 6 cm meanwhile. A walk that no flight has (0.8) follows
-        /// the noise of the sensors: α¹ is known less well than it could be, and where α⁰ is free
-        /// as well (1.4 m/s²), both drift apart by more than their σ.
-        gain_walk_m_s2_sqrt_s: f64 = 0.3, in 0.0..=100.0;
-        /// Random walk of the floor: flat between steps, which the step test finds.
-        ranger_walk_m_sqrt_s: f64 = 0.003, in 0.0..=10.0;
-        /// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
-        barometer_walk_m_sqrt_s: f64 = 0.05, in 0.0..=10.0;
-        /// Innovation of the ranger beyond which a range is not taken in, in standard deviations;
-        /// two in a row are a step of the floor.
-        step_gate_sigmas: f64 = 4.0, in 1.0..=1e6;
-        /// Standard deviation that a step adds to the ranger's bias.
-        step_sigma_m: f64 = 0.5, in 0.01..=10.0;
         /// Hover throttle that is believed before the flight; left out, that of the vehicle.
         hover_throttle: Option<f64> = None, in 0.01..=0.99;
-        /// Standard deviation of α⁰ before the flight. Gravity is known: what is not is the lift at
-        /// no throttle, and a steady draft.
-        offset_sigma_m_s2: f64 = 0.1, in 0.0001..=100.0;
-        /// Standard deviation of α¹ before the flight: 5 % of that of `bzzz`.
-        gain_sigma_m_s2: f64 = 1.9, in 0.01..=100.0;
-        /// Standard deviation of the barometer's bias before the flight.
-        barometer_bias_sigma_m: f64 = 0.5, in 0.001..=100.0;
+        fixed {
+            /// Random walk of α¹.
+            ///
+            /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹:
+            /// with a walk of 0.1 the drone sinks by 6 cm meanwhile. A walk that no flight has
+            /// (0.8) follows the noise of the sensors: α¹ is known less well than it could be, and
+            /// where α⁰ is free as well (1.4 m/s²), both drift apart by more than their σ.
+            gain_walk_m_s2_sqrt_s: f64 = 0.3;
+            /// Innovation of the ranger beyond which a range is not taken in, in standard
+            /// deviations; two in a row are a step of the floor.
+            step_gate_sigmas: f64 = 4.0;
+            /// Standard deviation of α⁰ before the flight. Gravity is known: what is not is the
+            /// lift at no throttle, and a steady draft.
+            offset_sigma_m_s2: f64 = 0.1;
+            /// Standard deviation of α¹ before the flight: 5 % of that of `bzzz`.
+            gain_sigma_m_s2: f64 = 1.9;
+        }
     }
 
     /// What the firmware's Kalman filter does otherwise than a textbook's: each can be changed, to
@@ -197,11 +175,6 @@ settings! {
         rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
         /// Least variance of each state: of position (m²), velocity (m²/s²) and attitude (rad²).
         least_variance: f64 = 1e-6, in 0.0..=1.0;
-        /// Full angle of the cone in which the ranger takes the nearest point of the floor.
-        ranger_cone_rad: f64 = 0.261_799_387_8, in 0.0..=3.0,
-            for "sensors.heights" = "time-of-flight";
-        /// Whether differences of ultra-wideband ranges pass the firmware's outlier filter.
-        difference_filter: bool = true, for "sensors.positioning" = "uwb-tdoa";
     }
 
     /// Specific force across the body's z axis in flight, as the firmware's filter has it.

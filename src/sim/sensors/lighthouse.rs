@@ -35,6 +35,8 @@ const V1_SWEEPS_HZ: f64 = 120.0;
 const BEND_S: f64 = 0.02;
 /// A station that was not seen for so long is hidden: chance alone loses no five turns in a row.
 const BLIND_S: f64 = 0.1;
+/// Change of direction over which the error of a station's calibration changes.
+const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
 
 /// One plane of light that passed over the deck.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,7 +207,7 @@ impl Rotor {
             distortion: Field::new(
                 &mut streams.shared_by_room(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
-                options.sweep_distortion_length_rad,
+                SWEEP_DISTORTION_LENGTH_RAD,
             ),
             noise: Normals::new(streams.own(&format!("station {i} sweep angles"))),
             chance,

@@ -78,16 +78,20 @@ settings! {
         gyro_noise_rad_s_sqrt_hz: f64 = 2.44e-4, in 0.0..=1.0;
         /// Noise density of the accelerometer per axis, (m/s²)/√Hz.
         accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
-        /// Steady bias of the gyroscope about body x, y, z: what the firmware's calibration at rest
-        /// leaves, and what the sensor drifts by as it warms.
-        gyro_bias_rad_s: [f64; 3] = [0.0; 3], in -1.0..=1.0;
-        /// Random walk of the gyroscope's bias per axis: density of its derivative, (rad/s²)/√Hz.
-        ///
-        /// The firmware removes the bias at rest before take-off, so that the walk begins at zero.
-        gyro_bias_walk_rad_s2_sqrt_hz: f64 = 0.0, in 0.0..=1.0;
-        /// Random walk of the accelerometer's bias per axis: density of its derivative,
-        /// (m/s³)/√Hz.
-        accelerometer_bias_walk_m_s3_sqrt_hz: f64 = 0.0, in 0.0..=10.0;
+        fixed {
+            /// Steady bias of the gyroscope about body x, y, z: what the firmware's calibration at
+            /// rest leaves, and what the sensor drifts by as it warms.
+            gyro_bias_rad_s: [f64; 3] = [0.0; 3];
+            /// Random walk of the gyroscope's bias per axis: density of its derivative,
+            /// (rad/s²)/√Hz.
+            ///
+            /// The firmware removes the bias at rest before take-off, so that the walk begins at
+            /// zero.
+            gyro_bias_walk_rad_s2_sqrt_hz: f64 = 0.0;
+            /// Random walk of the accelerometer's bias per axis: density of its derivative,
+            /// (m/s³)/√Hz.
+            accelerometer_bias_walk_m_s3_sqrt_hz: f64 = 0.0;
+        }
     }
 
     /// Lighthouse; 0 switches a term off.
@@ -104,23 +108,12 @@ settings! {
     /// as they pull it to and fro. The part by which they disagree is chosen so that both come out
     /// as measured. Two stations in opposite corners, some 4 m from the word.
     pub struct LighthouseOptions {
-        /// White noise of the measured position per axis and tick, σ; for `position`.
-        jitter_m: f64 = 0.001, in 0.0..=1.0, for "sensors.positioning" = "position";
         /// Smooth error that depends on the drone's place, per axis, σ.
         ///
         /// It is left by the joint solution for the stations' places: they agree on a bent room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
         /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
-        /// Turn of the Lighthouse's frame against the room, about x, y and z.
-        ///
-        /// The frame is where the drone was put by hand when the stations' geometry was estimated:
-        /// the origin, a place on the x-axis one meter off, a place on the floor (cflib,
-        /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
-        frame_turn_rad: [f64; 3] = [0.0; 3], in -0.5..=0.5;
-        /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the
-        /// scale.
-        frame_scale_error: f64 = 0.0, in -0.5..=0.5;
         /// Base stations, at their believed places.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
@@ -142,22 +135,33 @@ settings! {
         /// Silences: number of the station, from 0, and the times from and to, s.
         silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
-        /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
-        /// station.
-        sweep_noise_rad: [f64; 2] = [60e-6, 28e-6], in 0.0..=0.1;
-        /// Share of that noise's variance that is common to all four sensors in a sweep.
-        sweep_noise_shared_frac: f64 = 0.8, in 0.0..=1.0;
-        /// Share of sweeps that are lost.
-        sweep_loss_frac: f64 = 0.13, in 0.0..=1.0;
-        /// Distance between a station's true and believed place, per axis, σ, beside the common
-        /// distortion: the disagreement of the stations.
-        station_position_error_m: f64 = 0.0015, in 0.0..=1.0;
-        /// Angle between a station's true and believed attitude, per axis, σ.
-        station_rotation_error_rad: f64 = 0.0007, in 0.0..=0.2;
-        /// Smooth error of a sweep angle that the station's calibration leaves, σ.
-        sweep_distortion_rad: f64 = 0.001, in 0.0..=0.1;
-        /// Change of direction over which that error changes.
-        sweep_distortion_length_rad: f64 = 0.13, in 0.001..=100.0;
+        fixed {
+            /// White noise of the measured position per axis and tick, σ; for `position`.
+            jitter_m: f64 = 0.001;
+            /// Turn of the Lighthouse's frame against the room, about x, y and z.
+            ///
+            /// The frame is where the drone was put by hand when the stations' geometry was
+            /// estimated: the origin, a place on the x-axis one meter off, a place on the floor
+            /// (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
+            frame_turn_rad: [f64; 3] = [0.0; 3];
+            /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the
+            /// scale.
+            frame_scale_error: f64 = 0.0;
+            /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
+            /// station.
+            sweep_noise_rad: [f64; 2] = [60e-6, 28e-6];
+            /// Share of that noise's variance that is common to all four sensors in a sweep.
+            sweep_noise_shared_frac: f64 = 0.8;
+            /// Share of sweeps that are lost.
+            sweep_loss_frac: f64 = 0.13;
+            /// Distance between a station's true and believed place, per axis, σ, beside the common
+            /// distortion: the disagreement of the stations.
+            station_position_error_m: f64 = 0.0015;
+            /// Angle between a station's true and believed attitude, per axis, σ.
+            station_rotation_error_rad: f64 = 0.0007;
+            /// Smooth error of a sweep angle that the station's calibration leaves, σ.
+            sweep_distortion_rad: f64 = 0.001;
+        }
     }
 
     /// Generation of a base station.
@@ -191,8 +195,6 @@ settings! {
         bias_m: f64 = 0.2, in 0.0..=10.0;
         /// Share of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
-        /// Mean error of an outlier: too long for two-way ranging, either way for differences.
-        outlier_m: f64 = 1.0, in 0.0..=1000.0;
         /// Error of the starting place that a drone is given, per axis, σ.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
@@ -232,10 +234,12 @@ settings! {
         noise_m: f64 = 0.09, in 0.0..=100.0;
         /// Random walk of the height, m/√s: σ after one second.
         drift_m_sqrt_s: f64 = 0.012, in 0.0..=100.0;
-        /// Steady drift of the height, as of a weather front.
-        drift_m_s: f64 = 0.0, in -10.0..=10.0;
         /// Heights per second.
         rate_hz: f64 = 50.0, in 0.1..=2000.0;
+        fixed {
+            /// Steady drift of the height, as of a weather front.
+            drift_m_s: f64 = 0.0;
+        }
     }
 
     /// Satellite navigation with a base station.
@@ -244,8 +248,11 @@ settings! {
         noise_m: f64 = 0.05, in 0.0..=100.0;
         /// Fixes per second.
         rate_hz: f64 = 10.0, in 0.1..=2000.0;
-        /// Times without a fix, from and to, in order: `[[20, 30]]` is silence from 20 s to 30 s.
-        silent_s: Vec<[f64; 2]> = Vec::new(), in 0.0..=1e5;
+        fixed {
+            /// Times without a fix, from and to, in order: `[[20, 30]]` is silence from 20 s to 30
+            /// s.
+            silent_s: Vec<[f64; 2]> = Vec::new();
+        }
     }
 }
 

@@ -93,7 +93,7 @@ impl Room {
 }
 
 impl Mirror {
-    /// Whether it shows a station to a deck, both of which are before it.
+    /// Whether it reflects a station to a deck; both are in front of it.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
         let before = |place_m: &Vector3<f64>| (place_m - self.point_m).dot(&self.facing) > 0.0;
         if !before(station_m) || !before(deck_m) {

@@ -1,4 +1,4 @@
-//! Streams of noise, whose each is; and when a sensor is due.
+//! Noise streams of the sensors, and the schedule of their readings.
 
 use noctograph_core::random::Noise;
 

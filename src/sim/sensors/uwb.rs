@@ -15,6 +15,8 @@ use noctograph_core::random::{Field, Noise};
 
 /// Distance over which a link's error changes: an assumption, of the size of the furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
+/// Mean error of an outlier: too long for two-way ranging, either way for differences.
+const OUTLIER_M: f64 = 1.0;
 
 /// One measured distance, or difference of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,8 +86,8 @@ impl Errors {
         let [luck, size] = [self.strays.uniform(), self.strays.uniform()];
         let either = if differences { size } else { 0.5 + 0.5 * size };
         let astray_m = match luck < options.outlier_frac {
-            true if either < 0.5 => options.outlier_m * libm::log(1.0 - 2.0 * either),
-            true => -options.outlier_m * libm::log(2.0 * (1.0 - either)),
+            true if either < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * either),
+            true => -OUTLIER_M * libm::log(2.0 * (1.0 - either)),
             false => 0.0,
         };
         distance_m + white_m + astray_m
@@ -235,20 +237,15 @@ mod tests {
 
     #[test]
     fn strays_are_as_many_and_as_large_as_stated() {
-        let options = UwbOptions {
-            noise_m: 0.0,
-            bias_m: 0.0,
-            outlier_frac: 0.14,
-            outlier_m: 2.0,
-            ..UwbOptions::default()
-        };
+        let options =
+            UwbOptions { noise_m: 0.0, bias_m: 0.0, outlier_frac: 0.14, ..UwbOptions::default() };
         for differences in [false, true] {
             let all: Vec<f64> = errors(&options, differences).concat();
             let strays: Vec<f64> = all.iter().copied().filter(|e| e.abs() > 1e-9).collect();
             let share = strays.len() as f64 / all.len() as f64;
             assert!((share - 0.14).abs() < 0.005, "share {share}");
             let size = mean(strays.iter().map(|e| e.abs()));
-            assert!((size / 2.0 - 1.0).abs() < 0.05, "mean size {size}");
+            assert!((size / OUTLIER_M - 1.0).abs() < 0.05, "mean size {size}");
             let shorter = strays.iter().filter(|e| **e < 0.0).count();
             let want = if differences { strays.len() / 2 } else { 0 };
             assert!(shorter.abs_diff(want) < strays.len() / 50, "{shorter} of {}", strays.len());

@@ -7,6 +7,9 @@ use noctograph_core::random::{Noise, Normals};
 
 /// Meters per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
+/// Correlation time of the torque of uneven air: that of the reference flight, as
+/// [`super::GustOptions`] says.
+pub const TORQUE_TIME_S: f64 = 1.5;
 /// Lowest height that the low-altitude model is given for, feet. Flights below it use its figures.
 const LOWEST_FT: f64 = 10.0;
 
@@ -62,7 +65,7 @@ impl Wind {
                 let filter = |sigma, time_s| Filter::new([sigma, 0.0], time_s, dt_s);
                 filters = Some(room.sigma_m_s.map(|sigma| filter(sigma, room.time_s)));
                 let share = room.share_of_room();
-                let torque = |sigma: f64| filter(sigma * share, room.torque_time_s);
+                let torque = |sigma: f64| filter(sigma * share, TORQUE_TIME_S);
                 torques = Some(room.torque_sigma_n_m.map(torque));
             }
             Gusts::Dryden if level_m_s > 0.0 => {
@@ -237,7 +240,7 @@ mod tests {
     #[test]
     fn torques_have_their_density() {
         let torque_sigma_n_m = [1e-4, 2e-4, 3e-5];
-        let room = GustOptions { torque_sigma_n_m, torque_time_s: 1.5, ..Default::default() };
+        let room = GustOptions { torque_sigma_n_m, ..Default::default() };
         let found = spectra_of(&indoors(room), |gust| gust.torque_n_m);
         for (found, sigma) in found.iter().zip(torque_sigma_n_m) {
             assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));

@@ -28,6 +28,7 @@ mod wake;
 
 pub use self::body::RigidBody;
 pub use self::floor::{FloorOptions, FloorStep};
+pub use self::gusts::TORQUE_TIME_S;
 pub use self::mixer::Mixer;
 pub use self::model::{Motion, at, attitude, position, rate, velocity};
 pub(crate) use self::model::{State, Vehicle, Wrench, motion_derivative, state};

@@ -31,8 +31,6 @@ settings! {
         k_m_n_m: f64 = 7.47e-9, in 1e-12..=1.0;
         /// Half the side of the square of motors: lever of the thrust about body x and y.
         arm_m: f64 = 0.035, in 1e-3..=2.0;
-        /// Largest motor command; the smallest is 0.
-        motor_max: f64 = 65_535.0, in 1.0..=65_535.0;
         /// Center of mass in body x and y, from the middle of the motors.
         ///
         /// The thrust turns the drone about it, and a controller without integral action pays with
@@ -75,6 +73,10 @@ settings! {
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
         /// Height of the propellers above the floor when the drone stands on it.
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
+        fixed {
+            /// Largest motor command; the smallest is 0.
+            motor_max: f64 = 65_535.0;
+        }
     }
 
     /// A model of the ground effect: thrust near the floor over thrust far from it, at the same
@@ -196,14 +198,14 @@ settings! {
         sigma_m_s: [f64; 3] = [0.08; 3], in 0.0..=50.0;
         /// Correlation time: the size of an eddy over the speed at which it drifts past.
         time_s: f64 = 1.0, in 1e-2..=1e4;
-        /// Standard deviation of the torque of uneven air and rotors about body x, y, z where
-        /// sigma_m_s is 0.08 along each axis.
-        ///
-        /// A regulator without integral action pays for it with its position: this, more than the
-        /// push, moves it in a room.
-        torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5], in 0.0..=10.0;
-        /// Correlation time of that torque.
-        torque_time_s: f64 = 1.5, in 1e-2..=1e4;
+        fixed {
+            /// Standard deviation of the torque of uneven air and rotors about body x, y, z where
+            /// sigma_m_s is 0.08 along each axis.
+            ///
+            /// A regulator without integral action pays for it with its position: this, more than
+            /// the push, moves it in a room.
+            torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5];
+        }
     }
 }
 
@@ -224,7 +226,7 @@ impl VehicleOptions {
         }
         Err(Error::Infeasible {
             what: format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
-            hint: "lower vehicle.mass_kg, or raise vehicle.k_f_n or vehicle.motor_max".into(),
+            hint: "lower vehicle.mass_kg, or raise vehicle.k_f_n".into(),
         })
     }
 

@@ -31,7 +31,7 @@ use nalgebra::{Vector3, Vector4};
 use super::body::RigidBody;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Greatest share of a thrust that is lost: 10 g of 34 g at 0.2 m, nearer than which nobody
+/// Greatest share of a thrust that is lost: 10 g of 34 g at 0.2 m, the nearest that anybody
 /// measured.
 const MOST_LOST: f64 = 10.0 / 34.0;
 /// Product of the share lost and of the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46

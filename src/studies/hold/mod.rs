@@ -216,7 +216,9 @@ mod tests {
                 o.sensors.positioning = Positioning::Position;
                 o.sensors.heights.clear();
             }),
-            ("observer.altitude.gain_sigma_m_s2", |o| o.observer.altitude.gain_sigma_m_s2 = 0.0),
+            ("observer.altitude.barometer_sigma_m", |o| {
+                o.observer.altitude.barometer_sigma_m = 0.0
+            }),
             ("observer.kind: found ekf, wanted altitude", |o| {
                 o.observer.kind = EstimatorKind::Ekf;
             }),

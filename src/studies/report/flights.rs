@@ -93,7 +93,7 @@ pub(super) fn error_panels(
     ["x error (m)", "y error (m)", "z error (m)"].into_iter().zip(axes).map(panel).collect()
 }
 
-/// Samples of a simulated flight of which the strongest motor is drawn: 50 ms.
+/// Samples over which the strongest motor command is drawn: 50 ms.
 const LOAD_SAMPLES: usize = 12;
 /// A motor's command at full power.
 const FULL: f64 = 65_535.0;

@@ -44,4 +44,4 @@ pub use sheet::{spread_sheet, study_sheet};
 pub use shot::{LEAST_SHARE, rivals};
 pub use shot::{ShotNotes, shot_page};
 pub use spread::{spread_front, spread_over_time};
-pub use studies::{endurance, pareto};
+pub use studies::pareto;

@@ -2,7 +2,57 @@
 
 use noctograph_core::srgb;
 use noctograph_picture::photo::Photo;
-use noctograph_picture::photo::register::Similarity;
+
+/// Transform of a point `q` of one picture, in pixels from its top left corner, to
+/// `scale R(rotation) q + shift` in another.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Similarity {
+    /// Pixels of the other per pixel of the one.
+    pub scale: f64,
+    /// From x to y: clockwise in the picture.
+    pub rotation_rad: f64,
+    /// Image of the corner of the one.
+    pub shift_px: [f64; 2],
+}
+
+impl Similarity {
+    /// The transform that leaves the least squares of pairs of points.
+    #[must_use]
+    pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
+        let n = pairs.len().max(1) as f64;
+        let [from, to] = [0, 1].map(|side| {
+            [0, 1].map(|axis| pairs.iter().map(|pair| pair[side][axis]).sum::<f64>() / n)
+        });
+        let (mut along, mut across, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
+        for [a, b] in pairs {
+            let ([ax, ay], [bx, by]) =
+                ([a[0] - from[0], a[1] - from[1]], [b[0] - to[0], b[1] - to[1]]);
+            along += ax * bx + ay * by;
+            across += ax * by - ay * bx;
+            square += ax * ax + ay * ay;
+        }
+        let scale = libm::hypot(along, across) / square;
+        let rotation_rad = libm::atan2(across, along);
+        let turned = Self { scale, rotation_rad, shift_px: [0.0; 2] }.apply(from);
+        Self { scale, rotation_rad, shift_px: [to[0] - turned[0], to[1] - turned[1]] }
+    }
+
+    /// Image of a point.
+    #[must_use]
+    pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.rotation_rad);
+        let (a, b) = (self.scale * cos, self.scale * sin);
+        [a * x - b * y + self.shift_px[0], b * x + a * y + self.shift_px[1]]
+    }
+
+    /// The inverse transform.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let back =
+            Self { scale: 1.0 / self.scale, rotation_rad: -self.rotation_rad, shift_px: [0.0; 2] };
+        Self { shift_px: back.apply(self.shift_px).map(|value| -value), ..back }
+    }
+}
 
 /// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
 /// it replaces. Smaller photos stay as they are.
@@ -141,6 +191,17 @@ mod tests {
         assert_eq!((half.width_px, half.height_px), (4, 3));
         assert!(half.rgb8.iter().all(|level| *level == 188), "half the light is level 188");
         assert_eq!(shrink(checks(8, 6), 8), checks(8, 6));
+    }
+
+    #[test]
+    fn a_similarity_is_found_from_pairs_of_points() {
+        let known = Similarity { scale: 1.5, rotation_rad: 0.2, shift_px: [30.0, -7.0] };
+        let points = [[0.0, 0.0], [100.0, 5.0], [40.0, 80.0]];
+        let found = Similarity::between(&points.map(|point| [point, known.apply(point)]));
+        for (there, back) in points.map(|point| (point, known.inverse().apply(found.apply(point))))
+        {
+            assert!((there[0] - back[0]).hypot(there[1] - back[1]) < 1e-9, "{found:?}");
+        }
     }
 
     #[test]

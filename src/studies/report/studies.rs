@@ -1,4 +1,4 @@
-//! Plots of studies: flight time against legibility, and what breaks a word.
+//! The plot of a study: flight time against legibility.
 
 use std::ops::Range;
 
@@ -61,26 +61,6 @@ pub fn pareto(
     .svg()
 }
 
-/// Curves by name: share of legible photos over multiples of the usual disturbance. Two rows of
-/// names fit. SVG.
-#[must_use]
-pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
-    // More curves than colors are told apart by their width.
-    let widths = [2.0, 4.0].into_iter().cycle();
-    let pens = widths.flat_map(|width_px| COLORS.map(|color| Pen::new(color, width_px)));
-    let named: Vec<_> = curves.iter().zip(pens).collect();
-    let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
-    let lines = named.iter().map(|((_, points), pen)| Curve::whole(*pen, points.iter().copied()));
-    let lines = lines.collect();
-    Figure {
-        title: title.to_owned(),
-        legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
-        x_name: "multiple of the usual disturbance",
-        panels: vec![Panel::new([x, 0.0..1.0], HEIGHT_PX, "fraction legible", lines)],
-    }
-    .svg()
-}
-
 /// What holds all values, with a margin.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let Range { start, end } = range(values);
@@ -108,11 +88,5 @@ mod tests {
         let one = pareto(&[], &[(45.0, 0.2)], &[], None);
         let two = pareto(&[], &[(45.0, 0.2), (47.0, 0.1)], &[], None);
         assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
-        let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
-        let svg = endurance("team", &[curve("mass"), curve("gusts")]);
-        for text in ["mass", "gusts", "multiple of the usual disturbance", "fraction legible"] {
-            assert!(svg.contains(text), "{text}");
-        }
-        assert!(!svg.contains("P(read)"));
     }
 }

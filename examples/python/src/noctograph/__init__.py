@@ -22,7 +22,7 @@ from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
 from .commands import (  # noqa: E402
-    Report, check, command, compare, coverage, export, gains, hold, identify, learn, locate, meter, robustness,
+    Report, check, command, compare, coverage, export, gains, hold, identify, locate, meter,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
-    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "learn",
-    "locate", "meter", "photograph", "plan", "preview", "rank", "read", "robustness", "sb3_env", "score", "VectorEnv",
+    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log",
+    "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
     "tune", "__version__",
 ]  # fmt: skip
 

@@ -270,62 +270,6 @@ def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = Non
     return _with_files("hold", scenario=scenario, runs=runs, output=output, **options)
 
 
-def learn(
-    scene: Scene | str,
-    word: str | None = None,
-    *,
-    flight: list[PathLike | Flight] | None = None,
-    output: PathLike | None = None,
-    **options: Any,
-) -> Report:
-    """Learns the setpoints and light schedule of a word from its earlier flights.
-
-    Parameters
-    ----------
-    scene : Scene or str
-        The scene.
-    word : str, optional
-        Word to write; the scene's by default.
-    flight : list of path or Flight, optional
-        Flights or logs of one plan, to learn one round from; simulated ones by default.
-    output : path, optional
-        Folder for the scene and the plans; without it, ``report.files`` has them.
-    **options
-        Those of ``noctograph learn``, as ``rounds``, ``repeats``, ``gain``, ``sent`` (a Plan).
-
-    Returns
-    -------
-    Report
-        ``report["rounds"]`` and ``report["helped"]``; `Plan.from_csv` reads the plan of ``report.files``.
-    """
-    word = scene.word if word is None and isinstance(scene, Scene) else word
-    return _with_files("learn", scene, word, output=output, flight=flight, **options)
-
-
-def robustness(
-    scene: Scene | str, words: str | None = None, *, output: PathLike | None = None, **options: Any
-) -> Report:
-    """Which of the things that differ from flight to flight breaks a word first.
-
-    Parameters
-    ----------
-    scene : Scene or str
-        The scene.
-    words : str, optional
-        Words with their flights, as ``"NOOR:12"``; the scene's word by default.
-    output : path, optional
-        Folder for the tables; without it, ``report.files`` has them.
-    **options
-        Those of ``noctograph robustness``, as ``times="0,1,2,4"``, ``conditions``.
-
-    Returns
-    -------
-    Report
-    """
-    words = scene.word if words is None and isinstance(scene, Scene) else words
-    return _with_files("robustness", scene, output=output, words=words, **options)
-
-
 def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     """Stops over saturation of each lamp, and the exposure to set.
 

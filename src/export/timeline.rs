@@ -1,0 +1,154 @@
+//! From the floor to the floor: what scripts upload around the letters of a trajectory.
+//!
+//! Take-off, the way to the first letter, a hover until the drone's turn, the letters, and a hover
+//! and a landing for a drone that hears nothing more. The script's own landing comes before that
+//! one. Legs from rest to rest are polynomials of degree 7, as those of the firmware's high-level
+//! commander.
+
+use nalgebra::Vector3;
+
+use super::pieces::{Polynomials, Stretch};
+use super::safety::SINK_M_S;
+use noctograph_core::error::Result;
+use noctograph_plan::Plan;
+
+/// Duration of the take-off, and of the way to the first letter, s; as in `cflib.py`.
+const TAKE_OFF_S: f64 = 3.5;
+/// Hover before the script lands, s.
+const HOVER_S: f64 = 0.5;
+/// Hover after the time at which the script lands, s: then the trajectory lands by itself.
+const ALONE_S: f64 = 3.0;
+/// Depth below the floor at which that landing ends, which keeps the drone there, m.
+const BELOW_FLOOR_M: f64 = 0.1;
+/// Shortest landing, s.
+const MIN_LAND_S: f64 = 2.0;
+/// The command to take off before trajectories of which the first starts at a time, in the time of
+/// their plans, s.
+pub(super) fn zero_s(before_s: f64) -> f64 {
+    before_s - 2.0 * TAKE_OFF_S
+}
+
+/// When the first of several trajectories starts, in the time of their plans, s.
+///
+/// # Errors
+///
+/// As [`Stretch::new`].
+pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
+    let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
+    Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
+}
+
+/// A leg from rest to rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    /// The axes that move.
+    pub(super) axes: &'static [usize],
+    pub(super) duration_s: f64,
+    pub(super) ends_m: [Vector3<f64>; 2],
+}
+
+const UP: &[usize] = &[2];
+/// Both, even where the plan's ends are the same: a drone that stands beside the plan's start flies
+/// there.
+const LEVEL: &[usize] = &[0, 1];
+const HOVER: &[usize] = &[];
+
+/// When a drone with a trajectory on board is where; time zero is the start of the trajectory.
+pub(super) struct Timeline {
+    /// That command in the time of the plan, s.
+    pub(super) zero_s: f64,
+    /// Rest to rest before the trajectory, and after it: end, s, and place.
+    pub(super) before: [(f64, Vector3<f64>); 4],
+    pub(super) after: [(f64, Vector3<f64>); 2],
+}
+
+impl Timeline {
+    /// The flight around a trajectory from `first_m` to `last_m`.
+    pub(super) fn new(
+        plan: &Plan,
+        stretch: &Stretch,
+        before_s: f64,
+        [first_m, last_m]: [Vector3<f64>; 2],
+    ) -> Self {
+        let home_m = plan.setpoints[0].position_m;
+        let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
+        let zero_s = zero_s(before_s);
+        let start_s = stretch.start_s() - zero_s;
+        let hover_s = start_s + stretch.duration_s() + HOVER_S;
+        let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
+        Self {
+            zero_s,
+            before: [
+                (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
+                (TAKE_OFF_S, above_m),
+                (2.0 * TAKE_OFF_S, first_m),
+                (start_s, first_m),
+            ],
+            after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
+        }
+    }
+
+    /// The legs from the floor to the beginning of the trajectory.
+    pub(super) fn legs_before(&self) -> [Leg; 3] {
+        [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
+            let [from, to] = [self.before[index], self.before[index + 1]];
+            Leg { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
+        })
+    }
+
+    /// The legs after the trajectory of a drone that is told nothing more, where the script lands
+    /// `over_s` after the trajectory's end.
+    pub(super) fn legs_alone(&self, over_s: f64) -> [Leg; 2] {
+        let last_m = self.after[0].1;
+        let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
+        let sinks_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
+        let hovers_s = over_s.max(0.0) + ALONE_S;
+        [
+            Leg { axes: HOVER, duration_s: hovers_s, ends_m: [last_m; 2] },
+            Leg { axes: UP, duration_s: sinks_s, ends_m: [last_m, below_m] },
+        ]
+    }
+
+    /// Where it is at a time, with the trajectory as a function of the time since its beginning.
+    pub(super) fn position_m(
+        &self,
+        time_s: f64,
+        trajectory_m: impl Fn(f64) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        let start_s = self.before[3].0;
+        if (start_s..self.after[0].0).contains(&time_s) {
+            return trajectory_m(time_s - start_s);
+        }
+        let legs: &[_] = if time_s < start_s { &self.before } else { &self.after };
+        let leg = legs.windows(2).find(|leg| time_s < leg[1].0).unwrap_or(&legs[legs.len() - 2..]);
+        let [(from_s, from_m), (to_s, to_m)] = [leg[0], leg[1]];
+        if time_s >= to_s {
+            return to_m;
+        }
+        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).at(time_s - from_s)[0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_letters::{LetterOptions, write};
+    use noctograph_plan::{PlanOptions, plan};
+
+    #[test]
+    fn without_a_link_a_drone_hovers_and_lands_where_it_is_below_the_floor() {
+        let strokes = write("I", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let stretch = Stretch::new(&plan).unwrap();
+        let [first_m, last_m] = [Vector3::new(0.0, 0.0, 0.9), Vector3::new(1.0, 0.2, 1.1)];
+        let timeline = Timeline::new(&plan, &stretch, stretch.start_s(), [first_m, last_m]);
+        let [hover, descent] = timeline.legs_alone(0.5);
+        assert_eq!((hover.duration_s, hover.ends_m), (3.5, [last_m; 2]));
+        assert_eq!(descent.ends_m, [last_m, Vector3::new(1.0, 0.2, -0.1)]);
+        assert!((descent.duration_s - 4.0).abs() < 1e-9, "1.2 m at 0.3 m/s: {descent:?}");
+        assert_eq!(timeline.legs_alone(-9.0)[0].duration_s, 3.0, "the script lands before the end");
+        let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
+        assert_eq!(low.legs_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
+        assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
+    }
+}

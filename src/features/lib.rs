@@ -1,0 +1,1 @@
+//! Features: none of the code, only features of packages; see Cargo.toml.

@@ -1,0 +1,102 @@
+//! The words and the logo of a host: a folder with `brand.toml` and, if there is one, `logo.svg`.
+//!
+//! ```toml
+//! title = "Night of the Open Hall"
+//! [sentence]
+//! en = "A small drone carries one lamp."
+//! [consent]
+//! en = "What you send may be shown on the wall tonight."
+//! ```
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Limit;
+
+const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
+const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify its paths" };
+
+/// Most characters of a title, and of a sentence in a language.
+const MAX_TITLE: usize = 60;
+const MAX_SENTENCE: usize = 240;
+
+/// What the page knows of it.
+#[derive(Debug, Default, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Brand {
+    title: Option<String>,
+    /// By language.
+    sentence: BTreeMap<String, String>,
+    consent: BTreeMap<String, String>,
+    /// Whether there is a logo.
+    #[serde(skip_deserializing)]
+    logo: bool,
+    /// The logo (SVG).
+    #[serde(skip)]
+    pub(crate) svg: Option<String>,
+}
+
+impl Brand {
+    /// Reads and checks a folder.
+    pub(crate) fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("brand.toml");
+        let refused = |key: &str, found: String, wanted: String| {
+            Error::input(key, found, wanted, "see docs/page.md").at(path.display(), None)
+        };
+        let mut brand: Self = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
+            let wanted = "title, [sentence], [consent]".into();
+            refused("table", error.message().to_owned(), wanted)
+        })?;
+        let titles = brand.title.iter().map(|title| ("title", title, MAX_TITLE));
+        let sentences = brand.sentence.values().chain(brand.consent.values());
+        let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));
+        for (key, text, most) in titles.chain(sentences) {
+            let n = text.chars().count();
+            if n > most {
+                return Err(refused(key, format!("{n} characters"), format!("at most {most}")));
+            }
+        }
+        let path = folder.join("logo.svg");
+        brand.svg = path.is_file().then(|| LOGO.read_text(&path)).transpose()?;
+        brand.logo = brand.svg.is_some();
+        if brand.svg.as_ref().is_some_and(|svg| !svg.contains("<svg")) {
+            let hint = "save the logo as SVG";
+            return Err(Error::input(path.display(), "another file", "a drawing (SVG)", hint));
+        }
+        Ok(brand)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_brand_is_checked_before_it_is_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |table: &str, logo: &str| {
+            std::fs::write(folder.path().join("brand.toml"), table).unwrap();
+            std::fs::write(folder.path().join("logo.svg"), logo).unwrap();
+            Brand::read(folder.path()).map_err(|error| error.to_string())
+        };
+        let svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'/>";
+        let json = json!(read("title = \"Hall\"\n[consent]\nde = \"Ja.\"\n", svg).unwrap());
+        let wanted = json!({
+            "title": "Hall", "sentence": {}, "consent": { "de": "Ja." }, "logo": true,
+        });
+        assert_eq!(json, wanted);
+        for (table, logo, why) in [
+            ("name = \"x\"", svg, "name"),
+            ("logo = true", svg, "logo"),
+            (&format!("title = \"{}\"", "x".repeat(61)), svg, "61 characters"),
+            ("", "PNG", "a drawing (SVG)"),
+        ] {
+            let refused = read(table, logo).unwrap_err();
+            assert!(refused.contains(why), "{table}: {refused}");
+        }
+    }
+}

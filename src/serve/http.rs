@@ -1,0 +1,241 @@
+//! Connections and answers, on hyper: a connection is a task, has one request, and ends with it.
+//!
+//! A silent client is closed by a timeout, and one that reads slowly costs a task. Where all places
+//! are taken, the oldest connection of the address that has most gives way, unless its request is
+//! being worked on: a stranger who opens many connections locks nobody out.
+
+use std::convert::Infallible;
+use std::fs::File;
+use std::io::Read;
+use std::net::IpAddr;
+use std::path::Path;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use http_body_util::{BodyExt, Limited};
+use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
+use hyper::header::HeaderValue;
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use serde_json::Value;
+use tokio::net::TcpListener;
+use tokio::task::AbortHandle;
+use tokio::time::{sleep, timeout};
+
+/// Most connections at a time: forty browsers with six each.
+const MAX_CONNECTIONS: usize = 256;
+/// Longest head, and most of its fields: browsers send 2 KiB in 20 fields.
+const MAX_HEAD: usize = 16 << 10;
+const MAX_FIELDS: usize = 64;
+/// Longest body: a drawing.
+pub(crate) const MAX_BODY: usize = 256 << 10;
+/// Time within which the head and the body of a request must be here, each.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
+/// Longest time of a connection: what an evening's scripts take, or the slowest reader.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
+/// What is read, and how long in all, of a body that was refused.
+const MAX_REFUSED_BODY: usize = 1 << 20;
+const REFUSED_TIMEOUT: Duration = Duration::from_millis(500);
+/// What is read of a file at a time.
+const CHUNK: usize = 64 << 10;
+/// Pause after a connection could not be accepted, as where there are no more file handles.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+
+pub(crate) type Reply = hyper::Response<ReplyBody>;
+
+/// Why a request is refused before it is looked into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct HttpError(pub(crate) u16, pub(crate) &'static str);
+
+pub(crate) type HttpResult<T> = Result<T, HttpError>;
+
+/// A connection that is open.
+struct Connection {
+    peer: IpAddr,
+    /// Whether its request is being worked on, so that it gives way to nobody.
+    is_working: Arc<AtomicBool>,
+    task: AbortHandle,
+}
+
+/// A request with its sender, and whether it is being worked on.
+pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
+
+/// Accepts connections for ever, and has their requests answered.
+pub(crate) async fn accept<F, R>(listener: TcpListener, answer: F) -> Infallible
+where
+    F: Fn(Arrival) -> R + Clone + Send + 'static,
+    R: Future<Output = Reply> + Send + 'static,
+{
+    let mut connections: Vec<Connection> = Vec::new();
+    loop {
+        let Ok((stream, address)) = listener.accept().await else {
+            sleep(ACCEPT_PAUSE).await;
+            continue;
+        };
+        connections.retain(|connection| !connection.task.is_finished());
+        if connections.len() >= MAX_CONNECTIONS {
+            // Fewer requests than connections are worked on at a time.
+            let Some(index) = gives_way(&connections) else { continue };
+            connections.remove(index).task.abort();
+        }
+        let (peer, is_working) = (address.ip(), Arc::new(AtomicBool::new(false)));
+        let (answer, working) = (answer.clone(), is_working.clone());
+        let service = service_fn(move |request| {
+            let reply = answer((peer, request, working.clone()));
+            async { Ok::<_, Infallible>(reply.await) }
+        });
+        // Without it the end of an answer waits for a sign that its beginning has arrived.
+        let _ = stream.set_nodelay(true);
+        let connection = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(REQUEST_TIMEOUT)
+            .max_buf_size(MAX_HEAD)
+            .max_headers(MAX_FIELDS)
+            .keep_alive(false)
+            .title_case_headers(true)
+            .serve_connection(TokioIo::new(stream), service);
+        let task = tokio::spawn(timeout(CONNECTION_TIMEOUT, connection)).abort_handle();
+        connections.push(Connection { peer, is_working, task });
+    }
+}
+
+/// The oldest connection that is not worked on, of the address with most connections.
+fn gives_way(connections: &[Connection]) -> Option<usize> {
+    let n_of = |peer: IpAddr| connections.iter().filter(|it| it.peer == peer).count();
+    let idle = connections.iter().enumerate();
+    let idle = idle.filter(|(_, it)| !it.is_working.load(Ordering::Relaxed));
+    idle.rev().max_by_key(|(_, it)| n_of(it.peer)).map(|(index, _)| index)
+}
+
+/// Reads a body that is at most [`MAX_BODY`] long.
+pub(crate) async fn read(body: Incoming) -> HttpResult<Bytes> {
+    let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
+    let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
+    Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
+}
+
+/// Reads a body that was refused: a connection that is closed on unread bytes may lose its answer.
+pub(crate) async fn skip(body: Incoming) {
+    let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
+}
+
+/// Adds the fields that every answer has.
+pub(crate) fn finished(reply: Reply) -> Reply {
+    let reply = match reply.status().as_u16() {
+        429 | 503 => with_field(reply, "Retry-After", "2"),
+        _ => reply,
+    };
+    let reply = with_field(reply, "X-Content-Type-Options", "nosniff");
+    let reply = with_field(reply, "Cross-Origin-Resource-Policy", "same-origin");
+    with_field(reply, "Referrer-Policy", "no-referrer")
+}
+
+/// What is sent: bytes, or a file, so that what a slow reader takes does not wait in memory.
+#[derive(Debug)]
+pub(crate) struct ReplyBody {
+    bytes: Bytes,
+    file: Option<File>,
+    left: u64,
+}
+
+impl Body for ReplyBody {
+    type Data = Bytes;
+    type Error = std::io::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, std::io::Error>>> {
+        let mut bytes = std::mem::take(&mut self.bytes);
+        let chunk = self.left.min(CHUNK as u64);
+        if let Some(file) = self.file.as_mut().filter(|_| chunk > 0) {
+            let mut part = Vec::new();
+            if let Err(error) = file.take(chunk).read_to_end(&mut part) {
+                return Poll::Ready(Some(Err(error)));
+            }
+            bytes = part.into();
+        }
+        self.left = self.left.saturating_sub(bytes.len() as u64);
+        Poll::Ready((!bytes.is_empty()).then_some(Ok(Frame::data(bytes))))
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.left)
+    }
+}
+
+pub(crate) fn whole(kind: &'static str, body: impl Into<Bytes>) -> Reply {
+    let bytes = body.into();
+    let left = bytes.len() as u64;
+    let reply = Reply::new(ReplyBody { bytes, file: None, left });
+    with_field(with_field(reply, "Content-Type", kind), "Cache-Control", "no-store")
+}
+
+pub(crate) fn json(value: &Value) -> Reply {
+    whole("application/json", value.to_string())
+}
+
+/// A file that does not change, and the browser may keep.
+#[expect(clippy::disallowed_methods, reason = "a file of the gallery, and no link")]
+pub(crate) fn file(kind: &'static str, path: &Path) -> std::io::Result<Reply> {
+    let file = File::open(path)?;
+    let left = file.metadata()?.len();
+    let reply = Reply::new(ReplyBody { bytes: Bytes::new(), file: Some(file), left });
+    let reply = with_field(reply, "Content-Type", kind);
+    Ok(with_field(reply, "Cache-Control", "private, max-age=86400, immutable"))
+}
+
+/// A file of the page, which the browser may keep as long as its mark is the same.
+pub(crate) fn marked(
+    kind: &'static str,
+    body: &'static str,
+    mark: &str,
+    known: Option<&str>,
+) -> Reply {
+    let is_known = known == Some(mark);
+    let reply = whole(kind, if is_known { "" } else { body });
+    let reply = with_status(reply, if is_known { 304 } else { 200 });
+    with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", mark)
+}
+
+pub(crate) fn with_status(mut reply: Reply, status: u16) -> Reply {
+    *reply.status_mut() = status.try_into().expect("a status of three digits");
+    reply
+}
+
+pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> Reply {
+    let value = HeaderValue::from_str(value).expect("a line of ASCII");
+    reply.headers_mut().insert(name, value);
+    reply
+}
+
+impl From<HttpError> for Reply {
+    fn from(HttpError(status, why): HttpError) -> Self {
+        with_status(whole("text/plain; charset=utf-8", why), status)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_idle_connection_of_the_greediest_address_gives_way() {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let task = runtime.spawn(std::future::pending::<()>()).abort_handle();
+        let connection = |last: u8, is_working: bool| Connection {
+            peer: [10, 0, 0, last].into(),
+            is_working: Arc::new(is_working.into()),
+            task: task.clone(),
+        };
+        let hall = [(1, false), (7, true), (7, false), (2, false), (7, false)];
+        let connections: Vec<_> = hall.map(|(last, is)| connection(last, is)).into();
+        assert_eq!(gives_way(&connections), Some(2));
+        assert_eq!(gives_way(&connections[..2]), Some(0), "the other is worked on");
+        assert_eq!(gives_way(&connections[1..2]), None);
+    }
+}

@@ -1,0 +1,99 @@
+//! What the operator sees and does.
+
+use serde_json::{Value, json};
+
+use super::access::Request;
+use super::address;
+use super::http::{self, Reply};
+use super::messages::{Key, KeyResult, Message};
+use super::queue::Outcome;
+use super::render::{JPEG, PNG, REPLAY};
+use super::request::Task;
+use super::routes::{NamedFiles, Posted, Server, archive, files_of, sent};
+use noctograph_export::stem;
+
+impl Server {
+    pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
+        match *parts {
+            ["queue.json"] => Ok(http::json(&self.entries.queue())),
+            ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
+            ["qr.svg"] => Ok(self.code()),
+            ["address.json"] => {
+                let visitors = self.access.address.of_visitors(self.ip);
+                let wall = format!("{visitors}wall.html");
+                let kiosk = self.access.address.of_kiosk(self.ip);
+                let addresses = json!({ "visitors": visitors, "wall": wall, "kiosk": kiosk });
+                Ok(http::json(&addresses))
+            }
+            _ => self.common(parts, request),
+        }
+    }
+
+    pub(crate) fn operate(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
+        let revision = match *parts {
+            ["entries", id] => {
+                let posted = Posted::parse(body, &["do", "was"])?;
+                let (act, was) = (posted.member("do")?, posted.member("was")?);
+                return Ok(http::json(&self.entries.act(id, act, was)?));
+            }
+            ["order"] => {
+                let posted = Posted::parse(body, &["ids"])?;
+                self.entries.reorder(&posted.member::<Vec<String>>("ids")?)?
+            }
+            ["pause"] => self.entries.pause(Posted::parse(body, &["paused"])?.member("paused")?)?,
+            _ => return Err(Key::Closed),
+        };
+        Ok(http::json(&json!({ "revision": revision })))
+    }
+
+    /// The script of one entry.
+    pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
+        let (told, files) = self.export(Some(id)).await?;
+        match told[0]["refused"].get(0) {
+            Some(refused) => {
+                let message: Message =
+                    serde_json::from_value(refused.clone()).map_err(|_broken| Key::Broken)?;
+                Ok(message.into())
+            }
+            None => Ok(archive(&files)),
+        }
+    }
+
+    /// The scripts of one entry, or of those that are to be flown in their order, and what became
+    /// of each.
+    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Value, NamedFiles)> {
+        let export = address::secret().map_err(|_cause| Key::Broken)?;
+        let entries = self.entries.to_fly(id);
+        if id.is_some() && entries.is_empty() {
+            return Err(Key::Closed);
+        }
+        let (mut told, mut files) = (Vec::new(), Vec::new());
+        for (index, (number, title, subject)) in entries.into_iter().enumerate() {
+            let name = format!("{:02}-{}", index + 1, stem(&title));
+            let outcome = match subject {
+                None => Outcome::Failed(Key::Broken.into()),
+                Some(subject) => {
+                    let task = Task::Script(subject);
+                    self.operator.ask(&export, task).ok_or(Key::Busy)?.outcome().await
+                }
+            };
+            let refused = match outcome {
+                Outcome::Made(_, folder) => {
+                    let own = files_of(folder.path())?.into_iter();
+                    files.extend(own.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+                    None
+                }
+                Outcome::Failed(message) => Some(message),
+                Outcome::Stopped => return Err(Key::Conflict),
+            };
+            let folder = refused.is_none().then_some(&name);
+            let refused: Vec<Message> = refused.into_iter().collect();
+            told.push(json!({
+                "number": number, "title": title, "folder": folder, "refused": refused,
+            }));
+        }
+        let told = Value::from(told);
+        files.push(("export.json".to_owned(), format!("{told:#}\n").into_bytes()));
+        Ok((told, files))
+    }
+}

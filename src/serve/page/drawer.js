@@ -1,0 +1,356 @@
+// Everything that a visitor of a hall doesn't need: settings, advice, files. A kiosk has no drawer.
+
+import { Refused } from "./ask.js";
+import { byId, make } from "./dom.js";
+import { save } from "./save.js";
+import { change, state } from "./state.js";
+import { about } from "./wish.js";
+import { number, sentence, t } from "./words.js";
+
+const drawer = /** @type {HTMLDialogElement} */ (byId("drawer"));
+
+/**
+ * What sets a key of the scene: [key, word, unit, least, most, step] or [key, word, choices].
+ */
+const SLIDERS = /** @type {const} */ ([
+  ["letters.cap_height_m", "height", "m", 0.2, 1.2, 0.05],
+  ["plan.stroke_speed_m_s", "speed", "m/s", 0.05, 0.8, 0.05],
+  ["plan.drones", "drones", "", 1, 4, 1],
+]);
+/**
+ * A choice's own name needs no translation unless it is a word of the table.
+ * @type {[string, string, [string, string][]][]}
+ */
+const CHOICES = [
+  [
+    "preset",
+    "drone",
+    [
+      ["cf21", "Crazyflie 2.1"],
+      ["cf21-thrust-kit", "Crazyflie 2.1, thrust kit"],
+      ["cf-brushless", "Crazyflie Brushless"],
+    ],
+  ],
+  [
+    "controller.kind",
+    "controller",
+    [
+      ["pid", "PID"],
+      ["lqr", "LQR"],
+      ["lqr-integral", "lqr-integral"],
+      ["lqr-feedforward", "lqr-feedforward"],
+      ["geometric", "geometric"],
+    ],
+  ],
+  [
+    "photo.ambient_cd_m2",
+    "ambient",
+    [
+      ["0.008", "ambient-dark"],
+      ["0.1", "ambient-dim"],
+      ["1", "ambient-lit"],
+    ],
+  ],
+];
+/**
+ * Choices of the page itself.
+ * @type {[ "lamp" | "room" | "body" | "pace", string, [string, string][]][]}
+ */
+const OWN = [
+  [
+    "lamp",
+    "lamp",
+    [
+      ["", "lamp-auto"],
+      ["headlights", "headlights"],
+      ["ring", "ring"],
+      ["color-led", "color-led"],
+    ],
+  ],
+  [
+    "pace",
+    "pace",
+    [
+      ["written", "pace-written"],
+      ["even", "pace-even"],
+    ],
+  ],
+  [
+    "room",
+    "room",
+    [
+      ["", "any"],
+      ["4x3x2.5", "4 × 3 × 2.5 m"],
+      ["6x4x3", "6 × 4 × 3 m"],
+      ["10x6x4", "10 × 6 × 4 m"],
+    ],
+  ],
+  [
+    "body",
+    "body",
+    [
+      ["", "full-frame"],
+      ["a6400", "Sony α6400, 16 mm"],
+      ["canon-eos-2000d", "Canon EOS 2000D, 28 mm"],
+      ["one-inch", "compact"],
+      ["phone", "phone"],
+    ],
+  ],
+];
+const FILES = [
+  ["photo.png", "file-photo"],
+  ["scene.toml", "file-scene"],
+  ["flight.zip", "file-script"],
+];
+
+/**
+ * What a guest is not told of the scene: the values of the default one.
+ * @type {Record<string, string>}
+ */
+const PLAIN = {
+  "letters.cap_height_m": "0.5",
+  "plan.stroke_speed_m_s": "0.2",
+  "plan.drones": "1",
+  preset: "cf21",
+  "controller.kind": "pid",
+  "photo.ambient_cd_m2": "0.008",
+};
+
+/** @typedef {{ shot: Shot | null, large: Large | null }} Known */
+/** @type {Known} */
+let known = { shot: null, large: null };
+
+/** The value of a key in the scene that the page began with. */
+const first = (/** @type {string} */ key) =>
+  `${key.split(".").reduce((/** @type {any} */ table, part) => table?.[part], about.scene) ?? PLAIN[key] ?? ""}`;
+const value = (/** @type {string} */ key) => state.settings[key] ?? first(key);
+
+/** @param {Record<string, string>} set */
+function put(set) {
+  const settings = { ...state.settings, ...set };
+  for (const key of Object.keys(settings)) if (settings[key] === first(key)) delete settings[key];
+  change({ settings });
+}
+
+export function openDrawer(/** @type {Known} */ now) {
+  known = now;
+  build();
+  if (!drawer.open) drawer.showModal();
+}
+
+/** The newest photograph: its verdict, advice and files. */
+export function putShot(/** @type {Known} */ now) {
+  known = now;
+  if (drawer.open) drawer.querySelector(".of-shot")?.replaceChildren(...ofShot());
+}
+
+function build() {
+  const close = make("button", { type: "button" }, t("close"));
+  close.onclick = () => drawer.close();
+  const again = make("button", { type: "button", className: "second" }, t("another-evening"));
+  again.onclick = () => change({ seed: state.seed + 1 });
+  const initial = make("button", { type: "button" }, t("initial"));
+  initial.onclick = () => {
+    change({ settings: {}, lamp: "", room: "", body: "", pace: "written", seed: 0 });
+    build();
+  };
+  const file = make("input", { type: "file", accept: ".svg,.json,image/*", className: "sr" });
+  file.onchange = () => {
+    drawer.close();
+    dispatchEvent(new CustomEvent("open-file", { detail: file.files?.[0] }));
+  };
+  drawer.replaceChildren(
+    make("header", {}, make("h2", {}, t("more")), close),
+    make("div", { className: "of-shot" }, ...ofShot()),
+    part("what", make("label", { className: "button second file" }, file, t("open")), own("pace")),
+    part("light", own("lamp"), make("p", { className: "note" }, t("light-note"))),
+    part(
+      "flight-part",
+      ...SLIDERS.map(slider),
+      choice(CHOICES[0]),
+      choice(CHOICES[1]),
+      own("room"),
+    ),
+    part(
+      "camera",
+      own("body"),
+      choice(CHOICES[2]),
+      make("div", { className: "row" }, again, initial),
+    ),
+    make(
+      "nav",
+      { className: "links" },
+      make("a", { className: "button", href: "wall.html" }, t("wall")),
+    ),
+  );
+}
+
+/** @param {string} name @param {Node[]} children */
+const part = (name, ...children) => make("fieldset", {}, make("legend", {}, t(name)), ...children);
+
+/** @param {typeof SLIDERS[number]} slider */
+function slider([key, word, unit, min, max, step]) {
+  const shown = make("span", { className: "value" });
+  const range = make("input", {
+    type: "range",
+    min: `${min}`,
+    max: `${max}`,
+    step: `${step}`,
+    value: value(key),
+  });
+  const label = () => {
+    shown.textContent = `${number(Number(range.value))} ${unit}`.trim();
+    range.setAttribute("aria-valuetext", shown.textContent);
+  };
+  range.dataset.key = key;
+  range.oninput = () => {
+    label();
+    put({ [key]: range.value });
+  };
+  label();
+  return make("label", { className: "slider" }, make("span", {}, t(word)), shown, range);
+}
+
+/**
+ * @param {string} word
+ * @param {[string, string][]} choices
+ * @param {string} now
+ * @param {(value: string) => void} set
+ */
+function select(word, choices, now, set) {
+  const list = choices.some(([code]) => code === now)
+    ? choices
+    : [...choices, /** @type {[string, string]} */ ([now, now])];
+  const box = make(
+    "select",
+    {},
+    ...list.map(([code, name]) => make("option", { value: code, selected: code === now }, t(name))),
+  );
+  box.onchange = () => set(box.value);
+  return make("label", { className: "choice" }, make("span", {}, t(word)), box);
+}
+
+/** @param {typeof CHOICES[number]} choice */
+function choice([key, word, choices]) {
+  const label = select(word, choices, value(key), (chosen) => put({ [key]: chosen }));
+  /** @type {HTMLElement} */ (label.querySelector("select")).dataset.key = key;
+  return label;
+}
+
+/** @param {"lamp" | "room" | "body" | "pace"} name */
+function own(name) {
+  const [, word, choices] = /** @type {typeof OWN[number]} */ (
+    OWN.find(([known]) => known === name)
+  );
+  const label = select(word, choices, state[name], (chosen) => change({ [name]: chosen }));
+  /** @type {HTMLElement} */ (label.querySelector("select")).id = name;
+  return label;
+}
+
+/* ---------- What is known of the photograph ---------- */
+
+function ofShot() {
+  const { shot, large } = known;
+  const verdict = shot?.verdict;
+  const parts = [];
+  if (verdict) {
+    parts.push(
+      make(
+        "p",
+        { className: "read" },
+        t("read-percent", {
+          read: verdict.read.replace(/\s+/g, " "),
+          percent: Math.round(100 * verdict.readability),
+        }),
+      ),
+    );
+    parts.push(
+      make(
+        "ol",
+        { className: "letters", "aria-label": t("letters") },
+        ...verdict.letters.map(({ expected, best, p }) =>
+          make(
+            "li",
+            { className: best === expected ? "" : "wrong" },
+            best === expected || !best ? expected : `${expected} → ${best}`,
+            make("small", {}, p === null ? "–" : `${number(Math.round(100 * p))} %`),
+          ),
+        ),
+      ),
+    );
+  }
+  for (const [group, all] of /** @type {["obstacles" | "stops", Said[]][]} */ ([
+    ["obstacles", large?.obstacles ?? shot?.obstacles ?? []],
+    ["stops", large?.stops ?? []],
+  ])) {
+    parts.push(...all.map((said) => make("p", { className: "stop" }, sentence(group, said))));
+  }
+  parts.push(
+    ...(large?.warnings ?? shot?.warnings ?? []).map((said) =>
+      make("p", { className: "note" }, sentence("obstacles", said)),
+    ),
+  );
+  if (large?.remedies.length)
+    parts.push(make("div", { className: "advice" }, ...large.remedies.map(remedy)));
+  if (large)
+    parts.push(
+      make(
+        "div",
+        { className: "files" },
+        ...FILES.filter(([name]) => about.home || name === "photo.png").map(([name, word]) =>
+          download(large, name, word),
+        ),
+      ),
+    );
+  return parts;
+}
+
+/** @param {Remedy} remedy */
+function remedy({ gain, set, said }) {
+  const button = make(
+    "button",
+    { type: "button", className: "second" },
+    sentence("advice", said),
+    make("small", {}, t("gain", { percent: Math.round(100 * gain) })),
+  );
+  button.onclick = () => {
+    put(Object.fromEntries(set.map(({ key, value }) => [key, value])));
+    build();
+  };
+  return button;
+}
+
+/**
+ * A file that is made on request, or the reason why it is not.
+ * @param {Large} large
+ * @param {string} name
+ * @param {string} word
+ */
+function download(large, name, word) {
+  const button = make("button", { type: "button", className: "second" }, t(word));
+  button.dataset.file = name;
+  const refused = make("p", { className: "stop", role: "status" });
+  if (name === "flight.zip" && large.stops.length) {
+    button.setAttribute("aria-disabled", "true");
+    refused.textContent = t("no-script");
+    return make("div", {}, button, refused);
+  }
+  button.onclick = async () => {
+    if (button.getAttribute("aria-busy") === "true") return;
+    button.setAttribute("aria-busy", "true");
+    refused.textContent = "";
+    try {
+      await save(`photos/${large.id}/${name}`, name);
+    } catch (error) {
+      refused.textContent =
+        error instanceof Refused
+          ? [
+              sentence("errors", error.said),
+              ...(error.said.stops ?? []).map((said) => sentence("stops", said)),
+            ].join(" ")
+          : t("lost");
+    }
+    button.removeAttribute("aria-busy");
+  };
+  return make("div", {}, button, refused);
+}

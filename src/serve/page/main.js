@@ -1,0 +1,520 @@
+// The visitor's screen: what is wished becomes a photograph, which can be sent.
+
+import { ask, begin, current, follow, get, onLost, post, Refused, sleep } from "./ask.js";
+import { byId, putIcons, style } from "./dom.js";
+import { putLights } from "./lights.js";
+import { replay } from "./replay.js";
+import { putBrand } from "./brand.js";
+import { emptySketch, seen, shape } from "./sketch.js";
+import * as stage from "./stage.js";
+import { change, forget, state, watch } from "./state.js";
+import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
+import { about, FILL, isDrawing, isEmpty, learn, title, wish } from "./wish.js";
+import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, t } from "./words.js";
+
+/** After which typing rests, and a sharper photograph is worth its work. */
+const REST_MS = 900;
+/** Widths from which the photograph of a keystroke is too coarse. */
+const SHARP_PX = 1100;
+/** What a Crazyflie's battery carries it for. */
+const BATTERY_S = 240;
+
+const main = /** @type {HTMLElement} */ (document.querySelector("main"));
+const area = /** @type {HTMLElement} */ (document.querySelector(".stage"));
+const word = /** @type {HTMLInputElement} */ (byId("word"));
+const language = /** @type {HTMLSelectElement} */ (byId("language"));
+const verdict = byId("verdict");
+const strip = replay(byId("replay"), stage.expose);
+
+/**
+ * What is known of the newest wish.
+ * @typedef {object} Known
+ * @property {Shot | null} shot
+ * @property {Large | null} large
+ * @property {Said | null} error why there is no photograph
+ * @property {Said | null} refused why it was not sent
+ * @property {Source | null} source what a file has
+ * @property {string} of what of the wish that depends on
+ * @property {boolean} busy whether many wait
+ * @property {number} cut letters that did not fit
+ */
+/** @type {Known} */
+const known = {
+  shot: null,
+  large: null,
+  error: null,
+  refused: null,
+  source: null,
+  of: "",
+  busy: false,
+  cut: 0,
+};
+let asked = "",
+  filled = 0,
+  resting = 0,
+  sending = false;
+
+/* ---------- Photographs ---------- */
+
+/** The shape of the photograph that fills the stage; what is chosen of a file keeps it. */
+function aspect() {
+  if (isDrawing()) return rounded(shape(state.sketch));
+  if (!(isChoosing() && filled))
+    filled = rounded(area.clientWidth / Math.max(1, area.clientHeight));
+  return filled;
+}
+// A few shapes, so that visitors at alike tablets share photographs.
+const rounded = (/** @type {number} */ value) =>
+  Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
+
+/** Asks for the photograph of what is wished now, if that is another one. */
+async function wanted() {
+  const wishes = isEmpty() ? null : wish(aspect());
+  const text = JSON.stringify(wishes);
+  if (text === asked) return;
+  asked = text;
+  clearTimeout(resting);
+  const mine = begin();
+  Object.assign(known, { shot: null, large: null, error: null, refused: null, busy: false });
+  const { opened } = state;
+  const of = opened ? JSON.stringify([opened.text, opened.corners]) : "";
+  if (of !== known.of) Object.assign(known, { of, source: null });
+  if (!wishes) return nothing();
+  stage.dim(true);
+  putDesk();
+  const strokes = isDrawing() ? seen(state.sketch) : [];
+  const shot = await ask("live", wishes, (busy) => {
+    known.busy = busy;
+    putDesk();
+  });
+  if (!shot || mine !== current()) return;
+  known.source = shot.source ?? shot.error?.values.source ?? known.source;
+  if (shot.error) return failed(shot.error);
+  await shown(shot, strokes, () => mine === current());
+  if (mine !== current()) return;
+  const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
+  if (sharp || shot.judged === false || (!about.kiosk && about.home))
+    resting = window.setTimeout(() => enlarge(about.home), REST_MS);
+}
+
+/** @param {Shot} shot @param {Stroke[]} strokes @param {() => boolean} wanted */
+async function shown(shot, strokes, wanted) {
+  const hung = await stage
+    .hang(shot.photo, alt(), shot.replay, shot.width / shot.height, wanted)
+    .catch(() => false);
+  if (!hung) return;
+  known.shot = shot;
+  stage.dim(false);
+  strip.load(shot.replay, shot.flight_s);
+  pad?.putLit(strokes);
+  putMarks();
+  putDesk();
+  main.dataset.shown = `${shot.number}`;
+}
+
+/** The large photograph that is being asked for. @type {{ of: unknown, answer: Promise<any> }} */
+let enlarging = { of: null, answer: Promise.resolve() };
+
+/** Asks for the large photograph of the same wish, once: a second request would end the first. */
+function enlarge(/** @type {boolean} */ advice) {
+  const of = current();
+  if (enlarging.of !== of)
+    enlarging = {
+      of,
+      answer: enlarged(advice).finally(() => {
+        if (enlarging.of === of) enlarging.of = null;
+      }),
+    };
+  return enlarging.answer;
+}
+
+/** @param {boolean} advice */
+async function enlarged(advice) {
+  const mine = current();
+  const large = await ask("photos", { ...wish(aspect()), advice });
+  if (!large || large.error) return large;
+  if (mine !== current() || !known.shot) return null;
+  known.large = large;
+  if (known.shot.judged === false) {
+    known.shot = { ...known.shot, judged: true, verdict: large.letters ? large : null };
+    putMarks();
+  }
+  putDesk();
+  if (drawer) drawer.putShot(known);
+  const keeps = strip.share < 1;
+  const still = () => known.large === large;
+  if (
+    await stage
+      .hang(
+        `photos/${large.id}/photo.jpg`,
+        alt(),
+        large.replay,
+        known.shot.width / known.shot.height,
+        still,
+      )
+      .catch(() => false)
+  ) {
+    strip.load(large.replay, large.flight_s, keeps);
+    main.dataset.large = large.id;
+  }
+  return large;
+}
+
+const alt = () => (title() === null ? t("alt-drawing") : t("alt", { title: title() ?? "" }));
+
+function nothing() {
+  stage.clear();
+  strip.stop();
+  pad?.putLit([]);
+  putDesk();
+}
+
+/** Beside an error there is no photograph. @param {Said} error */
+function failed(error) {
+  known.error = error;
+  stage.clear();
+  stage.dim(false);
+  pad?.putLit([]);
+  putDesk();
+}
+
+function putMarks() {
+  const { shot } = known;
+  stage.mark(
+    title() !== null && state.mode !== "sent" ? shot?.boxes : [],
+    shot?.verdict?.letters ?? [],
+  );
+}
+
+/* ---------- The desk ---------- */
+
+/** The state that is seen. */
+function seenState() {
+  if (state.mode !== "word") return state.mode;
+  if (isChoosing()) return "choosing";
+  return isEmpty() || known.error ? "empty" : "word";
+}
+
+const isChoosing = () => state.mode === "word" && state.opened?.choosing === true;
+
+/** Why it cannot be sent; "" if it can. */
+function hindrance() {
+  if (!known.shot || known.error) return "nothing";
+  return obstacle(known.shot) || known.large?.stops.length ? "unsafe" : "";
+}
+
+function putDesk() {
+  main.dataset.state = seenState();
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (
+    document.querySelectorAll("[data-in]")
+  )) {
+    part.hidden = !part.dataset.in?.split(" ").includes(seenState());
+  }
+  if (word.value.trim() !== state.word.trim()) word.value = state.word;
+  byId("replay").classList.toggle("idle", !known.shot);
+  const unread = known.shot?.verdict && !known.shot.verdict.legible;
+  for (const id of ["send", "send-drawing"]) {
+    byId(id).setAttribute("aria-disabled", `${hindrance() !== "" || sending}`);
+    byId(id).textContent = t(
+      sending ? "sending" : unread && id === "send" ? "send-anyway" : "send",
+    );
+  }
+  say(verdict, spoken());
+  say(byId("left"), spokenOnPad());
+  byId("opened").hidden = !state.opened;
+  byId("opened-name").textContent = state.opened?.name ?? "";
+  byId("field").hidden = byId("lights").hidden = state.opened !== null;
+  byId("choose").hidden = state.opened === null;
+  byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
+  if (isChoosing()) picture?.putPicture(known.source);
+}
+
+/** @returns {import("./verdict.js").Spoken} */
+function spoken() {
+  if (known.cut) return { first: t("cut", { n: about.limits.letters }) };
+  const wrong = known.error ?? known.refused;
+  if (wrong) return ofError(wrong);
+  if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
+  const stop = known.large?.stops[0];
+  if (known.shot)
+    return stop
+      ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
+      : ofShot(known.shot);
+  return { first: t(known.busy ? "busy" : "looking") };
+}
+
+/** @returns {import("./verdict.js").Spoken} */
+function spokenOnPad() {
+  const { shot } = known;
+  if (isEmpty()) return { first: t("pad-empty") };
+  if (!shot || known.refused || known.error || obstacle(shot) || known.large?.stops.length)
+    return spoken();
+  return ofLength(shot.flight_s, BATTERY_S);
+}
+
+/* ---------- Sending ---------- */
+
+/**
+ * Does something again until the connection is there.
+ * @template T
+ * @param {() => Promise<T>} work
+ * @returns {Promise<T>}
+ */
+async function insist(work) {
+  for (let tries = 0; ; tries += 1) {
+    try {
+      return await work();
+    } catch (error) {
+      const waits = error instanceof Refused && ["busy", "entries-many"].includes(error.said.key);
+      if (error instanceof Refused && !waits) throw error;
+      await sleep(Math.min(5000, 500 * 2 ** tries));
+    }
+  }
+}
+
+async function send() {
+  if (hindrance() || sending) return;
+  sending = true;
+  clearTimeout(resting);
+  putDesk();
+  try {
+    const large = known.large ?? (await enlarge(false));
+    if (large?.error) throw new Refused(large.error);
+    if (!large || large.stops.length) return;
+    const entry = await insist(() =>
+      post("entries", {
+        visitor: state.visitor,
+        photo: large.id,
+        language: document.documentElement.lang,
+      }),
+    );
+    change({
+      mode: "sent",
+      sent: {
+        id: entry.id,
+        number: entry.number,
+        title: title(),
+      },
+    });
+    strip.run();
+    byId("sent").focus({ preventScroll: true });
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    known.refused = error.said;
+  } finally {
+    sending = false;
+    putDesk();
+  }
+}
+
+/** Another one: the same visitor at an own device, another one at the kiosk. */
+function another() {
+  history.replaceState(null, "", ".");
+  if (about.kiosk) return forget(state.language);
+  change({
+    mode: "word",
+    word: "",
+    sketch: emptySketch(),
+    opened: null,
+    painted: [],
+    color: "white",
+    sent: null,
+  });
+  pad?.setTool("draw");
+  word.focus({ preventScroll: true });
+}
+
+/* ---------- What is touched ---------- */
+
+word.oninput = () => {
+  const most = about.limits.letters,
+    typed = [...word.value];
+  known.cut = Math.max(0, typed.length - most);
+  if (known.cut) word.value = typed.slice(0, most).join("");
+  change({
+    word: word.value,
+    opened: null,
+    sketch: emptySketch(),
+    painted: state.painted.slice(0, typed.length),
+  });
+};
+byId("desk").onsubmit = (event) => {
+  event.preventDefault();
+  word.blur();
+};
+byId("send").onclick = send;
+byId("send-drawing").onclick = send;
+byId("draw").onclick = () => {
+  history.pushState("pad", "", "#pad");
+  draws();
+};
+byId("type").onclick = () => {
+  if (history.state === "pad") history.back();
+  else types();
+};
+addEventListener("popstate", () => {
+  if (location.hash === "#pad") draws();
+  else if (state.mode === "pad") types();
+});
+
+async function draws() {
+  change({ mode: "pad", word: "", painted: [], opened: null });
+  await openPad();
+  byId("pad").focus({ preventScroll: true });
+}
+
+/** The pad is loaded when it is opened first. @type {typeof import("./pad.js") | null} */
+let pad = null;
+
+async function openPad() {
+  pad ??= await import("./pad.js");
+  pad.openPad();
+  if (known.shot && isDrawing()) pad.putLit(seen(state.sketch));
+}
+
+function types() {
+  change({ mode: "word" });
+  pad?.setTool("draw");
+  word.focus({ preventScroll: true });
+}
+
+byId("opened-close").onclick = () => {
+  change({ opened: null });
+  word.focus();
+};
+
+/** What is drawn of a file. @type {typeof import("./picture.js") | null} */
+let picture = null;
+
+async function openPicture() {
+  [picture] = await Promise.all([import("./picture.js"), style("picture.css")]);
+  putDesk();
+}
+byId("choose").onclick = () => {
+  if (state.opened) change({ opened: { ...state.opened, choosing: !isChoosing() } });
+  openPicture();
+};
+
+language.onchange = async () => {
+  await speak(language.value);
+  change({ language: language.value });
+};
+
+/* ---------- The drawer, which a kiosk has not ---------- */
+
+/** @type {typeof import("./drawer.js") | null} */
+let drawer = null;
+byId("more").onclick = async () => {
+  const [loaded] = await Promise.all([import("./drawer.js"), style("drawer.css")]);
+  drawer = loaded;
+  drawer.openDrawer(known);
+};
+
+async function openFile(/** @type {File | undefined} */ file) {
+  if (!file || about.kiosk) return;
+  const { opened } = await import("./files.js");
+  const found = await opened(file);
+  history.replaceState(null, "", ".");
+  if (found) change({ mode: "word", word: "", sketch: emptySketch(), painted: [], opened: found });
+  else {
+    change({ mode: "word", word: "", sketch: emptySketch(), opened: null });
+    begin();
+    asked = "null";
+    failed({ key: "no-picture", values: { name: file.name }, text: "" });
+  }
+}
+addEventListener("open-file", (event) => openFile(/** @type {CustomEvent} */ (event).detail));
+addEventListener("dragover", (event) => {
+  event.preventDefault();
+  main.classList.toggle("dropping", !about.kiosk);
+});
+addEventListener("dragleave", () => main.classList.remove("dropping"));
+addEventListener("drop", (event) => {
+  event.preventDefault();
+  main.classList.remove("dropping");
+  openFile(event.dataTransfer?.files[0]);
+});
+
+/* ---------- All together ---------- */
+
+watch((changed) => {
+  if (changed.has("visitor")) {
+    known.cut = 0;
+    pad?.setTool("draw");
+  }
+  if (changed.has("language") || changed.has("mode") || changed.has("sent")) putSaid();
+  if (changed.has("color") || changed.has("lamp") || changed.has("language")) {
+    for (const box of document.querySelectorAll(".lights"))
+      putLights(box, box.getAttribute("data-of") ?? "");
+  }
+  if (changed.has("sketch") || changed.has("mode")) pad?.putSketch();
+  if (changed.has("word") && !changed.has("language"))
+    known.cut &&= word.value.length >= about.limits.letters ? known.cut : 0;
+  if (known.shot && (changed.has("painted") || changed.has("mode") || changed.has("language")))
+    putMarks();
+  putDesk();
+  wanted();
+});
+
+/** What does not depend on the photograph. */
+function putSaid() {
+  putBrand(about);
+  byId("consent").textContent =
+    ofMaker(about.brand.consent) || t(about.wall === "open" ? "consent-open" : "consent");
+  strip.words();
+  pad?.putSketch();
+  if (state.sent && state.mode === "sent")
+    import("./sent.js").then(({ showSent }) => showSent(byId("sent"), another));
+}
+
+onLost((lost) => {
+  byId("lost").textContent = lost === "moved" ? t("moved") : lost ? t("lost") : "";
+});
+
+let resizing = 0;
+new ResizeObserver(() => {
+  clearTimeout(resizing);
+  resizing = window.setTimeout(() => {
+    if (about && !isDrawing() && state.mode !== "pad") wanted();
+  }, 300);
+}).observe(area);
+
+async function begun() {
+  const [told] = await Promise.all([
+    insist(() => get("about.json")),
+    insist(() => speak(preferred(state.language)).catch(() => speak("en"))),
+  ]);
+  learn(told);
+  if (state.number < 1) state.number = Math.floor(Date.now() / 100) % 1e9;
+  for (const [code, name] of Object.entries(LANGUAGES)) language.add(new Option(name, code));
+  const spokenNow = document.documentElement.lang;
+  if (!(spokenNow in LANGUAGES))
+    language.add(
+      new Option(new Intl.DisplayNames(spokenNow, { type: "language" }).of(spokenNow), spokenNow),
+    );
+  language.value = spokenNow;
+  document.documentElement.classList.toggle("kiosk", about.kiosk);
+  area.style.setProperty("--fill", `${FILL}`);
+  byId("more").hidden = about.kiosk;
+  putIcons();
+  putWords(document);
+  if (state.mode === "pad" && location.hash !== "#pad") history.replaceState("pad", "", "#pad");
+  else if (location.hash === "#pad") state.mode = "pad";
+  if (state.mode === "pad") await openPad();
+  if (isChoosing()) await openPicture();
+  change({ language: state.language, color: state.color, mode: state.mode });
+  if (about.kiosk)
+    await Promise.all([import("./start.js"), style("start.css")]).then(([{ startKiosk }]) =>
+      startKiosk(),
+    );
+  else if (state.mode === "word") word.focus({ preventScroll: true });
+  follow((_, restarted) => {
+    if (restarted) {
+      asked = "";
+      wanted();
+    }
+    dispatchEvent(new Event("news"));
+  });
+  document.body.dataset.ready = "true";
+}
+begun();

@@ -1,0 +1,124 @@
+// What is asked of the program: the word, drawing or file with its settings.
+
+import { seen, written } from "./sketch.js";
+import { state } from "./state.js";
+
+/** Lamps by the page's names: the deck that carries each. */
+const DECKS = { ring: "led-ring", "color-led": "color-led" };
+/** Lenses of the cameras that the drawer offers. */
+const LENSES = { a6400: "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm" };
+
+/** @type {About} */
+export let about;
+export const learn = (/** @type {About} */ told) => {
+  about = told;
+};
+
+/** Letters that have a color of their own. */
+export const letters = () => [...state.word.replace(/\s/g, "")];
+export const colorOf = (/** @type {number} */ i) => state.painted[i] ?? state.color;
+
+/** The colors that are seen in what is wished. */
+function colors() {
+  if (state.mode === "pad" || isDrawing()) return seen(state.sketch).map((stroke) => stroke.color);
+  return letters().map((_, i) => colorOf(i));
+}
+
+export const isDrawing = () => !state.opened && !state.word.trim() && seen(state.sketch).length > 0;
+export const isEmpty = () =>
+  state.opened ? isNothing(state.opened) : !state.word.trim() && !seen(state.sketch).length;
+/** Whether all strokes of a file are left out. */
+const isNothing = (/** @type {Opened} */ { out, of }) => out !== undefined && out.length === of;
+/** What it is called; null for a drawing. */
+export const title = () => (state.opened || isDrawing() ? null : state.word.trim());
+
+/** The lamp that writes: the chosen one, or one that has colors where a color is wished. */
+function lamp() {
+  if (state.lamp && state.lamp !== "headlights") return state.lamp;
+  if (state.opened || colors().every((color) => color === "white")) return "headlights";
+  return about.deck === "led-ring" ? "ring" : "color-led";
+}
+
+/** The largest pad in the room, in meters, and its share of the photograph's sides. */
+const PAD_M = [3, 1.7];
+export const FILL = 0.8;
+/** Shapes below this are a phone or a tablet upright. */
+const NARROW = 1.3;
+
+/** A color of the lamps by its name. */
+const color = (/** @type {string} */ name) =>
+  about.colors.find((color) => color.name === name) ?? about.colors[0];
+
+/** A pad's width and height in meters, of a shape. */
+function canvas(/** @type {number} */ aspect) {
+  const high = Math.min(PAD_M[1], PAD_M[0] / aspect);
+  return [high * aspect, high].map((side) => Math.round(1000 * side) / 1000);
+}
+
+/** @returns {{ word: string } | { drawing: { kind: string, text: string } }} */
+function subject() {
+  if (state.opened) return { drawing: { kind: state.opened.kind, text: state.opened.text } };
+  if (!isDrawing()) return { word: state.word.trim() };
+  // White is the lamp's own color, which is written as black.
+  const own = lamp() === "color-led" ? "white" : "";
+  const rgb = (/** @type {string} */ name) => (name === own ? [0, 0, 0] : color(name).screen);
+  return {
+    drawing: { kind: "json", text: written(state.sketch, lamp() === "headlights" ? null : rgb) },
+  };
+}
+
+/** What is chosen of a file, as the program's settings. @param {Opened} opened */
+function chosen({ corners, out = [], of = 0 }) {
+  const all = Array.from({ length: of }, (_, i) => i + 1);
+  const few = 2 * out.length > of ? all.filter((n) => !out.includes(n)) : out;
+  const begins = few.filter((n) => !few.includes(n - 1)),
+    ends = few.filter((n) => !few.includes(n + 1));
+  const list = begins.map((n, i) => (n === ends[i] ? `${n}` : `${n}-${ends[i]}`)).join(",");
+  return {
+    ...(corners && { "letters.corners_px": JSON.stringify(corners.flat()) }),
+    ...(list && { [few === out ? "letters.without" : "letters.ink"]: list }),
+  };
+}
+
+/** @param {number} aspect @returns {Record<string, string>} */
+function settings(aspect) {
+  const set = { ...state.settings };
+  const writes = lamp();
+  if (state.seed) set.seed = `${state.seed}`;
+  if (state.opened) {
+    const high = Number(set["letters.cap_height_m"] ?? 0.5);
+    set["letters.canvas_m"] = JSON.stringify([6 * high, 2 * high]);
+    Object.assign(set, chosen(state.opened));
+  }
+  // A word spans a narrow screen.
+  if (aspect < NARROW && !state.opened) set["camera.framing.fill_frac"] = "0.85";
+  if (isDrawing()) {
+    set["letters.canvas_m"] = JSON.stringify(canvas(state.sketch.page[0] / state.sketch.page[1]));
+    set["camera.framing.fill_frac"] = `${FILL}`;
+    set["letters.pace"] = state.pace;
+  }
+  if (writes !== "headlights") {
+    set["light.deck"] = DECKS[/** @type {keyof typeof DECKS} */ (writes)];
+    set["plan.lights"] = JSON.stringify([writes]);
+    const wrgb = (/** @type {string} */ name) =>
+      name === "white" && writes === "color-led"
+        ? [255, 0, 0, 0]
+        : color(name)[/** @type {"ring"} */ (writes)];
+    if (!state.opened && !isDrawing())
+      set["light.letters_wrgb"] = JSON.stringify(letters().map((_, i) => wrgb(colorOf(i))));
+  }
+  if (state.body) set["camera.body"] = state.body;
+  if (state.body in LENSES)
+    set["camera.lens"] = LENSES[/** @type {keyof typeof LENSES} */ (state.body)];
+  return set;
+}
+
+/** The wish, for a photograph of a shape (width / height). */
+export function wish(/** @type {number} */ aspect) {
+  return {
+    ...subject(),
+    settings: settings(aspect),
+    aspect,
+    ...(state.room && { room: state.room }),
+  };
+}

@@ -1,0 +1,70 @@
+//! Codes that a telephone's camera reads: of the page, and of a visitor's own photo.
+
+use qrcode::{Color, EcLevel, QrCode};
+
+/// White modules around a code, which its readers need.
+const QUIET: usize = 4;
+
+/// The modules of a code, row by row with its quiet zone; `true` is dark.
+fn modules(text: &str) -> Vec<Vec<bool>> {
+    // An address is far below the 2.3 kB that a code takes.
+    let Ok(code) = QrCode::with_error_correction_level(text, EcLevel::M) else { return Vec::new() };
+    let width = code.width();
+    let is_dark = |x: usize, y: usize| {
+        let inside = (QUIET..QUIET + width).contains(&x) && (QUIET..QUIET + width).contains(&y);
+        inside && code[(x - QUIET, y - QUIET)] == Color::Dark
+    };
+    let all = 0..width + 2 * QUIET;
+    all.clone().map(|y| all.clone().map(|x| is_dark(x, y)).collect()).collect()
+}
+
+/// A code as a picture (SVG), dark on white.
+pub(crate) fn svg(text: &str) -> String {
+    let rows = modules(text);
+    let mut path = String::new();
+    for (y, row) in rows.iter().enumerate() {
+        for (x, _) in row.iter().enumerate().filter(|(_, dark)| **dark) {
+            path += &format!("M{x} {y}h1v1h-1z");
+        }
+    }
+    let n = rows.len();
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {n} {n}\" \
+         shape-rendering=\"crispEdges\"><path fill=\"#fff\" d=\"M0 0h{n}v{n}h-{n}z\"/><path \
+         d=\"{path}\"/></svg>"
+    )
+}
+
+/// A code for a terminal, two rows in a line: white is printed, so that it is right on black.
+pub fn printed(text: &str) -> String {
+    let mut lines = String::new();
+    for rows in modules(text).chunks(2) {
+        let below = |x: usize| rows.get(1).is_some_and(|row| row[x]);
+        let cell = |(x, dark): (usize, &bool)| match (*dark, below(x)) {
+            (false, false) => '█',
+            (false, true) => '▀',
+            (true, false) => '▄',
+            (true, true) => ' ',
+        };
+        lines.extend(rows[0].iter().enumerate().map(cell));
+        lines.push('\n');
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_code_has_its_three_corners_within_a_quiet_zone() {
+        let rows = modules("http://192.168.1.20:8080/k/0123456789abcdef0123456789abcdef/");
+        let n = rows.len();
+        assert!((21 + 8..=45 + 8).contains(&n), "{n}");
+        assert!(rows[..QUIET].iter().flatten().all(|dark| !dark));
+        for [x, y] in [[QUIET, QUIET], [n - QUIET - 7, QUIET], [QUIET, n - QUIET - 7]] {
+            assert!((0..7).all(|k| rows[y][x + k] && rows[y + 6][x + k]), "a finder at {x}, {y}");
+        }
+        assert!(svg("x").starts_with("<svg") && printed("x").lines().count() == 15);
+    }
+}

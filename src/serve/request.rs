@@ -1,0 +1,237 @@
+//! A photo that a visitor asks for: a word or a drawing, and settings. It becomes the arguments of
+//! a verb, so that the page can do what the command line does and nothing else.
+//!
+//! No path comes from the network: a drawing is a text, which is written into the job's own folder,
+//! and only keys that name no file can be set.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::io::{Cursor, Write};
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use image::{ImageFormat, ImageReader};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::messages::{Key, Message};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::Output;
+
+/// Most characters of a word, and of the name of a visitor.
+pub(crate) const MAX_WORD: usize = 24;
+const MAX_VISITOR: usize = 40;
+
+/// Most bytes of a setting's value: the longest lists the strokes that are left out.
+const MAX_VALUE: usize = 4096;
+
+/// Most pixels of a picture's side.
+const MAX_SIDE: u32 = 2000;
+
+/// Keys that can be set: those of the page's controls and those that advice sets.
+const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
+    camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
+    controller.kind letters.canvas_m letters.cap_height_m letters.corners_px \
+    letters.font letters.ink letters.pace letters.spacing_m \
+    letters.trace letters.without light.color_led_wrgb light.deck light.led_bitmask \
+    light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
+    plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
+
+/// Those of them that the page of a kiosk sets: the lamp's color, and the pad.
+const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace light.deck \
+    light.letters_wrgb plan.lights";
+
+/// Proportions of a photo that a page may ask for, width by height.
+const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+
+/// A request as the page sends it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Posted {
+    visitor: String,
+    number: Option<u64>,
+    #[serde(default)]
+    advice: bool,
+    #[serde(default)]
+    word: String,
+    drawing: Option<Drawing>,
+    room: Option<String>,
+    #[serde(default)]
+    settings: BTreeMap<String, String>,
+    aspect: Option<f64>,
+}
+
+/// A photo that a visitor asks for.
+#[derive(Debug)]
+pub(crate) struct PhotoRequest {
+    /// Random name of the page that asks.
+    pub(crate) visitor: String,
+    /// Rises with each change, so that a request that arrives late is known.
+    pub(crate) number: Option<u64>,
+    /// Whether changes are flown where a word does not read.
+    pub(crate) advice: bool,
+    pub(crate) subject: Subject,
+}
+
+/// What is written or drawn, and how: equal subjects make equal photos.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub(crate) struct Subject {
+    pub(crate) word: String,
+    drawing: Option<Drawing>,
+    /// Width, depth and height in meters, as `--room` takes them.
+    room: Option<String>,
+    settings: BTreeMap<String, String>,
+    /// Width of the photo by its height.
+    aspect: Option<f64>,
+}
+
+/// What can be made.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Task {
+    /// The photo while one types.
+    Live(Subject),
+    /// The large photo, with advice or without.
+    Large(Subject, bool),
+    /// The scripts that fly it, with what they need.
+    Script(Subject),
+}
+
+impl Task {
+    pub(crate) fn subject(&self) -> &Subject {
+        match self {
+            Self::Live(subject) | Self::Large(subject, _) | Self::Script(subject) => subject,
+        }
+    }
+}
+
+/// A drawing in place of a word. A picture's text is base64.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Drawing {
+    kind: Kind,
+    text: String,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    Svg,
+    Json,
+    Jpg,
+}
+
+impl Drawing {
+    /// What its file holds.
+    fn bytes(&self) -> Result<Vec<u8>> {
+        if !matches!(self.kind, Kind::Jpg) {
+            return Ok(self.text.clone().into_bytes());
+        }
+        let refused = |found: String| {
+            let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
+            Error::input("drawing", found, wanted, "reload the page")
+        };
+        let bytes = BASE64_STANDARD.decode(&self.text).map_err(|e| refused(e.to_string()))?;
+        // The page makes pictures smaller; a small file can hold a huge one.
+        let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
+        let (width, height) = reader.into_dimensions().map_err(|e| refused(e.to_string()))?;
+        if width.max(height) > MAX_SIDE {
+            return Err(refused(format!("{width} × {height} pixels")));
+        }
+        Ok(bytes)
+    }
+}
+
+impl PhotoRequest {
+    /// Reads and checks a request; that of a kiosk has no settings but those of its page.
+    pub(crate) fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
+        let refused = |found: String| Err(Message::of_old_page(&found));
+        let posted: Posted = match serde_json::from_slice(body) {
+            Ok(posted) => posted,
+            Err(broken) => return refused(broken.to_string()),
+        };
+        let Posted { visitor, number, advice, word, drawing, room, settings, aspect } = posted;
+        let n_letters = word.chars().count();
+        if n_letters > MAX_WORD {
+            return Err(Message::new(
+                Key::WordLong,
+                json!({ "letters": n_letters, "most": MAX_WORD }),
+                format!("{n_letters} letters, wanted at most {MAX_WORD}"),
+                "write a shorter word",
+            ));
+        }
+        if word.trim().is_empty() && drawing.is_none() {
+            return Err(Key::WordEmpty.into());
+        }
+        if !is_name(&visitor) {
+            return refused(format!("a visitor of {} bytes", visitor.len()));
+        }
+        let lacks = |keys: &str| settings.keys().find(|key| keys.split(' ').all(|it| it != *key));
+        if let Some(key) = lacks(KEYS) {
+            return refused(format!("the setting {key}"));
+        }
+        if is_kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
+            return Err(Key::NotHere.into());
+        }
+        if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
+            return refused(format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len()));
+        }
+        // A name with a dot is a file's.
+        if let Some(font) = settings.get("letters.font").filter(|it| it.contains(['.', '/', '\\']))
+        {
+            return refused(format!("letters.font={font}"));
+        }
+        if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
+            return refused(format!("the proportions {aspect}"));
+        }
+        let subject = Subject { word, drawing, room, settings, aspect };
+        Ok(Self { visitor, number, advice, subject })
+    }
+}
+
+/// Whether a visitor may be called so.
+pub(crate) fn is_name(visitor: &str) -> bool {
+    (1..=MAX_VISITOR).contains(&visitor.len())
+        && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
+}
+
+impl Subject {
+    /// The word; `None` for a drawing.
+    pub(crate) fn title(&self) -> Option<&str> {
+        self.drawing.is_none().then_some(&*self.word)
+    }
+
+    /// Whether it is a picture, whose lines are looked for.
+    pub(crate) fn is_picture(&self) -> bool {
+        self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
+    }
+
+    /// The size of a photo of about as many pixels: `--size=960x540`.
+    pub(crate) fn size(&self, pixels: f64) -> String {
+        let aspect = self.aspect.unwrap_or(16.0 / 9.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+        let even = |side: f64| 2 * (side / 2.0).round() as u32;
+        let width = (pixels * aspect).sqrt();
+        format!("--size={}x{}", even(width), even(width / aspect))
+    }
+
+    /// Arguments for a verb that takes a subject; a drawing is written into the present folder.
+    pub(crate) fn arguments(&self) -> Result<Vec<OsString>> {
+        let settings = self.settings.iter().map(|(key, value)| format!("--set={key}={value}"));
+        let mut arguments: Vec<OsString> = settings.map(OsString::from).collect();
+        arguments.extend(self.room.iter().map(|room| format!("--room={room}").into()));
+        match &self.drawing {
+            None => arguments.push(format!("--word={}", self.word).into()),
+            Some(drawing) => {
+                let name = match drawing.kind {
+                    Kind::Svg => "drawing.svg",
+                    Kind::Json => "drawing.json",
+                    Kind::Jpg => "drawing.jpg",
+                };
+                let bytes = drawing.bytes()?;
+                Output::create(name.as_ref())?.keep(|out| out.write_all(&bytes))?;
+                arguments.push(format!("--drawing={name}").into());
+            }
+        }
+        Ok(arguments)
+    }
+}

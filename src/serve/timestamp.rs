@@ -1,0 +1,51 @@
+//! The time of day in the form of RFC 3339, in Coordinated Universal Time.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+const DAY_S: u64 = 86_400;
+
+/// The present: `2026-11-26T19:05:12Z`.
+pub(crate) fn now() -> String {
+    rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
+}
+
+fn rfc3339(since_1970_s: u64) -> String {
+    let [year, month, day] = date(since_1970_s / DAY_S);
+    let s = since_1970_s % DAY_S;
+    let (hour, minute, second) = (s / 3600, s / 60 % 60, s % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar (Hinnant,
+/// "chrono-Compatible Low-Level Date Algorithms").
+fn date(days: u64) -> [u64; 3] {
+    // Years begin in March, so that the leap day is the last.
+    let days = days + 719_468;
+    let (era, of_era) = (days / 146_097, days % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * from_march + 2) / 5 + 1;
+    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
+    [year + 400 * era + u64::from(month <= 2), month, day]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_have_dates() {
+        // date -u -d 2026-11-26 +%s, and the like.
+        for (days, wanted) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (11_016, "2000-02-29T00:00:00Z"),
+            (20_783, "2026-11-26T00:00:00Z"),
+            (47_540, "2100-02-28T00:00:00Z"),
+            (47_541, "2100-03-01T00:00:00Z"),
+        ] {
+            assert_eq!(rfc3339(days * DAY_S), wanted);
+        }
+        assert_eq!(rfc3339(DAY_S - 1), "1970-01-01T23:59:59Z");
+    }
+}
