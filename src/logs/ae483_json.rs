@@ -15,7 +15,7 @@
 use std::collections::BTreeMap;
 
 use super::cfclient_csv::WRAP_S;
-use super::json_tree::{self, List, Node, joined};
+use super::json_tree::{self, List, Node, is_indexed, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
 use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Result};
@@ -54,7 +54,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     drop(text);
     let mut reader = Reader { budget, log, skipped: Vec::new(), in_seconds: false };
     let value = match value {
-        Node::Object(top) => List::of_rows(&top, budget)?.map_or(Node::Object(top), Node::List),
+        Node::Object(top) if is_indexed(&top) => Node::List(List::by_index(top, budget)?),
         value => value,
     };
     match value {
@@ -103,18 +103,20 @@ fn refuse_pandas(top: &BTreeMap<String, Node>, file: &str) -> Result<()> {
 fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Result<()> {
     let mut stamps = None;
     for value in members.values_mut() {
-        if let Node::Object(inner) = value
-            && let Some((list, indices)) = List::by_index(inner, budget)?
-        {
-            stamps = Some(indices);
-            *value = Node::List(list);
+        match value {
+            Node::Object(inner) if is_indexed(inner) => {
+                let list = List::by_index(std::mem::take(inner), budget)?;
+                let is_count =
+                    (0_u32..).zip(&list.indices).all(|(n, index)| f64::from(n) == *index);
+                stamps = (!is_count).then(|| list.indices.clone());
+                *value = Node::List(list);
+            }
+            _ => {}
         }
     }
-    let stamps = stamps.filter(|stamps| (0..).zip(stamps).any(|(count, index)| count != *index));
-    if let Some(stamps) = stamps
+    if let Some(numbers) = stamps
         && !members.keys().any(|key| titles::meaning(key).0 == "t")
     {
-        let numbers = stamps.into_iter().map(|stamp| stamp as f64).collect();
         members.insert("timestamp".to_owned(), Node::List(List { numbers, ..List::default() }));
     }
     Ok(())

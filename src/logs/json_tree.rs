@@ -44,6 +44,8 @@ pub(super) struct List {
     pub(super) cells: BTreeMap<String, Vec<(usize, f64)>>,
     /// The first different texts: of the list itself under no name, of its objects by theirs.
     pub(super) texts: BTreeMap<String, Vec<String>>,
+    /// The indices of its items, where they were written.
+    pub(super) indices: Vec<f64>,
 }
 
 /// How many different texts are kept under a name.
@@ -124,32 +126,15 @@ impl<'de> Visitor<'de> for Tree<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> std::result::Result<Node, A::Error> {
         let Self(budget) = self;
         let mut list = List::default();
-        let mut index = 0;
-        loop {
+        for index in 0.. {
             let left = budget.bytes_left();
-            let Some(item) = items.next_element_seed(self)? else { return Ok(Node::List(list)) };
-            budget.steps(STEPS[0]).map_err(A::Error::custom)?;
-            match item {
-                Node::Number(_) | Node::Missing if list.odd.is_some() => {}
-                Node::Number(number) => push(&mut list.numbers, number),
-                Node::Missing => push(&mut list.numbers, f64::NAN),
-                item => {
-                    list.odd.get_or_insert_with(|| (index, item.text()));
-                    let held = left - budget.bytes_left();
-                    if let Node::Text(text) = &item {
-                        list.text("", text, budget).map_err(A::Error::custom)?;
-                    }
-                    if let Node::Object(members) = item {
-                        list.row(&members, "", index, budget).map_err(A::Error::custom)?;
-                    }
-                    // The item goes, its numbers stay.
-                    budget.free(held);
-                }
-            }
-            let begun = if index == 0 { BEGUN[1] } else { 0 };
-            budget.bytes(size_of::<f64>() + begun).map_err(A::Error::custom)?;
-            index += 1;
+            let Some(item) = items.next_element_seed(self)? else { break };
+            let held = left - budget.bytes_left();
+            list.add(index, item, budget).map_err(A::Error::custom)?;
+            // The item goes, its numbers stay.
+            budget.free(held);
         }
+        Ok(Node::List(list))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> std::result::Result<Node, A::Error> {
@@ -166,6 +151,40 @@ impl<'de> Visitor<'de> for Tree<'_> {
 }
 
 impl List {
+    /// The list of an object whose names are indices, as pandas writes a column or a table.
+    pub(super) fn by_index(members: BTreeMap<String, Node>, budget: &Budget) -> Result<Self> {
+        let mut list = Self::default();
+        let items = members.into_iter().filter_map(|(key, item)| Some((key.parse().ok()?, item)));
+        let mut items: Vec<(u64, Node)> = items.collect();
+        items.sort_by_key(|(index, _)| *index);
+        for (place, (index, item)) in items.into_iter().enumerate() {
+            list.add(place, item, budget)?;
+            list.indices.push(index as f64);
+        }
+        Ok(list)
+    }
+
+    /// Adds an item, or its numbers.
+    fn add(&mut self, index: usize, item: Node, budget: &Budget) -> Result<()> {
+        let begun = if index == 0 { BEGUN[1] } else { 0 };
+        budget.steps(STEPS[0])?;
+        budget.bytes(size_of::<f64>() + begun)?;
+        match item {
+            Node::Number(_) | Node::Missing if self.odd.is_some() => {}
+            Node::Number(number) => push(&mut self.numbers, number),
+            Node::Missing => push(&mut self.numbers, f64::NAN),
+            item => {
+                self.odd.get_or_insert_with(|| (index, item.text()));
+                match item {
+                    Node::Text(text) => self.text("", &text, budget)?,
+                    Node::Object(members) => self.row(&members, "", index, budget)?,
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Keeps the numbers of an object and of those in it, by their names with dots; the names in an
     /// object `data` stand alone.
     fn row(
@@ -208,48 +227,9 @@ impl List {
         }
         Ok(())
     }
-
-    /// The list of an object whose names are indices, as pandas writes a column, with its indices.
-    pub(super) fn by_index(
-        members: &BTreeMap<String, Node>,
-        budget: &Budget,
-    ) -> Result<Option<(Self, Vec<u64>)>> {
-        let Some(items) = indexed(members) else { return Ok(None) };
-        let (mut list, mut indices) = (Self::default(), Vec::new());
-        for (place, (index, value)) in items.into_iter().enumerate() {
-            indices.push(index);
-            match value {
-                Node::Number(number) => list.numbers.push(*number),
-                Node::Missing => list.numbers.push(f64::NAN),
-                Node::Text(text) => {
-                    list.odd.get_or_insert_with(|| (place, value.text()));
-                    list.text("", text, budget)?;
-                }
-                Node::List(_) | Node::Object(_) => return Ok(None),
-            }
-        }
-        Ok(Some((list, indices)))
-    }
-
-    /// The rows of an object whose names are indices.
-    pub(super) fn of_rows(
-        members: &BTreeMap<String, Node>,
-        budget: &Budget,
-    ) -> Result<Option<Self>> {
-        let Some(rows) = indexed(members) else { return Ok(None) };
-        let mut list = Self::default();
-        for (place, (_, row)) in rows.into_iter().enumerate() {
-            let Node::Object(row) = row else { return Ok(None) };
-            list.row(row, "", place, budget)?;
-        }
-        Ok(Some(list))
-    }
 }
 
-/// The members of an object whose names are indices, in their order; `None` of any other.
-fn indexed(members: &BTreeMap<String, Node>) -> Option<Vec<(u64, &Node)>> {
-    let indices = members.iter().map(|(key, value)| Some((key.parse().ok()?, value)));
-    let mut items: Vec<(u64, &Node)> = indices.collect::<Option<_>>()?;
-    items.sort_by_key(|(index, _)| *index);
-    Some(items).filter(|items| !items.is_empty())
+/// Whether the names of an object are indices.
+pub(super) fn is_indexed(members: &BTreeMap<String, Node>) -> bool {
+    !members.is_empty() && members.keys().all(|key| key.parse::<u64>().is_ok())
 }

@@ -1,7 +1,6 @@
 //! Photographs as a person has them: several drones, a camera from EXIF, a render over a photo, and
 //! the same bytes from every backend.
 
-use std::io::Read;
 use std::path::Path;
 
 use noctograph::flight::table::Table;
@@ -213,27 +212,6 @@ fn an_exr_in_a_folder_that_is_not_there_is_refused_before_the_work() {
     let files = [("a.csv", &*streak(0.0, [1.0; 3]))];
     let arguments = ["expose", "a.csv", "--word", "NO", "-o", "nowhere/photo.exr"];
     fails(&arguments, &files, &["nowhere/photo.exr", "no folder nowhere"]);
-}
-
-/// The same row again and again.
-struct Rows {
-    left: u64,
-    at: usize,
-}
-
-impl Read for Rows {
-    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
-        const ROW: &[u8] = b"1,0,0,1,1,1,1\n";
-        for (n, byte) in out.iter_mut().enumerate() {
-            if self.left == 0 {
-                return Ok(n);
-            }
-            *byte = ROW[self.at];
-            self.at = (self.at + 1) % ROW.len();
-            self.left -= u64::from(self.at == 0);
-        }
-        Ok(out.len())
-    }
 }
 
 #[test]

@@ -275,6 +275,7 @@ mod tests {
             format!("Time (s);x;y;z;Red;Green;Blue\n{}", body(";", 1.0).replace('.', ",")),
             format!("timestamp\tx\ty\tz\tr\tg\tb\r{}", body("\t", 1e3).replace('\n', "\r")),
             format!("# light painting\n# t x y z R G B\n{}", body(" ", 1.0)),
+            format!("Time [msec],x [m],y [m],z [m],Red,Green,Blue\n{}", body(",", 1e3)),
         ];
         for log in &logs {
             assert!(is_light_trace(log.as_bytes()), "{log}");
