@@ -215,8 +215,8 @@ fn an_exr_in_a_folder_that_is_not_there_is_refused_before_the_work() {
 }
 
 #[test]
-fn three_million_samples_are_refused_with_the_memory_of_the_limit() {
-    let text = "t,x,y,z,r,g,b\n".to_owned() + &"1,0,0,1,1,1,1\n".repeat(3_000_000);
+fn two_million_samples_are_refused_with_the_memory_of_the_limit() {
+    let text = "t,x,y,z,r,g,b\n".to_owned() + &"1,0,0,1,1,1,1\n".repeat(2_250_000);
     let error = Table::parse(text.as_bytes(), "big.csv").unwrap_err().to_string();
     assert!(error.contains("at most 240 MiB of memory"), "{error}");
 }
