@@ -49,6 +49,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_m = tolerance_mm / 1e3;
     // The scripts find the clock of the drone, and pace by it.
     let shoot = args.subject.shoot(|scene| {
+        args.profile.slow(&args.subject, scene);
         if scene.trajectory_clock() != 1.0 {
             scene.plan.trajectory_clock.get_or_insert(1.0);
         }
@@ -62,7 +63,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
-    let profile = args.profile.profile(&args.subject);
+    let profile = args.profile.profile(&args.subject, &shoot.scene);
+    if args.to.flies() && args.subject.is_plans() && profile.room_m.is_none() && !args.unchecked {
+        let hint = "name it: --room WxDxH, or the scene in which the plan was made: --scene";
+        return Err(Error::input("room", "none", "the room that the plan is flown in", hint));
+    }
     let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
     let checks = checks(flies, &flights, &profile);
     let stops = match args.to.flies() {

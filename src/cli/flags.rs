@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
 use super::relit::{light_all_along, relit_where_dark};
-use super::{Args, Error, Result, named, names, warn};
+use super::{Args, Error, Result, message, named, names, warn};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
@@ -38,7 +38,7 @@ fn setting(text: &str) -> std::result::Result<Setting, String> {
 }
 
 /// Keys of a scene that are set on the command line.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct SetFlag {
     /// Set a key of the scene, such as camera.iso=200; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
@@ -46,7 +46,7 @@ pub(super) struct SetFlag {
 }
 
 /// The scene.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct SceneFlags {
     /// Scene: a file (TOML), a photo of this program (PNG), a preset, team, pid, geometric, tuned,
     /// or a folder with scene.toml
@@ -78,6 +78,24 @@ impl SceneFlags {
 
     pub(super) fn is_given(&self) -> bool {
         self.scene.is_some()
+    }
+
+    /// These, with the scene.toml in the folder of plans or flights where no scene is named: what a
+    /// preview wrote is judged in the preview's room and by its camera.
+    pub(super) fn or_beside(&self, files: &[PathBuf]) -> Self {
+        let mut folders: Vec<&Path> = files.iter().filter_map(|file| file.parent()).collect();
+        folders.dedup();
+        let beside = match folders.as_slice() {
+            [folder] if self.scene.is_none() => folder.join("scene.toml"),
+            _ => return self.clone(),
+        };
+        if !beside.is_file() {
+            return self.clone();
+        }
+        let note =
+            format!("the scene is {}, beside the file; --scene names another", beside.display());
+        message("note: ", &note);
+        Self { scene: Some(beside.display().to_string()), ..self.clone() }
     }
 
     pub(super) fn sets(&self, key: &str) -> bool {
@@ -157,7 +175,15 @@ pub(super) struct DesignFlags {
 impl DesignFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        let mut scene = self.unfitted(more)?;
+        let mut scene = self.unfitted(&self.scene, more)?;
+        self.fit(&mut scene)?;
+        Ok(scene)
+    }
+
+    /// The same, of the scene beside a flight where none is named.
+    pub(super) fn load_beside(&self, flight: Option<&PathBuf>) -> Result<Scene> {
+        let files: Vec<PathBuf> = flight.into_iter().cloned().collect();
+        let mut scene = self.unfitted(&self.scene.or_beside(&files), &[])?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
@@ -173,7 +199,7 @@ impl DesignFlags {
         Ok(())
     }
 
-    fn unfitted(&self, more: &[Setting]) -> Result<Scene> {
+    fn unfitted(&self, named: &SceneFlags, more: &[Setting]) -> Result<Scene> {
         let mut settings = self.letters.settings();
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
@@ -185,7 +211,7 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut scene = self.scene.load(&settings)?;
+        let mut scene = named.load(&settings)?;
         if let Some(room_m) = self.letters.room {
             let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
             let stations = &mut scene.sensors.lighthouse.stations;
@@ -215,18 +241,23 @@ pub(super) struct SubjectFlags {
 
 impl SubjectFlags {
     pub(super) fn scene(&self) -> Result<Scene> {
-        let mut scene = self.unfitted()?;
+        let mut scene = self.unfitted(&self.design.scene)?;
         self.design.fit(&mut scene)?;
         Ok(scene)
     }
 
-    fn unfitted(&self) -> Result<Scene> {
-        let mut scene = self.design.unfitted(&[])?;
+    fn unfitted(&self, named: &SceneFlags) -> Result<Scene> {
+        let mut scene = self.design.unfitted(named, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut scene, word)?;
         }
         Ok(scene)
+    }
+
+    /// Whether plans were named.
+    pub(super) fn is_plans(&self) -> bool {
+        self.inputs.iter().any(|input| input.ends_with(".csv"))
     }
 
     /// The word that was typed, in either way.
@@ -236,7 +267,7 @@ impl SubjectFlags {
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        let mut scene = self.unfitted()?;
+        let mut scene = self.unfitted(&self.design.scene)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
             [] => {}
@@ -265,7 +296,8 @@ impl SubjectFlags {
         let plans: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
         let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
         if !plans.is_empty() && plans.iter().all(is_plan) {
-            let mut scene = self.unfitted()?;
+            let files: Vec<PathBuf> = plans.iter().map(PathBuf::from).collect();
+            let mut scene = self.unfitted(&self.design.scene.or_beside(&files))?;
             change(&mut scene)?;
             return Shoot::with_plans(scene, read_plans(&plans)?);
         }
@@ -287,18 +319,30 @@ pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
 /// Limits that a flight is checked against.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
-    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
+    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, planned as slowly) or outdoor
     #[arg(long, value_name = "NAME", default_value = "indoor",
           value_parser = Profile::all().map(|profile| profile.name))]
     profile: String,
 }
 
 impl ProfileFlags {
-    /// The profile, within the room that was typed.
-    pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
+    /// Plans as slowly as the profile, unless a speed was typed.
+    pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
+        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
+        if !keys.iter().any(|key| subject.design.scene.sets(key)) {
+            self.named().slow(scene);
+        }
+    }
+
+    fn named(&self) -> Profile {
         let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
-        let profile = profile.expect("the parser knows the names");
-        match subject.design.letters.room {
+        profile.expect("the parser knows the names")
+    }
+
+    /// The profile, within the room that was typed, or else the scene's.
+    pub(super) fn profile(&self, subject: &SubjectFlags, scene: &Scene) -> Profile {
+        let profile = self.named();
+        match subject.design.letters.room.or(scene.expose.room_m) {
             Some(room_m) => profile.in_room(room_m),
             None => profile,
         }

@@ -31,7 +31,7 @@ pub(super) struct PlanArgs {
 }
 
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let mut scene = args.design.load(&[])?;
+    let mut scene = args.design.load_beside(args.after.as_ref())?;
     if let Some(path) = &args.after {
         let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
         let earlier = track(&flight, Part::from_flight(&flight))?;

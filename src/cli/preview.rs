@@ -51,7 +51,10 @@ impl PreviewArgs {
 
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
-        self.subject.shoot(|scene| self.picture.apply(scene))
+        self.subject.shoot(|scene| {
+            self.profile.slow(&self.subject, scene);
+            self.picture.apply(scene)
+        })
     }
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
@@ -62,8 +65,8 @@ impl PreviewArgs {
         })
     }
 
-    pub(super) fn profile(&self) -> Profile {
-        self.profile.profile(&self.subject)
+    pub(super) fn profile(&self, scene: &Scene) -> Profile {
+        self.profile.profile(&self.subject, scene)
     }
 }
 
@@ -113,7 +116,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile();
+    let profile = args.profile(&before.scene);
     let findings = match args.report {
         true => {
             let flights = shot.flights.iter().cloned().map(Ok).collect();
