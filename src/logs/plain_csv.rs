@@ -2,11 +2,11 @@
 //! deck.
 //!
 //! What is understood: the usual titles ([`super::titles`]), also as the ends of paths
-//! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units at
-//! their end or in brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and Vicon
-//! ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between blanks
-//! t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another unit
-//! is refused, and so are the poses of two bodies.
+//! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units
+//! at their end or in brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and
+//! Vicon ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between
+//! blanks t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another
+//! unit is refused, and so are the poses of two bodies.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
 //! units. Each guess is a warning, and an option says otherwise.

@@ -120,9 +120,9 @@ impl Table {
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         self.find(name).ok_or_else(|| {
             let (place, wanted) = (format_args!("{}:1", self.file), format!("a column {name}"));
-            let titles =
-                self.columns_after("").map(|(title, _)| title).collect::<Vec<_>>().join(",");
-            Error::input(place, shortened(&titles), wanted, REWRITE_HINT)
+            let titles: Vec<&str> = self.columns_after("").map(|(title, _)| title).collect();
+            let first: String = titles.join(",").chars().take(60).collect();
+            Error::input(place, first, wanted, REWRITE_HINT)
         })
     }
 
@@ -212,14 +212,6 @@ impl Table {
             return Err(self.wrong(name, self.line(row), time_s[row], wanted, MILLISECONDS_HINT));
         }
         Ok(time_s)
-    }
-}
-
-/// The beginning of a cell, for a message.
-fn shortened(cell: &str) -> String {
-    match cell.char_indices().nth(60) {
-        Some((end, _)) => format!("{} ...", &cell[..end]),
-        None => cell.to_owned(),
     }
 }
 

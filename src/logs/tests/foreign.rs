@@ -603,11 +603,8 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     }
     assert!(refused(&owned("mode", &id, 0.04)).contains("faster than 15 m/s"));
     assert!(refused(&owned("mode", &id, 0.0)).contains("at another place at the same time"));
-    let one = |_: usize| "7".to_owned();
-    let own =
-        owned("drone_id", &one, 0.04).lines().step_by(2).fold(String::new(), |t, l| t + l + "\n");
-    let own = own.replacen("t,", "t,", 1);
-    let _ = read(own.as_bytes());
+    let one = rows("t,drone_id,x,y,z\n", |t, [x, y, z]| format!("{t:.2},7,{x},{y},{z}"));
+    check("one drone", &read(one.as_bytes()));
     let scaled = |head: &str, scale: f64| {
         rows(head, |t, [x, y, z]| format!("{t:.2},{},{},{}", scale * x, scale * y, scale * z))
     };
@@ -672,7 +669,7 @@ fn json_of_pandas_and_of_ros_is_read_and_its_drones_are_told_apart() {
         second = !second;
         text + part + if second { "a" } else { "b" }
     });
-    let two = two.rsplit_once(['a', 'b']).unwrap().0.to_owned() + "";
+    let two = two.rsplit_once(['a', 'b']).unwrap().0;
     let error = refused(&format!("[{two}]"));
     assert!(error.contains("uri") && error.contains("a, b"), "{error}");
 }
