@@ -389,6 +389,9 @@ pub(super) struct FlightFlags {
     /// Axes of a table's world
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
     pub(super) axes: Axes,
+    /// Speed above which a log is asked about, in m/s: its unit, or its drones
+    #[arg(long, value_name = "M_S", default_value_t = ImportOptions::default().max_speed_m_s)]
+    pub(super) max_speed: f64,
 }
 
 /// A number, or a fraction of two.
@@ -415,6 +418,7 @@ impl FlightFlags {
             time_unit: self.time_unit,
             angle_unit: self.angles,
             axes: self.axes,
+            max_speed_m_s: self.max_speed,
         }
     }
 

@@ -15,11 +15,11 @@
 use std::collections::BTreeMap;
 
 use super::cfclient_csv::WRAP_S;
-use super::json_tree::{self, List, Node, joined};
+use super::json_tree::{self, List, Node, is_indexed, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
-use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv};
+use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Budget;
+use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::statistics::median;
 
@@ -27,13 +27,14 @@ use noctograph_core::statistics::median;
 const STEPS: usize = 3;
 
 /// Reads a JSON log.
-pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
+pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
-    budget.steps(STEPS * bytes.len())?;
-    budget.bytes(bytes.len())?;
-    let mut text = bytes.to_vec();
+    budget.steps(STEPS * text.bytes.len())?;
+    budget.bytes(text.bytes.len())?;
+    let warnings = text.notes.clone();
+    let mut log = Recording { wrap_s: Some(WRAP_S), warnings, ..Recording::new(file) };
+    let mut text = text.bytes.to_vec();
     replace_nan(&mut text);
-    let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
     let left = budget.bytes_left();
     let value = match json_tree::read(&text, budget) {
         Err(source) if source.is_eof() => {
@@ -51,35 +52,79 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         budget.check().err().unwrap_or_else(|| Error::input(place, &source, "JSON", HINT))
     })?;
     drop(text);
-    let mut reader = Reader { budget, log, skipped: Vec::new() };
-    let in_seconds = match value {
+    let mut reader = Reader { budget, log, skipped: Vec::new(), in_seconds: false };
+    let value = match value {
+        Node::Object(top) if is_indexed(&top) => Node::List(List::by_index(top, budget)?),
+        value => value,
+    };
+    match value {
         Node::Object(mut top) => {
-            let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
+            reader.in_seconds = top.contains_key("drone") || top.contains_key("mocap");
+            refuse_pandas(&top, file)?;
+            lists_by_index(&mut top, budget)?;
             reader.columns(&mut top)?;
             reader.folder(top, "")?;
-            in_seconds
         }
-        Node::List(list) if reader.rows("", &list)? => false,
+        Node::List(list) if reader.rows("", &list)? => {}
         _ => {
             let wanted = "an object of variables, each with time and data, or a list of rows, each \
                           an object with a time";
             return Err(Error::input(file, "JSON of another shape", wanted, HINT));
         }
     };
-    let Reader { mut log, skipped, .. } = reader;
+    let Reader { mut log, skipped, in_seconds, .. } = reader;
     if !skipped.is_empty() {
         log.warnings.push(format!("not read: {}", shortened(&skipped)));
     }
-    settle_units(&mut log, in_seconds, options.time_unit);
+    resolve_units(&mut log, in_seconds, options.time_unit);
     for block in &mut log.blocks {
-        plain_csv::settle_angles(block, options.angle_unit, &mut log.warnings);
+        plain_csv::resolve_angles(block, options.angle_unit, &mut log.warnings);
     }
     Ok(log)
 }
 
+/// Refuses the forms of pandas' `to_json` that are not read.
+fn refuse_pandas(top: &BTreeMap<String, Node>, file: &str) -> Result<()> {
+    let has = |names: [&str; 2]| names.iter().all(|name| top.contains_key(*name));
+    if !top.contains_key("data") || !(has(["columns", "index"]) || has(["schema", "data"])) {
+        return Ok(());
+    }
+    let (found, wanted) = ("DataFrame.to_json with orient split or table", "records or columns");
+    Err(Error::input(
+        file,
+        found,
+        wanted,
+        "write it with to_json(\"log.json\", orient=\"records\")",
+    ))
+}
+
+/// Makes lists of the columns of pandas' default `to_json`, objects by index. Indices that do not
+/// count from zero are stamps, where there are no others.
+fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Result<()> {
+    let mut stamps = None;
+    for value in members.values_mut() {
+        match value {
+            Node::Object(inner) if is_indexed(inner) => {
+                let list = List::by_index(std::mem::take(inner), budget)?;
+                let is_count =
+                    (0_u32..).zip(&list.indices).all(|(n, index)| f64::from(n) == *index);
+                stamps = (!is_count).then(|| list.indices.clone());
+                *value = Node::List(list);
+            }
+            _ => {}
+        }
+    }
+    if let Some(numbers) = stamps
+        && !members.keys().any(|key| titles::meaning(key).0 == "t")
+    {
+        members.insert("timestamp".to_owned(), Node::List(List { numbers, ..List::default() }));
+    }
+    Ok(())
+}
+
 /// Puts all stamps in seconds. One clock has one unit, which its fastest block shows: blocks of
 /// events have steps of any length.
-fn settle_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
+fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let of_clock = |block: &&mut Block| block.clock == clock;
         let steps = log.blocks.iter_mut().filter(of_clock).filter_map(|block| {
@@ -173,6 +218,8 @@ struct Reader<'a> {
     log: Recording,
     /// Members beside those of a log.
     skipped: Vec<String>,
+    /// Whether its stamps are seconds, where their steps leave it open.
+    in_seconds: bool,
 }
 
 impl Reader<'_> {
@@ -264,29 +311,28 @@ impl Reader<'_> {
         let lists = members.iter().filter(|(_, value)| matches!(value, Node::List(_)));
         let titles: Vec<String> = lists.map(|(title, _)| title.clone()).collect();
         self.budget.steps(10_000 * titles.len())?;
-        let Some(time) = titles.iter().find(|title| plain_csv::meaning(title).0 == "t") else {
-            return Ok(());
-        };
+        let Some(time) = time_of(titles.iter()) else { return Ok(()) };
         let mut time_s = self.numbers(time, members.remove(time))?;
-        let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
-        time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
         let mut columns = Vec::new();
         for title in titles.iter().filter(|title| *title != time) {
+            if let Some(Node::List(list)) = members.get(title)
+                && let Some(texts) = list.texts.get("")
+            {
+                rows::check_owners(title, texts, &self.log.file)?;
+            }
             let mut values = self.numbers(title, members.remove(title))?;
             self.cut_to_shorter(title, &mut time_s, &mut values);
-            columns.push(plain_csv::column_of(title, values));
+            columns.push((title.as_str(), values));
         }
-        self.add(Block { name: "columns".to_owned(), time_s, columns, ..Block::default() })
+        self.table("columns", "", (time, time_s), columns)
     }
 
     /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
     /// without a time are left out, and cells that a row lacks are missing values.
     fn rows(&mut self, name: &str, list: &List) -> Result<bool> {
-        let is_time = |key: &&String| plain_csv::meaning(key).0 == "t";
         // What a name means costs more than to compare it.
         self.budget.steps(10_000 * list.cells.len())?;
-        let Some(time) = list.cells.keys().find(is_time) else { return Ok(false) };
-        let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
+        let Some(time) = time_of(list.cells.keys()) else { return Ok(false) };
         let rows = &list.cells[time];
         self.budget.bytes(size_of::<f64>() * rows.len() * list.cells.len())?;
         let mut columns = Vec::new();
@@ -299,14 +345,53 @@ impl Reader<'_> {
                     values[index] = *value;
                 }
             }
-            columns.push(match name {
-                "" => plain_csv::column_of(key, values),
-                folder => Column::new(joined(folder, key, self.budget)?, values),
+            columns.push((key.as_str(), values));
+        }
+        let texts = || list.texts.iter().filter(|(_, texts)| texts.len() > 1);
+        if let ([(value, _)], Some((names, _))) = (&columns[..], texts().next()) {
+            return Err(rows::in_long_form([time, names, value]).at(&self.log.file, None));
+        }
+        for (title, texts) in texts() {
+            rows::check_owners(title, texts, &self.log.file)?;
+        }
+        for (title, texts) in &list.texts {
+            self.skipped.push(format!("{title} ({:?})", texts[0]));
+        }
+        let time_s = rows.iter().map(|(_, stamp)| *stamp).collect();
+        self.table(name, name, (time, time_s), columns)?;
+        Ok(true)
+    }
+
+    /// Adds columns of equal length under their names in a folder; those in none have the usual
+    /// names of plain CSV.
+    fn table(
+        &mut self,
+        name: &str,
+        folder: &str,
+        (time, mut time_s): (&str, Vec<f64>),
+        mut titled: Vec<(&str, Vec<f64>)>,
+    ) -> Result<()> {
+        let unit_s = titles::meaning(time).1.unwrap_or(1.0);
+        time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
+        let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
+            let (whole, size_s) =
+                rows::whole_of(title).filter(|(whole, _)| *whole == simplified(time))?;
+            rows::is_fraction(&time_s, values, size_s).then_some((place, whole, size_s))
+        });
+        if let Some((place, _, size_s)) = part {
+            let (_, parts) = titled.remove(place);
+            time_s.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += size_s * part);
+            self.in_seconds = true;
+        }
+        let mut columns = Vec::new();
+        for (title, values) in titled {
+            rows::check_owners(title, &rows::whole(&values), &self.log.file)?;
+            columns.push(match folder {
+                "" => titles::column_of(title, values),
+                folder => Column::new(joined(folder, title, self.budget)?, values),
             });
         }
-        let time_s = rows.iter().map(|(_, stamp)| stamp * unit_s).collect();
-        self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })?;
-        Ok(true)
+        self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })
     }
 
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
@@ -333,6 +418,13 @@ impl Reader<'_> {
     }
 }
 
+/// The title of times among others: rather whole seconds than their fraction.
+fn time_of<'a>(titles: impl Iterator<Item = &'a String>) -> Option<&'a String> {
+    let mut times: Vec<&String> = titles.filter(|title| titles::meaning(title).0 == "t").collect();
+    times.sort_by_key(|title| rows::whole_of(title).is_some());
+    times.first().copied()
+}
+
 /// Whether a member says of a log whose it is and when it was made, which changes nothing: those of
 /// the course's client, and those that an exported script writes.
 fn is_metadata(name: &str) -> bool {
@@ -355,7 +447,7 @@ mod tests {
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         let (options, budget) = (&ImportOptions::default(), &Budget::of(file, HINT));
-        super::read(bytes, Job { file, options, budget })
+        super::read(&Text::of(bytes), Job { file, options, budget })
     }
 
     #[test]

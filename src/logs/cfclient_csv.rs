@@ -6,10 +6,9 @@
 use std::path::Path;
 
 use super::recording::{Block, Column, Recording};
-use super::sheet::{self, Sheet, SheetColumn};
-use super::{Job, firmware};
+use super::{Job, cells, firmware};
 use noctograph_core::error::Result;
-use noctograph_core::files::plain_text;
+use noctograph_core::files::{Head, SheetColumn, Text};
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -17,12 +16,10 @@ const STAMP: &str = "Timestamp";
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
 pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// Whether a text has cfclient's header: its stamp, and variables as `group.name`.
-pub(super) fn is_its_own(text: &[u8]) -> bool {
-    sheet::header(text).is_some_and(|header| {
-        header.first().is_some_and(|name| name == STAMP)
-            && header[1..].iter().any(|name| name.contains('.'))
-    })
+/// Whether a head is cfclient's: its stamp, and variables as `group.name`.
+pub(super) fn is_its_own(head: &Head) -> bool {
+    head.titles.first().is_some_and(|title| title == STAMP)
+        && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
 /// Whether a file may be cfclient's, by its name.
@@ -31,9 +28,8 @@ pub(super) fn may_be_its_own(path: &Path) -> bool {
 }
 
 /// Reads a file, which is a block of a recording.
-pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
-    let plain = plain_text(text);
-    let sheet = Sheet::read(&plain.text, job, &[], |_| true)?;
+pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recording> {
+    let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let column = |column: SheetColumn| Column::new(column.title, column.values);
     let mut columns = sheet.columns.into_iter().map(column);
     let stamps_ms = columns.next().map(|stamps| stamps.values).unwrap_or_default();
@@ -45,9 +41,9 @@ pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
     };
     Ok(Recording {
         blocks: vec![block],
-        warnings: plain.notes.into_iter().chain(sheet.warnings).collect(),
+        warnings: sheet.notes,
         wrap_s: Some(WRAP_S),
-        firmware: firmware::in_comments(text),
+        firmware: firmware::in_comments(&text.bytes),
         ..Recording::new(job.file)
     })
 }

@@ -20,12 +20,12 @@ const LATEST_S: f64 = 1e12;
 /// # Errors
 ///
 /// [`Error::Input`] where the rows are in no order of time.
-pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
+pub(super) fn repair_stamps(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
     let Recording { file, blocks, wrap_s, warnings, .. } = recording;
     for block in &mut *blocks {
         check_order(block, file)?;
         let wrap_s = wrap_s.filter(|_| block.clock == Clock::Drone);
-        settle_block(block, wrap_s, warnings);
+        repair_block(block, wrap_s, warnings);
     }
     blocks.retain(|block| !block.time_s.is_empty());
     if let Some(wrap_s) = *wrap_s {
@@ -49,7 +49,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
     Err(Error::input(file, found, "rows in the order of their times", "sort them by time"))
 }
 
-fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
+fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
     let mut warn = |text: String| warnings.push(format!("block {name}: {text}"));
@@ -214,7 +214,7 @@ mod tests {
         let columns = vec![Column::new("a".into(), values)];
         let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
         let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
-        settle(&mut recording, &ImportOptions::default()).unwrap();
+        repair_stamps(&mut recording, &ImportOptions::default()).unwrap();
         let block = recording.blocks.pop().unwrap();
         (block.time_s, block.columns[0].values.clone(), recording.warnings.len())
     }
@@ -237,7 +237,7 @@ mod tests {
         let time_s = (0..100).map(|i| f64::from(i * 37 % 100)).collect();
         let block = Block { time_s, ..Block::default() };
         let mut recording = Recording { blocks: vec![block], ..Recording::default() };
-        let error = settle(&mut recording, &ImportOptions::default()).unwrap_err();
+        let error = repair_stamps(&mut recording, &ImportOptions::default()).unwrap_err();
         assert!(error.to_string().contains("36 of 100 times before the one above"), "{error}");
     }
 
@@ -265,7 +265,7 @@ mod tests {
         let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
         let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
         let mut recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
-        settle(&mut recording, &ImportOptions::default()).unwrap();
+        repair_stamps(&mut recording, &ImportOptions::default()).unwrap();
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
@@ -279,7 +279,7 @@ mod tests {
         let firmware = firmware.map(str::to_owned);
         let mut log = Recording { blocks, is_on_card: true, firmware, ..Recording::default() };
         let stamped_s = log.blocks[0].time_s[199];
-        settle(&mut log, options).unwrap();
+        repair_stamps(&mut log, options).unwrap();
         (log.blocks[0].time_s[199] / stamped_s, log.warnings.join("\n"))
     }
 
@@ -318,17 +318,17 @@ mod tests {
         let block = Block { time_s: vec![84.0, 168.0], ..Block::default() };
         let firmware = Some("2025.12".to_owned());
         let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
-        settle(&mut log, &ImportOptions::default()).unwrap();
+        repair_stamps(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
         (log.is_on_card, log.wrap_s) = (true, Some(4e6));
-        settle(&mut log, &ImportOptions::default()).unwrap();
+        repair_stamps(&mut log, &ImportOptions::default()).unwrap();
         assert_eq!(
             (log.blocks[0].time_s[1], log.warnings.len()),
             (168.0, 0),
             "version 1 of a card"
         );
         let told = ImportOptions { clock_ratio: Some(SLOW_CLOCK), ..ImportOptions::default() };
-        settle(&mut log, &told).unwrap();
+        repair_stamps(&mut log, &told).unwrap();
         assert!((log.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", log.blocks[0].time_s);
     }
 }

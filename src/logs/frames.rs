@@ -33,7 +33,7 @@ const DRIFT_M: f64 = 0.08;
 const FLOOR_M: f64 = 0.05;
 
 /// Turns the world of the plain columns so that z points up.
-pub(super) fn settle(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
+pub(super) fn resolve_axes(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
     let in_format = |format| format!("as {format} writes it");
     let (axes, why) = match (options.axes, recording.axes) {
         (Axes::Auto, Axes::Auto) => shown(recording)?,
@@ -186,7 +186,7 @@ mod tests {
     }
 
     fn settled(mut recording: Recording, axes: Axes) -> ([f64; 3], usize) {
-        settle(&mut recording, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
+        resolve_axes(&mut recording, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
         let columns = &recording.blocks[0].columns;
         ([0, 1, 2].map(|axis: usize| columns[axis].values[40]), recording.warnings.len())
     }
@@ -210,7 +210,7 @@ mod tests {
     fn where_no_axis_shows_a_take_off_the_guess_is_said() {
         let said = |to: &dyn Fn([f64; 3]) -> [f64; 3], axes| {
             let mut log = flight(to);
-            settle(&mut log, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
+            resolve_axes(&mut log, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
             (log.blocks[0].columns[2].values[40], log.warnings.join("\n"))
         };
         // It drifts as it takes off and lands, along y; z is toward the viewer.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{LIMIT, cfclient_csv};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::entries_in;
+use noctograph_core::files::{Head, Text, entries_in};
 
 /// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
@@ -41,7 +41,8 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
         let head = || LIMIT.beginning(path, HEAD_BYTES).ok();
         cfclient_csv::may_be_its_own(path)
             && path.is_file()
-            && head().is_some_and(|head| cfclient_csv::is_its_own(&head))
+            && head()
+                .is_some_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::of(&head).bytes)))
     };
     Ok(entries_in(folder)?.iter().any(is_its_own))
 }

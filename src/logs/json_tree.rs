@@ -42,7 +42,14 @@ pub(super) struct List {
     pub(super) odd: Option<(usize, String)>,
     /// The numbers of its objects by their names: the row, and the cell.
     pub(super) cells: BTreeMap<String, Vec<(usize, f64)>>,
+    /// The first different texts: of the list itself under no name, of its objects by theirs.
+    pub(super) texts: BTreeMap<String, Vec<String>>,
+    /// The indices of its items, where they were written.
+    pub(super) indices: Vec<f64>,
 }
+
+/// How many different texts are kept under a name.
+const TEXTS: usize = 4;
 
 /// Reads a value; what is beyond the budget is an error, which the budget keeps.
 pub(super) fn read(text: &[u8], budget: &Budget) -> serde_json::Result<Node> {
@@ -119,29 +126,15 @@ impl<'de> Visitor<'de> for Tree<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> std::result::Result<Node, A::Error> {
         let Self(budget) = self;
         let mut list = List::default();
-        let mut index = 0;
-        loop {
+        for index in 0.. {
             let left = budget.bytes_left();
-            let Some(item) = items.next_element_seed(self)? else { return Ok(Node::List(list)) };
-            budget.steps(STEPS[0]).map_err(A::Error::custom)?;
-            match item {
-                Node::Number(_) | Node::Missing if list.odd.is_some() => {}
-                Node::Number(number) => push(&mut list.numbers, number),
-                Node::Missing => push(&mut list.numbers, f64::NAN),
-                item => {
-                    list.odd.get_or_insert_with(|| (index, item.text()));
-                    let held = left - budget.bytes_left();
-                    if let Node::Object(members) = item {
-                        list.row(&members, "", index, budget).map_err(A::Error::custom)?;
-                    }
-                    // The item goes, its numbers stay.
-                    budget.free(held);
-                }
-            }
-            let begun = if index == 0 { BEGUN[1] } else { 0 };
-            budget.bytes(size_of::<f64>() + begun).map_err(A::Error::custom)?;
-            index += 1;
+            let Some(item) = items.next_element_seed(self)? else { break };
+            let held = left - budget.bytes_left();
+            list.add(index, item, budget).map_err(A::Error::custom)?;
+            // The item goes, its numbers stay.
+            budget.free(held);
         }
+        Ok(Node::List(list))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> std::result::Result<Node, A::Error> {
@@ -158,6 +151,40 @@ impl<'de> Visitor<'de> for Tree<'_> {
 }
 
 impl List {
+    /// The list of an object whose names are indices, as pandas writes a column or a table.
+    pub(super) fn by_index(members: BTreeMap<String, Node>, budget: &Budget) -> Result<Self> {
+        let mut list = Self::default();
+        let items = members.into_iter().filter_map(|(key, item)| Some((key.parse().ok()?, item)));
+        let mut items: Vec<(u64, Node)> = items.collect();
+        items.sort_by_key(|(index, _)| *index);
+        for (place, (index, item)) in items.into_iter().enumerate() {
+            list.add(place, item, budget)?;
+            list.indices.push(index as f64);
+        }
+        Ok(list)
+    }
+
+    /// Adds an item, or its numbers.
+    fn add(&mut self, index: usize, item: Node, budget: &Budget) -> Result<()> {
+        let begun = if index == 0 { BEGUN[1] } else { 0 };
+        budget.steps(STEPS[0])?;
+        budget.bytes(size_of::<f64>() + begun)?;
+        match item {
+            Node::Number(_) | Node::Missing if self.odd.is_some() => {}
+            Node::Number(number) => push(&mut self.numbers, number),
+            Node::Missing => push(&mut self.numbers, f64::NAN),
+            item => {
+                self.odd.get_or_insert_with(|| (index, item.text()));
+                match item {
+                    Node::Text(text) => self.text("", &text, budget)?,
+                    Node::Object(members) => self.row(&members, "", index, budget)?,
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Keeps the numbers of an object and of those in it, by their names with dots; the names in an
     /// object `data` stand alone.
     fn row(
@@ -180,9 +207,29 @@ impl List {
                     }
                     self.cells.entry(name).or_default().push((row, *number));
                 }
-                Node::Missing | Node::Text(_) | Node::List(_) => {}
+                Node::Text(text) => self.text(&name, text, budget)?,
+                Node::Missing | Node::List(_) => {}
             }
         }
         Ok(())
     }
+
+    /// Keeps a text, if it is one of the first different ones.
+    fn text(&mut self, name: &str, text: &str, budget: &Budget) -> Result<()> {
+        if !self.texts.contains_key(name) {
+            budget.bytes(NAMED + name.len())?;
+            self.texts.insert(name.to_owned(), Vec::new());
+        }
+        let texts = self.texts.entry(name.to_owned()).or_default();
+        if texts.len() < TEXTS && !texts.iter().any(|known| known == text) {
+            budget.bytes(NAMED + text.len())?;
+            texts.push(text.to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// Whether the names of an object are indices.
+pub(super) fn is_indexed(members: &BTreeMap<String, Node>) -> bool {
+    !members.is_empty() && members.keys().all(|key| key.parse::<u64>().is_ok())
 }

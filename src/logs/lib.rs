@@ -41,11 +41,13 @@ use std::path::Path;
 
 use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Budget, Limit, decoded, files_in, plain_text};
+use noctograph_core::files::{Budget, Head, Limit, Text, files_in};
+use noctograph_core::flight::table::Table;
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
 
 mod ae483_json;
+mod cells;
 mod cfclient_csv;
 mod clock;
 mod firmware;
@@ -58,10 +60,12 @@ mod mocap;
 mod mocap_csv;
 mod plain_csv;
 mod recording;
-mod sheet;
+mod rows;
 mod sources;
+mod speed;
 #[cfg(test)]
 mod tests;
+mod titles;
 mod usd;
 
 pub use gathered::{GatheredLog, is_one_log, logs_in};
@@ -108,6 +112,9 @@ settings! {
         angle_unit: AngleUnit = AngleUnit::Auto;
         /// Axes of a table's world.
         axes: Axes = Axes::Auto;
+        /// Speed above which a position is taken for one in another unit, of another drone, or on
+        /// wrong stamps. A Crazyflie falls no faster than 10 m/s.
+        max_speed_m_s: f64 = 15.0, in 0.1..=1000.0;
     }
 
     /// Unit of stamps.
@@ -122,6 +129,12 @@ settings! {
         "us" => Microseconds,
         /// Nanoseconds.
         "ns" => Nanoseconds,
+        /// Minutes.
+        "min" => Minutes,
+        /// Hours.
+        "h" => Hours,
+        /// Days, as spreadsheets count them.
+        "d" => Days,
     }
 
     /// Unit of angles.
@@ -232,25 +245,49 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     foreign::refuse(bytes, file)?;
-    let header = sheet::header(bytes).unwrap_or_default();
-    let has = |wanted: &str| header.iter().any(|name| name == wanted);
-    let has_letters = has(OWN[0]) && has("letter");
-    let has_ranges = header.iter().any(|name| name.starts_with("ranging."));
+    let budget = Budget::of(file, HINT);
+    let job = Job { file, options, budget: &budget };
+    if bytes.first() == Some(&usd::MAGIC) {
+        budget.bytes(bytes.len())?;
+        return flight(usd::read(bytes, job)?, options, &budget);
+    }
+    let text = Text::of(bytes);
+    let first = text.bytes.trim_ascii_start().first();
+    if matches!(first, Some(b'{' | b'[')) {
+        budget.bytes(bytes.len())?;
+        return flight(ae483_json::read(&text, job)?, options, &budget);
+    }
+    if let Some((head, captured)) = mocap_csv::capture(&text.bytes, file)? {
+        budget.bytes(bytes.len())?;
+        return flight(plain_csv::read(&text, head, Some(captured), job)?, options, &budget);
+    }
+    let head = Head::find(&text.bytes);
+    let has_letters = head.has(OWN[0]) && head.has("letter");
+    let has_ranges = head.titles.iter().any(|title| title.starts_with("ranging."));
+    let is_first = head.titles.first().is_some_and(|title| title == OWN[0]);
     // A flight file begins with a pose, or it has the column of letters, which every one has.
-    let is_own = header.starts_with(&OWN.map(str::to_owned))
-        || header.first().is_some_and(|name| name == OWN[0]) && has_letters && !has_ranges;
-    let mut on_clock = if is_own {
-        let mut flight = Flight::parse_csv(bytes, file)?;
+    if head.titles.starts_with(&OWN.map(str::to_owned)) || is_first && has_letters && !has_ranges {
+        let mut flight = Flight::from_table(&Table::below(head, &text, file)?)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
-        OnClock { flight, zero_stamp_s: Some(0.0), firmware: None }
-    } else {
-        let budget = Budget::of(file, HINT);
-        budget.bytes(bytes.len())?;
-        let job = Job { file, options, budget: &budget };
-        flight(recording(bytes, job)?, options, &budget)?
+        return Ok(OnClock { flight, zero_stamp_s: Some(0.0), firmware: None });
+    }
+    let is_odd = |title: &String| title.contains(|c: char| c.is_control() || c == '\u{fffd}');
+    if first.is_none() {
+        return Err(unknown(file, "an empty file"));
+    }
+    if head.n_columns < 2 || head.titles.iter().any(is_odd) {
+        let content = text.bytes.trim_ascii_start();
+        let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
+        return Err(unknown(file, format_args!("a file that begins with {start:?}")));
+    }
+    budget.bytes(bytes.len())?;
+    let recording = match cfclient_csv::is_its_own(&head) {
+        true => cfclient_csv::read(&text, head, job)?,
+        false => plain_csv::read(&text, head, None, job)?,
     };
+    let mut on_clock = flight(recording, options, &budget)?;
     // A flight file with ranges is an imported log; a table of ranges with times in s is none.
     if has_letters && has_ranges {
         on_clock.zero_stamp_s = None;
@@ -278,30 +315,6 @@ struct Job<'a> {
     budget: &'a Budget,
 }
 
-/// Reads a log of the format that its content shows.
-fn recording(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
-    if bytes.first() == Some(&usd::MAGIC) {
-        return usd::read(bytes, job);
-    }
-    let text = decoded(bytes);
-    let content = text.trim_ascii_start();
-    match content.first() {
-        None => return Err(unknown(job.file, "an empty file")),
-        Some(b'{' | b'[') => return ae483_json::read(&text, job),
-        Some(_) => {}
-    }
-    let plain = plain_text(content).text;
-    let line = sheet::first_line(&plain);
-    if line.contains(&0) || !sheet::is_separated(line) || std::str::from_utf8(line).is_err() {
-        let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
-        return Err(unknown(job.file, format_args!("a file that begins with {start:?}")));
-    }
-    match cfclient_csv::is_its_own(&plain) {
-        true => cfclient_csv::read(&text, job),
-        false => plain_csv::read(&text, job),
-    }
-}
-
 /// Makes a recording a flight.
 fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
     recording.check(budget)?;
@@ -309,8 +322,8 @@ fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) ->
     recording.blocks.retain(|block| !block.time_s.is_empty());
     recording.name_apart();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    clock::settle(&mut recording, options)?;
-    frames::settle(&mut recording, options)?;
+    clock::repair_stamps(&mut recording, options)?;
+    frames::resolve_axes(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
     let (is_stamped, firmware) = (recording.is_stamped, recording.firmware.take());
@@ -336,9 +349,11 @@ fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
         let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
-        if cfclient_csv::is_its_own(&bytes) {
+        let text = Text::of(&bytes);
+        let head = Head::find(&text.bytes);
+        if cfclient_csv::is_its_own(&head) {
             let file = path.display().to_string();
-            let one = cfclient_csv::read(&bytes, Job { file: &file, ..job })?;
+            let one = cfclient_csv::read(&text, head, Job { file: &file, ..job })?;
             all.warnings.extend(one.warnings.iter().map(|warning| format!("{file}: {warning}")));
             all.blocks.extend(one.blocks);
             all.firmware = all.firmware.or(one.firmware);
@@ -364,6 +379,9 @@ impl TimeUnit {
             Self::Milliseconds => Some(1e-3),
             Self::Microseconds => Some(1e-6),
             Self::Nanoseconds => Some(1e-9),
+            Self::Minutes => Some(60.0),
+            Self::Hours => Some(3600.0),
+            Self::Days => Some(cells::DAY_S),
         }
     }
 }

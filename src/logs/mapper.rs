@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, quantities};
-use super::{ImportOptions, PositionSource};
+use super::{ImportOptions, PositionSource, speed};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::csv::is_standard_column;
@@ -19,7 +19,8 @@ const MAX_SAMPLES: f64 = 4e6;
 /// Steps of finding a channel's value at a stamp.
 const STEPS: usize = 50;
 
-/// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
+/// Makes a flight of a recording with repaired stamps; also returns the stamp that became time
+/// zero.
 pub(super) fn flight(
     recording: Recording,
     options: &ImportOptions,
@@ -40,6 +41,8 @@ pub(super) fn flight(
             "choose another source of position, or the best",
         ));
     }
+    let position = quantities.channels.get(&Quantity::Position).map_or(&[][..], Vec::as_slice);
+    let too_fast = speed::check(position, options, &recording.file)?;
     let mapper = Mapper { recording: &recording, quantities: &quantities, options };
     let axis = mapper.axis(budget)?;
     let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
@@ -53,6 +56,7 @@ pub(super) fn flight(
     check_numbers(&recording.file, &samples)?;
     let mut extra = mapper.extra(&axis.stamps_s);
     let mut warnings = quantities.left_out.clone();
+    warnings.extend(too_fast);
     warnings.extend(warn_of_gaps(&axis.gaps));
     warnings.extend(mapper.warn_of_held_values(&axis.stamps_s));
     warnings.extend(warn_of_size(&samples));

@@ -12,9 +12,8 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::PositionSource;
 use super::recording::{Block, Channel, Clock, Recording};
-use super::sources::quantities;
+use super::sources::position;
 use noctograph_core::crazyflie::SLOW_CLOCK;
-use noctograph_core::flight::Quantity;
 use noctograph_core::geometry::turned;
 
 /// Number of stamps at which the two paths are compared.
@@ -41,10 +40,9 @@ pub(super) fn align(recording: &mut Recording) {
     let moving = |pattern| {
         recording.channels(pattern).filter(|channels: &Vec<_>| channels.iter().any(moves))
     };
-    let position = |source| quantities(recording, source).channels.remove(&Quantity::Position);
     let path = moving("ae483log.p_{x y z}_mocap")
-        .or_else(|| position(PositionSource::Firmware))
-        .or_else(|| position(PositionSource::Custom));
+        .or_else(|| position(recording, PositionSource::Firmware))
+        .or_else(|| position(recording, PositionSource::Custom));
     let mocap = moving("mocap.{x y z}");
     let shift = mocap.zip(path).and_then(|(mocap, path)| {
         let direct = Search { mocap, path, free: false };

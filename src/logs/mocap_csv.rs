@@ -1,4 +1,4 @@
-//! Tables of motion captures' programs, made into plain ones.
+//! Heads of motion captures' tables.
 //!
 //! Understood: Motive (a first line `Format Version,…`; lines of types, names and properties above
 //! `Frame,Time (Seconds)`; y up) and Vicon (`Objects`, `Segments` or `Trajectories`, the frames per
@@ -9,14 +9,14 @@ use std::collections::BTreeSet;
 
 use super::Axes;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Head, Separator};
 
 /// Lines of a head.
 const HEAD_LINES: usize = 12;
 
-/// A plain table: its head in one line, its lines at their places.
+/// What a motion capture's program writes above its rows.
 #[derive(Debug)]
-pub(super) struct Table {
-    pub(super) text: Vec<u8>,
+pub(super) struct Capture {
     pub(super) axes: Axes,
     pub(super) format: &'static str,
     /// Time of a frame, where rows have no other.
@@ -24,28 +24,37 @@ pub(super) struct Table {
     pub(super) notes: Vec<String>,
 }
 
-/// Makes the table of a motion capture a plain one; `None` where it is none.
-pub(super) fn table(text: &[u8], file: &str) -> Result<Option<Table>> {
+/// Lines above the rows, as cells.
+type Lines<'a> = [Vec<&'a str>];
+
+/// Reads the head of a motion capture's table; `None` of any other. A table that is recognized is
+/// read, or it is said why not.
+pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
-    let lines: Vec<Vec<&str>> = start
-        .lines()
-        .take(HEAD_LINES)
-        .map(|line| {
-            line.split([',', ';', '\t']).map(|cell| cell.trim().trim_matches('"')).collect()
-        })
-        .collect();
-    let is_head = |line: &Vec<&str>| line.len() > 2 && line[0] == "Frame";
-    let Some(head) = lines.iter().position(is_head) else { return Ok(None) };
-    match lines[0][0] {
-        "Format Version" => motive(text, file, &lines, head).map(Some),
-        "Objects" | "Segments" | "Trajectories" | "Model Outputs" => {
-            vicon(text, file, &lines, head).map(Some)
-        }
-        _ => Ok(None),
-    }
+    let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
+    let lines: Vec<Vec<&str>> =
+        cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
+    let head = lines.iter().position(|line| line[0] == "Frame");
+    let read = match lines.first().map(|line| line[0]) {
+        Some("Format Version") => motive,
+        Some("Objects" | "Segments" | "Trajectories" | "Model Outputs") => vicon,
+        _ => return Ok(None),
+    };
+    let Some(head) = head else {
+        let wanted = "a line that begins with Frame, above the rows";
+        let hint = "export the take again, with its header";
+        return Err(Error::input(file, "the head of a motion capture alone", wanted, hint));
+    };
+    let line = start.lines().nth(head).unwrap_or_default();
+    read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
-fn motive(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Table> {
+fn motive(
+    file: &str,
+    lines: &Lines<'_>,
+    head: usize,
+    separator: Separator,
+) -> Result<(Head, Capture)> {
     let value = |key: &str| {
         let place = lines[0].iter().position(|cell| *cell == key)?;
         lines[0].get(place + 1).copied()
@@ -95,16 +104,22 @@ fn motive(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<T
         notes
             .push(format!("{others} columns of Motive beside the pose are kept as motive.column…"));
     }
-    let text = plain(text, head, head, &titles);
-    Ok(Table { text, axes: Axes::YUp, format: "Motive", period_s: None, notes })
+    let head = Head::named(titles, separator, head + 1);
+    Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, notes }))
 }
 
-fn vicon(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Table> {
+fn vicon(
+    file: &str,
+    lines: &Lines<'_>,
+    head: usize,
+    separator: Separator,
+) -> Result<(Head, Capture)> {
     let rate_hz = lines.get(1).and_then(|line| line[0].parse::<f64>().ok());
     let Some(rate_hz) = rate_hz.filter(|hz| (0.1..=1e5).contains(hz)) else {
         return Err(refused(file, "no frames per second in line 2", "a number of them"));
     };
-    let names = lines[head - 1].iter().copied().filter(|name| !name.is_empty());
+    let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
+    let names = above.copied().filter(|name| !name.is_empty());
     one_of(file, lines[0][0], names)?;
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
@@ -124,8 +139,9 @@ fn vicon(text: &[u8], file: &str, lines: &[Vec<&str>], head: usize) -> Result<Ta
     }
     let note = format!("{others} columns of rotations of Vicon are not read, and kept as vicon.…");
     let notes = if others > 0 { vec![note] } else { Vec::new() };
-    let text = plain(text, head, head + 1, &titles);
-    Ok(Table { text, axes: Axes::ZUp, format: "Vicon", period_s: Some(1.0 / rate_hz), notes })
+    let head = Head::named(titles, separator, head + 2);
+    let period_s = Some(1.0 / rate_hz);
+    Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, notes }))
 }
 
 /// Refuses a table of more than one body.
@@ -135,25 +151,13 @@ fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> 
         return Ok(());
     }
     let names = bodies.iter().copied().collect::<Vec<_>>().join(", ");
-    let found = format_args!("{} ({names})", bodies.len());
+    let found = match bodies.len() {
+        0 => "none in the take".to_owned(),
+        n => format!("{n} ({names})"),
+    };
     Err(Error::input(kind, found, "one", "export the drone's rigid body alone").at(file, None))
 }
 
 fn refused(file: &str, found: &str, wanted: &str) -> Error {
     Error::input(file, found, wanted, "export the take again with that setting")
-}
-
-/// The text with its titles in line `head`, and nothing in the others up to `last`.
-fn plain(text: &[u8], head: usize, last: usize, titles: &[String]) -> Vec<u8> {
-    let mut plain = Vec::with_capacity(text.len() + 64);
-    for (index, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
-        if index == head {
-            plain.extend(titles.join(",").into_bytes());
-        } else if index > last {
-            plain.extend(line);
-            continue;
-        }
-        plain.push(b'\n');
-    }
-    plain
 }

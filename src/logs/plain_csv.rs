@@ -1,12 +1,12 @@
 //! Plain tables: t, x, y, z and others, under their usual names; range logs of a drone with a Loco
 //! deck.
 //!
-//! What is understood: the titles of `NAMES`, also as the ends of paths (`/cf1/pose/position/x` of
-//! `PlotJuggler`, `field.pose.position.x` of rosbag), with the units of `UNITS` at their end or in
-//! brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and Vicon
-//! ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between blanks
-//! t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another unit
-//! is refused, and so are the poses of two bodies.
+//! What is understood: the usual titles ([`super::titles`]), also as the ends of paths
+//! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units
+//! at their end or in brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and
+//! Vicon ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between
+//! blanks t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another
+//! unit is refused, and so are the poses of two bodies.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
 //! units. Each guess is a warning, and an option says otherwise.
@@ -14,14 +14,18 @@
 //! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings
 //! one new range, and its stamp is a date or a number: the flight keeps the rows with their own
 //! times, and has no position.
+//!
+//! Stamps may stand in two columns: a date and a time of day, or seconds and a fraction of them in
+//! whole units. Rows of several drones, and tables in long form (time, name, value), are refused.
 
 use std::collections::BTreeMap;
 
+use super::mocap_csv::Capture;
 use super::recording::{Block, Column, Recording, shortened};
-use super::sheet::{self, Sheet, SheetColumn};
-use super::{AngleUnit, Axes, Job, TimeUnit, firmware, mocap_csv};
+use super::titles::{ANGLES, Title, in_si_units};
+use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, rows};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::plain_text;
+use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::unit_of;
 
@@ -31,83 +35,41 @@ const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 /// Names of the columns of a file without a header and with blanks between its eight cells.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
-/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
-/// the letters before them.
-const NAMES: [(&str, &str, &str); 17] = [
-    (" ", "t", "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time"),
-    (" ", "t", "header_stamp time_boot"),
-    ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
-    ("xyz", "*_m", "loc_* location_*"),
-    ("z", "*_m", "height altitude alt"),
-    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
-    (" ", "yaw_rad", "yaw psi"),
-    (" ", "pitch_rad", "pitch theta"),
-    (" ", "roll_rad", "roll phi"),
-    ("wxyz", "q*", "q* q_* quat_* orientation_* rotation_* q_rs_*"),
-    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
-    ("xyz", "v*_body_m_s", "v*_body"),
-    ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
-    ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
-    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
-    ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last of them is no title at all.
-    (" ", "index", "index row "),
-];
-
-/// Units as endings of names, and their size in SI units.
-const UNITS: [(&str, f64); 9] = [
-    ("m meters metres m_s m_s2 m_s_2 s sec seconds rad radians rad_s", 1.0),
-    ("mm millimeters mm_s ms milliseconds mrad mrad_s", 1e-3),
-    ("cm centimeters cm_s", 1e-2),
-    ("us microseconds", 1e-6),
-    ("ns nanoseconds", 1e-9),
-    ("deg degrees deg_s", DEGREE),
-    ("in inch", 0.0254),
-    ("ft", 0.3048),
-    ("km", 1e3),
-];
-
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
-
-/// Yaw, pitch and roll, under our names.
-const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
-
 /// Beginning of the names of range columns.
 const RANGE: &str = "ranging.distance";
 
 /// Longest time over which rows of one stamp are spread: stamps may have whole seconds.
 const ROW_S: f64 = 1.0;
 
-/// What a title says.
-#[derive(Debug, Default, PartialEq)]
-struct Title {
-    /// Our name; an unknown title's is as it stands.
-    name: String,
-    is_known: bool,
-    /// Size of the unit that it names.
-    unit: Option<f64>,
-    /// The path before the quantity.
-    body: String,
-    /// A unit in brackets that is none of ours.
-    other_unit: Option<String>,
-}
-
-/// Reads a plain table; its stamps may be those of a clock that others share.
-pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
-    let Job { file, options, budget } = job;
-    let captured = mocap_csv::table(text, file)?;
-    let table = captured.as_ref().map_or(text, |captured| &captured.text);
-    let plain = plain_text(table);
-    budget.bytes(plain.text.len())?;
-    let names = unnamed(table, &plain.text);
-    let needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
-    let sheet = Sheet::read(&plain.text, job, names, needed)?;
-    let mut log = Recording { firmware: firmware::in_comments(text), ..Recording::new(file) };
-    log.warnings.extend(plain.notes.into_iter().chain(sheet.warnings));
-    if sheet::header(&plain.text).is_none() {
-        log.warnings.push(format!("no head: the columns are taken as {}", names.join(", ")));
+/// Reads a plain table, or one of a motion capture, whose format says what it is; its stamps may be
+/// those of a clock that others share.
+pub(super) fn read(
+    text: &Text<'_>,
+    mut head: Head,
+    captured: Option<Capture>,
+    job: Job<'_>,
+) -> Result<Recording> {
+    let Job { file, options, .. } = job;
+    let mut log =
+        Recording { firmware: firmware::in_comments(&text.bytes), ..Recording::new(file) };
+    let mut unnamed = None;
+    if head.titles.is_empty() {
+        let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
+        let names: &[&str] = if is_tum { &TUM } else { &UNNAMED };
+        let other = |number: usize| format!("column{number}");
+        let others = (names.len() + 1..=head.n_columns).map(other);
+        head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
+        head.titles.truncate(head.n_columns);
+        unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));
     }
+    let is_needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
+    let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, is_needed)?;
+    log.warnings.append(&mut sheet.notes);
+    log.warnings.extend(unnamed);
+    rows::check(&sheet, file)?;
+    sheet.columns.retain(|column| !column.is_text());
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
+    rows::join_stamps(&mut sheet.columns, &mut are_dated, file, &mut log.warnings)?;
     let mut period_s = options.period_s;
     if let Some(captured) = &captured {
         (log.axes, log.in_format) = (captured.axes, Some(captured.format));
@@ -117,7 +79,10 @@ pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
-    sheet.columns.into_iter().try_for_each(|column| columns.add(column))?;
+    for column in sheet.columns {
+        let is_dated = are_dated[column.number - 1];
+        columns.add(column, is_dated)?;
+    }
     let Columns { mut log, time, named, unknown, .. } = columns;
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
@@ -126,7 +91,7 @@ pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
             return Err(Error::input(file, found, wanted, "leave the period out"));
         }
         (Some((_, time_s)), _) => time_s,
-        (None, Some(period_s)) => rows(&named, captured.is_some(), period_s),
+        (None, Some(period_s)) => stamps(&named, captured.is_some(), period_s),
         (None, None) => {
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
@@ -144,16 +109,10 @@ pub(super) fn read(text: &[u8], job: Job<'_>) -> Result<Recording> {
         log.warnings.push(format!("unknown columns are kept unchanged: {names}"));
     }
     let mut block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
-    settle_angles(&mut block, options.angle_unit, &mut log.warnings);
+    rows::check_places(&block, file)?;
+    resolve_angles(&mut block, options.angle_unit, &mut log.warnings);
     log.blocks = vec![block];
     Ok(log)
-}
-
-/// Names of the columns where the file has no header.
-fn unnamed(text: &[u8], plain: &[u8]) -> &'static [&'static str] {
-    let blanks = !sheet::is_separated(sheet::first_line(text));
-    let cells = sheet::first_line(plain).split(|byte| *byte == b',').count();
-    if blanks && cells == TUM.len() { &TUM } else { &UNNAMED }
 }
 
 /// Whether a header is that of PX4's `vehicle_local_position`, whose z points down.
@@ -163,7 +122,7 @@ fn is_px4(header: &[String]) -> bool {
 }
 
 /// Stamps of rows without times: by their numbers, or by those of the frames of a capture.
-fn rows(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
+fn stamps(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
         Some(frames) => frames.values.iter().map(|frame| frame * period_s).collect(),
@@ -185,11 +144,11 @@ struct Columns {
 }
 
 impl Columns {
-    fn add(&mut self, column: SheetColumn) -> Result<()> {
-        let SheetColumn { title, number, values, is_dated, .. } = column;
+    fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
+        let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::of(&title);
         if let Some(other) = other_unit {
-            let wanted = "m, cm, mm, in, ft, s, ms, us, ns, rad, deg, or these by s";
+            let wanted = "m, cm, mm, in, ft, s, ms, us, ns, min, h, d, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
             return Err(self.refused(
                 format!("column {title}"),
@@ -240,19 +199,6 @@ impl Columns {
     fn refused(&self, place: String, found: String, wanted: &str, hint: &str) -> Error {
         Error::input(place, found, wanted, hint).at(&self.log.file, None)
     }
-}
-
-/// The column of a title under our name, in SI units where the title names one.
-pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
-    let Title { name, unit, .. } = Title::of(title);
-    in_si_units(name, unit, values)
-}
-
-fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
-    let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
-    let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
-    values.iter_mut().for_each(|value| *value *= unit.unwrap_or(1.0));
-    Column { name, values, is_open_angle }
 }
 
 /// Whether a title without a meaning of a pose is one of ours, or a variable of the firmware.
@@ -314,97 +260,8 @@ fn midnights(times_s: &mut [f64]) -> u32 {
     wraps
 }
 
-/// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
-/// is.
-pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
-    let Title { name, unit, .. } = Title::of(title);
-    (name, unit)
-}
-
-/// Our name of a usual one.
-fn known(name: &str) -> Option<String> {
-    NAMES.iter().find_map(|(letters, ours, names)| {
-        let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
-        let is_usual = |letter: &char| names.split(' ').any(|usual| with(usual, *letter) == name);
-        letters.chars().find(is_usual).map(|letter| with(ours, letter))
-    })
-}
-
-/// The size of a unit.
-fn unit(name: &str) -> Option<f64> {
-    let is_named = |(names, _): &&(&str, f64)| names.split(' ').any(|known| known == name);
-    UNITS.iter().find(is_named).map(|(_, size)| *size)
-}
-
-impl Title {
-    fn of(title: &str) -> Self {
-        let (bare, bracket) = bracketed(title);
-        let (body, bare) = path_end(&bare);
-        let of = |name, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
-        if let Some(bracket) = bracket
-            && let Some(name) = known(&simplified(&bare))
-        {
-            let plain = simplified(&bracket);
-            let unit = unit(&plain);
-            let other_unit = Some(bracket).filter(|_| unit.is_none() && !plain.is_empty());
-            return Self { other_unit, ..of(name, unit, body) };
-        }
-        let simple = simplified(&path_end(title).1);
-        if let Some(name) = known(&simple) {
-            return of(name, None, body);
-        }
-        // A name that ends in its unit.
-        let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
-        let named = |(name, end)| unit(end).and_then(|unit| Some((known(name)?, Some(unit))));
-        match { parts }.find_map(named) {
-            Some((name, unit)) => of(name, unit, body),
-            None => Self { name: title.to_owned(), ..Self::default() },
-        }
-    }
-}
-
-/// A title without the unit in brackets at its end, and that unit.
-fn bracketed(title: &str) -> (String, Option<String>) {
-    let trimmed = title.trim();
-    for [open, close] in [['[', ']'], ['(', ')'], ['{', '}'], ['<', '>']] {
-        let inside = trimmed.strip_suffix(close).and_then(|text| text.rsplit_once(open));
-        if let Some((before, unit)) = inside {
-            return (before.trim().to_owned(), Some(unit.trim().to_owned()));
-        }
-    }
-    (trimmed.to_owned(), None)
-}
-
-/// A title in lower case, with underscores.
-fn simplified(title: &str) -> String {
-    let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
-    let lower = lower.replace('°', "deg").replace('µ', "u").replace('²', "2");
-    let lower = lower.replace(['[', '(', ' ', '/', '-', '^'], "_");
-    let mut lower = lower.replace([']', ')', '%', '#'], "");
-    while lower.contains("__") {
-        lower = lower.replace("__", "_");
-    }
-    lower.trim_start_matches('_').to_owned()
-}
-
-/// The path before a quantity of a pose, and the quantity's own name; a title that is no such path
-/// stays as it is.
-fn path_end(title: &str) -> (String, String) {
-    let parts: Vec<&str> = title.split(['/', '.']).collect();
-    if let [before @ .., group, axis] = &parts[..] {
-        match &*group.to_lowercase() {
-            "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
-            "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The stamp of a message belongs to all that is in it.
-            "header" => return (String::new(), format!("header_{axis}")),
-            _ => {}
-        }
-    }
-    (String::new(), title.to_owned())
-}
-
 /// Sets the unit of angles and angular velocities whose titles name none.
-pub(super) fn settle_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
+pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
     let most = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let rms = |values: &[f64]| {
         let n = values.len().max(1) as f64;
@@ -492,7 +349,8 @@ mod tests {
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         let (options, budget) = (&ImportOptions::default(), &Budget::of(file, "none"));
-        super::read(bytes, Job { file, options, budget })
+        let (text, job) = (Text::of(bytes), Job { file, options, budget });
+        super::read(&text, Head::find(&text.bytes), None, job)
     }
 
     #[test]

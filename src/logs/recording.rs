@@ -43,7 +43,7 @@ pub(super) struct Recording {
 pub(super) struct Block {
     pub(super) name: String,
     pub(super) clock: Clock,
-    /// Stamps; as logged until [`super::clock::settle`], then rising.
+    /// Stamps; as logged until [`super::clock::repair_stamps`], then rising.
     pub(super) time_s: Vec<f64>,
     pub(super) columns: Vec<Column>,
 }

@@ -151,18 +151,33 @@ struct Search<'a> {
     left_out: Vec<String>,
 }
 
+impl PositionSource {
+    /// The kinds of sources that it stands for.
+    fn kinds(self) -> &'static [Self] {
+        match self {
+            Best => ANY,
+            Firmware => &[Best, Firmware],
+            Estimate => &[Custom, Firmware],
+            Mocap => &[Mocap],
+            Custom => &[Custom],
+            Lighthouse => &[Lighthouse],
+        }
+    }
+}
+
+/// All kinds of sources.
+const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
+
+/// The position of a recording from some sources.
+pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
+    let mut search = Search { recording, used: BTreeSet::new(), left_out: Vec::new() };
+    search.of_kinds(POSITION, wanted.kinds()).map(|channels| search.without_zeros(channels))
+}
+
 /// Finds the quantities of a recording by the tables.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search { recording, used: BTreeSet::new(), left_out: Vec::new() };
-    let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
-    let truth: &[PositionSource] = match wanted {
-        Best => any,
-        Firmware => &[Best, Firmware],
-        Estimate => &[Custom, Firmware],
-        Mocap => &[Mocap],
-        Custom => &[Custom],
-        Lighthouse => &[Lighthouse],
-    };
+    let (any, truth) = (ANY, wanted.kinds());
     let position = search.of_kinds(POSITION, truth);
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [

@@ -102,7 +102,7 @@ impl Budget {
 
 /// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it
 /// would hold up to twice the bytes that are taken off its budget.
-pub fn push(column: &mut Vec<f64>, value: f64) {
+pub fn push<T>(column: &mut Vec<T>, value: T) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);
     }

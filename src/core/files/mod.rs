@@ -6,22 +6,24 @@
 //! and [`OutputFolder`].
 
 mod budget;
+mod csv_reader;
 #[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
 mod folder;
 #[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
 mod input;
 mod jpeg;
-mod lines;
 mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
 mod text;
+mod titles;
 
 pub use budget::{Budget, push};
+pub use csv_reader::{Head, RowRules, Separator, Sheet, SheetColumn};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
-pub use lines::Lines;
 pub use output::{Output, STANDARD_OUTPUT};
 pub use staging::folder_in;
-pub use text::{PlainText, decoded, plain_text};
+pub use text::Text;
+pub use titles::{DEGREE, bracketed, simplified, unit};

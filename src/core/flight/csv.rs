@@ -121,7 +121,12 @@ impl Flight {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    fn from_table(table: &Table) -> Result<Self> {
+    /// Makes a flight of the table of such a file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with line and column.
+    pub fn from_table(table: &Table) -> Result<Self> {
         let time_s = table.times_s(TIME)?;
         let odd = odd_titles(table)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
@@ -153,7 +158,8 @@ impl Flight {
         let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
         let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
         let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
-        let warnings = missing.into_iter().chain(odd.into_iter().map(Warning::File)).collect();
+        let said = table.notes().iter().cloned().chain(odd).map(Warning::File);
+        let warnings = missing.into_iter().chain(said).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
     }
 }
@@ -187,7 +193,7 @@ fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
     match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
         None => Ok(()),
-        Some((row, found)) => Err(table.wrong(name, row + 2, found, wanted, REWRITE_HINT)),
+        Some((row, found)) => Err(table.wrong(name, table.line(row), found, wanted, REWRITE_HINT)),
     }
 }
 

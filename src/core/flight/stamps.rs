@@ -5,6 +5,10 @@ use crate::statistics::median;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 pub const SLOWEST_PERIOD_S: f64 = 2.55;
 
+/// The shortest step of any log, and the usual ones: the firmware logs every 10 ms at most.
+const FASTEST_PERIOD_S: f64 = 0.9e-4;
+const USUAL_PERIOD_S: f64 = 9.5e-3;
+
 /// What a unit was found by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundUnit {
@@ -19,7 +23,8 @@ pub struct FoundUnit {
 /// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie
 /// logs so slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no
 /// unit makes one of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several
-/// rows of one stamp.
+/// rows of one stamp. A step of less than 0.1 ms is none either: it is of the first of minutes,
+/// hours and days that make it a usual one.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
@@ -30,11 +35,17 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
         step if step >= 1e6 => 1e-9,
         step if step >= 1e3 => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
+        step if step > 0.0 && step < FASTEST_PERIOD_S => {
+            let usual =
+                |unit_s: &f64| (USUAL_PERIOD_S..=SLOWEST_PERIOD_S).contains(&(step * unit_s));
+            [60.0, 3600.0, 86_400.0].into_iter().find(usual).unwrap_or(1.0)
+        }
         step if whole && step > 0.0 && (step > 1.0 || is_rising) => 1e-3,
         _ => 1.0,
     };
     // As it is shown.
-    let step = (step * 1e6).round() / 1e6;
+    let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
+    let step = (step * per_unit).round() / per_unit;
     let in_doubt = unit_s == 1.0 && !whole && step > 0.5;
     FoundUnit { unit_s, step, in_doubt }
 }
@@ -59,6 +70,12 @@ mod tests {
         {
             assert_eq!(unit_s(1.7e9, step), wanted, "{step}");
         }
+        for (step, wanted) in
+            [(0.1 / 86_400.0, 86_400.0), (0.05 / 3600.0, 3600.0), (0.01 / 86_400.0, 86_400.0)]
+        {
+            assert_eq!(unit_s(0.25, step), wanted, "{step}");
+        }
+        assert_eq!(unit_s(0.25, 1e-4), 1.0, "10 kHz");
         assert!(unit_of(&[0.25, 1.5, 2.75]).in_doubt, "seconds of a slow log, or ms of a fast one");
     }
 }

@@ -5,23 +5,11 @@
 //! so that a product reads back from its file bit by bit as it was in memory.
 
 use std::fmt::Display;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Budget, Limit, Lines, push};
-use crate::input_error;
-
-/// Most columns that a table may have.
-const MAX_COLUMNS: usize = 1024;
-
-/// Steps of reading a number, and bytes of memory: it is in the table, and in what is made of it.
-const STEPS: usize = 60;
-const BYTES: usize = 2 * size_of::<f64>();
-
-/// Largest text that is read as a whole, and longest line of plain numbers.
-const MAX_AT_ONCE: u64 = 32 << 20;
-const MAX_PLAIN_BYTES: usize = 1 << 16;
+use crate::files::{Budget, Head, Limit, RowRules, Sheet, Text};
 
 /// Longest flight: an hour, twelve times a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
@@ -35,8 +23,8 @@ pub const MAX_QUANTITY: f64 = 1e6;
 /// Latest or earliest time, before and after which a microsecond is lost in rounding.
 const MAX_TIME_S: f64 = 1e9;
 
-/// Largest file: an hour of 36 columns at 100 Hz in numbers of twenty digits.
-const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a table", hint: SMALLER_HINT };
+/// Largest file: an hour of 36 columns at 100 Hz in numbers of nine digits.
+const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
@@ -56,12 +44,11 @@ pub fn on_grid(value: f64) -> f64 {
     if size < 4.5e15 { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length.
+/// A table read from a file: named columns of equal length, all of finite numbers.
 #[derive(Debug)]
 pub struct Table {
     file: String,
-    header: Vec<String>,
-    columns: Vec<Vec<f64>>,
+    sheet: Sheet,
 }
 
 impl Table {
@@ -72,100 +59,57 @@ impl Table {
     /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
     /// a cell is no finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(LIMIT.open(path)?, &path.display().to_string())
+        Self::parse(&LIMIT.read(path)?, &path.display().to_string())
     }
 
-    /// Reads CSV text; `file` is its name in messages.
+    /// Reads the bytes of such a file; `file` is its name in messages.
     ///
     /// # Errors
     ///
     /// [`Error::Input`], as [`Self::read`].
-    pub fn parse(text: impl Read, file: &str) -> Result<Self> {
-        let (mut bytes, mut text) = (Vec::new(), text.take(MAX_AT_ONCE));
-        let is_whole = text.read_to_end(&mut bytes).is_ok_and(|n| (n as u64) < MAX_AT_ONCE);
-        if let Some(table) = is_whole.then(|| Self::of_numbers(&bytes, file)).flatten() {
-            return Ok(table);
-        }
-        let text = (&bytes[..]).chain(text.into_inner());
-        let budget = Budget::of(file, SMALLER_HINT);
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(Lines::new(text));
-        let broken = |source: &csv::Error| {
-            let line = source.position().map_or(1, csv::Position::line);
-            let wanted = "a CSV table with a header line and rows of equal length";
-            Error::input("", source, wanted, REWRITE_HINT).at(file, line)
-        };
-        let header: Vec<String> =
-            reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
-        let n = header.len();
-        if n > MAX_COLUMNS {
-            return Err(input_error!(
-                file,
-                "{n} columns",
-                "at most {MAX_COLUMNS}",
-                "{SMALLER_HINT}"
-            ));
-        }
-        let mut columns = vec![Vec::new(); n];
-        let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(|e| broken(&e))? {
-            budget.bytes(BYTES * n)?;
-            budget.steps(STEPS * n)?;
-            for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
-                let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
-                push(
-                    column,
-                    value.ok_or_else(|| {
-                        let line = record.position().map_or(1, csv::Position::line);
-                        let (place, found) = (format_args!("column {name}"), shortened(cell));
-                        let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
-                        Error::input(place, format_args!("{found:?}"), wanted, REWRITE_HINT)
-                            .at(file, line)
-                    })?,
-                );
-            }
-        }
-        Ok(Self { file: file.to_owned(), header, columns })
+    pub fn parse(bytes: &[u8], file: &str) -> Result<Self> {
+        let text = Text::of(bytes);
+        let head = Head::find(&text.bytes);
+        Self::below(head, &text, file)
     }
 
-    /// The table of a text of plain numbers, in a fraction of the time; `None` of any other, of
-    /// which [`Self::parse`] knows what is wrong.
-    fn of_numbers(text: &[u8], file: &str) -> Option<Self> {
+    /// Reads the rows below a head.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn below(head: Head, text: &Text<'_>, file: &str) -> Result<Self> {
         let budget = Budget::of(file, SMALLER_HINT);
-        let mut lines =
-            text.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));
-        let header = std::str::from_utf8(lines.next()?).ok()?;
-        let is_plain = !text.contains(&b'"') && !header.is_empty();
-        let header: Vec<String> = header.split(',').map(|title| title.trim().to_owned()).collect();
-        if !is_plain || header.len() > MAX_COLUMNS {
-            return None;
+        let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
+        let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
+        let rules = RowRules { file, budget, hint, needs_line_ends };
+        let sheet = Sheet::read(text, head, rules, number)?;
+        budget.bytes(size_of::<f64>() * sheet.n_rows() * sheet.columns.len())?;
+        if let Some((column, line, cell)) = sheet.first_text(|_| true) {
+            let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
+            let place = format_args!("column {}", column.title);
+            let error = Error::input(place, format_args!("{cell:?}"), wanted, REWRITE_HINT);
+            return Err(error.at(file, line as u64));
         }
-        let mut columns = vec![Vec::new(); header.len()];
-        for line in lines.filter(|line| !line.is_empty()) {
-            if line.len() > MAX_PLAIN_BYTES {
-                return None;
-            }
-            budget.bytes(BYTES * header.len()).ok()?;
-            budget.steps(STEPS * header.len()).ok()?;
-            let mut cells = line.split(|byte| *byte == b',');
-            for column in &mut columns {
-                let cell = cells.next()?.trim_ascii();
-                let value =
-                    short_number(cell).or_else(|| std::str::from_utf8(cell).ok()?.parse().ok());
-                let value = value.filter(|value| value.abs() <= MAX_NUMBER)?;
-                push(column, value);
-            }
-            if cells.next().is_some() {
-                return None;
-            }
-        }
-        Some(Self { file: file.to_owned(), header, columns })
+        Ok(Self { file: file.to_owned(), sheet })
+    }
+
+    /// What was assumed of the file, or left out.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.sheet.notes
+    }
+
+    /// Line of a row, from 1.
+    #[must_use]
+    pub fn line(&self, row: usize) -> usize {
+        self.sheet.line(row)
     }
 
     /// How many rows there are.
     #[must_use]
     pub fn n_rows(&self) -> usize {
-        self.columns.first().map_or(0, Vec::len)
+        self.sheet.n_rows()
     }
 
     /// A column by name.
@@ -176,15 +120,16 @@ impl Table {
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         self.find(name).ok_or_else(|| {
             let (place, wanted) = (format_args!("{}:1", self.file), format!("a column {name}"));
-            Error::input(place, shortened(&self.header.join(",")), wanted, REWRITE_HINT)
+            let titles: Vec<&str> = self.columns_after("").map(|(title, _)| title).collect();
+            let first: String = titles.join(",").chars().take(60).collect();
+            Error::input(place, first, wanted, REWRITE_HINT)
         })
     }
 
     /// A column by name; `None` where there is none.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<&[f64]> {
-        let index = self.header.iter().position(|title| title == name)?;
-        Some(&self.columns[index])
+        Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
 
     /// A column of a quantity: every number is within ±1e6.
@@ -198,7 +143,7 @@ impl Table {
             None => Ok(column),
             Some(row) => {
                 let wanted = format!("a number within ±{MAX_QUANTITY}");
-                Err(self.wrong(name, row + 2, column[row], wanted, REWRITE_HINT))
+                Err(self.wrong(name, self.line(row), column[row], wanted, REWRITE_HINT))
             }
         }
     }
@@ -226,8 +171,10 @@ impl Table {
         &'a self,
         prefix: &'a str,
     ) -> impl Iterator<Item = (&'a str, &'a [f64])> {
-        let named = self.header.iter().zip(&self.columns);
-        named.filter_map(move |(title, column)| Some((title.strip_prefix(prefix)?, &column[..])))
+        let columns = self.sheet.columns.iter();
+        columns.filter_map(move |column| {
+            Some((column.title.strip_prefix(prefix)?, &column.values[..]))
+        })
     }
 
     /// A column of times, which must not be empty, must not fall, and lasts an hour at most.
@@ -248,7 +195,13 @@ impl Table {
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
             let wanted = format!("at least {}, the time before it", time_s[row]);
             let found = time_s[row + 1];
-            return Err(self.wrong(name, row + 3, found, wanted, "sort the rows by time"));
+            return Err(self.wrong(
+                name,
+                self.line(row + 1),
+                found,
+                wanted,
+                "sort the rows by time",
+            ));
         }
         let beyond = |time_s: f64, first_s: f64| {
             let [time_s, first_s] = [time_s, first_s].map(|time| time * unit_s);
@@ -256,41 +209,9 @@ impl Table {
         };
         if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {
             let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
-            return Err(self.wrong(name, row + 2, time_s[row], wanted, MILLISECONDS_HINT));
+            return Err(self.wrong(name, self.line(row), time_s[row], wanted, MILLISECONDS_HINT));
         }
         Ok(time_s)
-    }
-}
-
-/// A number of up to 15 digits without an exponent, rounded as [`str::parse`] does: numerator and
-/// denominator are exact, and rounded once (Clinger 1990). `None` of any other text.
-fn short_number(cell: &[u8]) -> Option<f64> {
-    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
-    if digits.len() > 16 {
-        return None;
-    }
-    let (mut numerator, mut denominator, mut has_point) = (0_u64, 1_u64, false);
-    for byte in digits {
-        match byte {
-            b'0'..=b'9' => {
-                numerator = 10 * numerator + u64::from(byte - b'0');
-                denominator *= if has_point { 10 } else { 1 };
-            }
-            b'.' if !has_point => has_point = true,
-            _ => return None,
-        }
-    }
-    let n_digits = digits.len() - usize::from(has_point);
-    let size = numerator as f64 / denominator as f64;
-    let value = if digits.len() < cell.len() { -size } else { size };
-    (1..=15).contains(&n_digits).then_some(value)
-}
-
-/// The beginning of a cell, for a message.
-fn shortened(cell: &str) -> String {
-    match cell.char_indices().nth(60) {
-        Some((end, _)) => format!("{} ...", &cell[..end]),
-        None => cell.to_owned(),
     }
 }
 
@@ -367,34 +288,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plain_numbers_are_read_as_any_table_is() {
-        let plain = "t, x\r\n0,1e-3\n\n 0.5 ,-2";
-        let quoted = plain.replace("t, x", "t,\"x\"");
-        assert!(Table::of_numbers(plain.as_bytes(), "a.csv").is_some(), "the short way");
-        assert!(Table::of_numbers(quoted.as_bytes(), "a.csv").is_none(), "the long way");
-        for text in [plain, &quoted] {
-            let table = Table::parse(text.as_bytes(), "a.csv").unwrap();
-            assert_eq!(table.header, ["t", "x"]);
-            assert_eq!(table.columns, [[0.0, 0.5], [1e-3, -2.0]]);
-        }
-        for broken in ["t,x\n0,1\n2\n", "t,x\n0,1,2\n", "t,x\n0,NaN\n", "t,x\n0,\n", "t,x\n \n"] {
-            assert!(Table::of_numbers(broken.as_bytes(), "a.csv").is_none(), "{broken}");
+    fn cells_that_are_no_finite_numbers_and_rows_of_another_length_are_refused() {
+        let table = Table::parse(b"t, \"x\"\r\n0,1e-3\n\n 0.5 ,-2", "a.csv").unwrap();
+        let columns: Vec<(&str, &[f64])> = table.columns_after("").collect();
+        assert_eq!(columns, [("t", &[0.0, 0.5][..]), ("x", &[1e-3, -2.0])]);
+        for broken in ["t,x\n0,1\n2\n", "t,x\n0,1,2\n", "t,x\n0,NaN\n", "t,x\n0,\n"] {
             assert!(Table::parse(broken.as_bytes(), "a.csv").is_err(), "{broken}");
         }
     }
 
     use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn short_numbers_are_rounded_as_any_are(text in "-?[0-9]{0,9}[.]?[0-9]{0,9}") {
-            let found = short_number(text.as_bytes());
-            let wanted = text.parse::<f64>().ok();
-            prop_assert!(found.is_none() || found.map(f64::to_bits) == wanted.map(f64::to_bits));
-            let n_digits = text.bytes().filter(u8::is_ascii_digit).count();
-            prop_assert_eq!(found.is_some(), (1..=15).contains(&n_digits));
-        }
-    }
 
     fn text(value: f64) -> String {
         let mut line = Vec::new();
@@ -441,7 +344,7 @@ mod tests {
             let error = Table::parse(csv.as_bytes(), "plan.csv").unwrap_err().to_string();
             assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
         }
-        let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
+        let table = Table::parse(b"time_s\n0\n0.2\n0.1\n", "plan.csv").unwrap();
         let error = table.times_s("time_s").unwrap_err().to_string();
         assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
     }

@@ -74,6 +74,10 @@ impl Plan {
     }
 
     fn from_table(table: &Table) -> Result<Self> {
+        if let Some(note) = table.notes().first() {
+            let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
+            return Err(Error::input("text", note, wanted, hint));
+        }
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),

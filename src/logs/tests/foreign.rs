@@ -524,3 +524,152 @@ proptest! {
         prop_assert!(named(&half, "log", "x_m") && named(&half, "log", &name), "half a position");
     }
 }
+
+fn refused(text: &str) -> String {
+    let error = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
+    format!("{error}; {}", error.hint())
+}
+
+#[test]
+fn stamps_in_two_columns_and_in_longer_units_are_read() {
+    let stamped = |head: &str, stamp: &dyn Fn(f64) -> String| {
+        rows(&format!("{head},x,y,z\n"), |t, [x, y, z]| format!("{},{x},{y},{z}", stamp(t)))
+    };
+    let parts = |t: f64| ((t + 1e-9).floor(), (t + 1e-9).fract());
+    let nanoseconds = |t: f64| format!("{},{:.0}", 1.7e9 + parts(t).0, 1e9 * parts(t).1);
+    let clock =
+        |t: f64| format!("12:{:02.0}:{:06.3}", (50.0 + t).floor() / 60.0 - 0.5, (50.0 + t) % 60.0);
+    let clock = |t: f64| if t < 9.95 { clock(t) } else { format!("12:01:{:06.3}", t - 10.0) };
+    let tables = [
+        ("ROS 2", stamped("sec,nanosec", &nanoseconds)),
+        ("ROS 2, flat", stamped("header.stamp.sec,header.stamp.nanosec", &nanoseconds)),
+        ("ROS 1", stamped("field.header.stamp.secs,field.header.stamp.nsecs", &nanoseconds)),
+        ("nanoseconds first", {
+            let swapped = |t: f64| format!("{:.0},{}", 1e9 * parts(t).1, parts(t).0);
+            stamped("stamp_nanosec,stamp_sec", &swapped)
+        }),
+        ("microseconds", {
+            stamped("tv_sec,tv_usec", &|t| format!("{},{:.0}", parts(t).0, 1e6 * parts(t).1))
+        }),
+        ("date and time", stamped("Date,Time", &|t| format!("2026-01-01,{}", clock(t)))),
+        ("time and date", stamped("Uhrzeit,Datum", &|t| format!("{},01.01.2026", clock(t)))),
+        ("days", stamped("time", &|t| format!("{:.10}", 46_023.4 + t / 86_400.0))),
+        ("hours", stamped("time", &|t| format!("{:.9}", t / 3600.0))),
+        ("minutes", stamped("t_min", &|t| format!("{:.7}", t / 60.0))),
+        ("minutes in brackets", stamped("Time [minutes]", &|t| format!("{:.7}", t / 60.0))),
+        ("days in the title", stamped("time (days)", &|t| format!("{:.10}", t / 86_400.0))),
+        ("msec", stamped("Time [msec]", &|t| format!("{:.0}", 1e3 * t))),
+    ];
+    for (what, text) in &tables {
+        check(what, &read(text.as_bytes()));
+    }
+    says(&read(tables[7].1.as_bytes()), "taken as 86400 s a unit");
+    assert!(refused(&stamped("date", &|_| "2026-01-01".into())).contains("days alone"));
+    let latin: Vec<u8> = plain().replacen('z', "z,h\u{e9}", 1).chars().map(|c| c as u8).collect();
+    let latin =
+        latin.split(|byte| *byte == b'\n').enumerate().fold(Vec::new(), |mut all, (n, line)| {
+            all.extend_from_slice(line);
+            all.extend_from_slice(if n == 0 || line.is_empty() { b"" } else { b",7" });
+            all.extend((!line.is_empty()).then_some(b'\n'));
+            all
+        });
+    let flight = read(&latin);
+    check("Windows-1252", &flight);
+    says(&flight, "Windows-1252");
+}
+
+#[test]
+fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
+    let owned = |head: &str, owner: &dyn Fn(usize) -> String, apart_s: f64| {
+        let mut text = format!("t,{head},x,y,z\n");
+        for i in 0..=240_u32 {
+            let (t, second) = (0.1 * f64::from(i / 2), i % 2 == 1);
+            let [x, y, z] = place(t);
+            let (t, x) = if second { (t + apart_s, x + 1.5) } else { (t, x) };
+            writeln!(text, "{t:.3},{},{x},{y},{z}", owner(usize::from(second))).unwrap();
+        }
+        text
+    };
+    let id = |which: usize| ["1", "2"][which].to_owned();
+    let uri = |which: usize| format!("radio://0/80/2M/E7E7E7E70{which}");
+    for (head, owner) in
+        [("drone_id", &id as &dyn Fn(usize) -> String), ("URI", &uri), ("cf", &uri)]
+    {
+        for apart_s in [0.04, 0.0] {
+            let error = refused(&owned(head, owner, apart_s));
+            assert!(error.contains(&format!("column {head}")), "{error}");
+            assert!(error.contains("rows of several drones"), "{error}");
+        }
+    }
+    assert!(refused(&owned("mode", &id, 0.04)).contains("faster than 15 m/s"));
+    assert!(refused(&owned("mode", &id, 0.0)).contains("at another place at the same time"));
+    let one = rows("t,drone_id,x,y,z\n", |t, [x, y, z]| format!("{t:.2},7,{x},{y},{z}"));
+    check("one drone", &read(one.as_bytes()));
+    let scaled = |head: &str, scale: f64| {
+        rows(head, |t, [x, y, z]| format!("{t:.2},{},{},{}", scale * x, scale * y, scale * z))
+    };
+    assert!(refused(&scaled("t,x,y,z\n", 100.0)).contains("x_cm"));
+    check("named", &read(scaled("t,x_cm,y_cm,z_cm\n", 100.0).as_bytes()));
+    let options = ImportOptions { max_speed_m_s: 60.0, ..ImportOptions::default() };
+    assert!(parse(scaled("t,x,y,z\n", 100.0).as_bytes(), "log", &options).is_ok(), "as told");
+    let long = rows("time,name,value\n", |t, [x, ..]| {
+        format!("{t},stateEstimate.x,{x}\n{t},stateEstimate.z,1")
+    });
+    assert!(refused(&long).contains("pivot_table(index=\"time\""));
+}
+
+#[test]
+fn a_format_that_was_recognized_says_itself_why_it_is_not_read() {
+    let take =
+        "Format Version,1.23,Take Name,a,Length Units,Meters\n\nFrame,Time (Seconds)\n0,0.0\n";
+    assert!(refused(take).contains("Marker: found none in the take"), "{}", refused(take));
+    let cut = "Format Version,1.23,Take Name,a\n\n,Type\n";
+    assert!(refused(cut).contains("begins with Frame"), "{}", refused(cut));
+    let split = r#"{"columns":["t","x"],"index":[0],"data":[[0,1]]}"#;
+    assert!(refused(split).contains("records"), "{}", refused(split));
+}
+
+#[test]
+fn json_of_pandas_and_of_ros_is_read_and_its_drones_are_told_apart() {
+    let names = ["timestamp", "stateEstimate.x", "stateEstimate.y", "stateEstimate.z"];
+    let values = |column: usize, i: u32| {
+        let t = 0.1 * f64::from(i);
+        let [x, y, z] = place(t);
+        [(1e3 * t).round(), x, y, z][column]
+    };
+    let join = |cell: &dyn Fn(u32) -> String| (0..=120).map(cell).collect::<Vec<_>>().join(",");
+    let by_index = |key: &dyn Fn(u32) -> u32, columns: &[usize]| {
+        let column = |column: &usize| {
+            let cells = join(&|i| format!("\"{}\": {}", key(i), values(*column, i)));
+            format!("\"{}\": {{{cells}}}", names[*column])
+        };
+        format!("{{{}}}", columns.iter().map(column).collect::<Vec<_>>().join(","))
+    };
+    let row = |i: u32| {
+        let cells = (0..4).map(|column| format!("\"{}\": {}", names[column], values(column, i)));
+        format!("{{{}}}", cells.collect::<Vec<_>>().join(","))
+    };
+    let rows = join(&|i| format!("\"{i}\": {}", row(i)));
+    let ros = join(&|i| {
+        let [x, y, z] = place(0.1 * f64::from(i));
+        let stamp = format!("{{\"sec\": {}, \"nanosec\": {}}}", 17 + i / 10, i % 10 * 100_000_000);
+        format!("{{\"header\": {{\"stamp\": {stamp}}}, \"x\": {x}, \"y\": {y}, \"z\": {z}}}")
+    });
+    for (what, text) in [
+        ("columns", by_index(&|i| i, &[0, 1, 2, 3])),
+        ("stamps as the index", by_index(&|i| 100 * i + 500, &[1, 2, 3])),
+        ("index", format!("{{{rows}}}")),
+        ("ROS 2", format!("[{ros}]")),
+    ] {
+        check(what, &read(text.as_bytes()));
+    }
+    let owned = |owner: &str| ros.replace("\"x\"", &format!("\"uri\": {owner}, \"x\""));
+    let mut second = false;
+    let two: String = owned("\"@\"").split('@').fold(String::new(), |text, part| {
+        second = !second;
+        text + part + if second { "a" } else { "b" }
+    });
+    let two = two.rsplit_once(['a', 'b']).unwrap().0;
+    let error = refused(&format!("[{two}]"));
+    assert!(error.contains("uri") && error.contains("a, b"), "{error}");
+}

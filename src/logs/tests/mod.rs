@@ -115,7 +115,9 @@ fn read_back(flight: &Flight) -> Flight {
 #[test]
 fn gaps_are_not_interpolated() {
     let rows = |from: u32, to: u32| -> String {
-        (from..to).map(|i| format!("{},{},0,1\n", f64::from(i) * 0.02, f64::from(i))).collect()
+        (from..to)
+            .map(|i| format!("{},{},0,1\n", f64::from(i) * 0.02, f64::from(i) * 0.1))
+            .collect()
     };
     let flight = imported(format!("t,x,y,z\n{}{}", rows(0, 50), rows(100, 150)).as_bytes());
     assert_eq!(flight.gaps, [[0.98, 2.0]]);
@@ -222,7 +224,9 @@ fn short_logs() -> [Vec<u8>; 6] {
         b"\xbc\x02\0\x01\0\x07\0fast\0\x03\0kalman.stateX(f)\0kalman.stateY(h)\0kalman.stateZ(e)\0"
             .to_vec();
     for i in 0..40_u8 {
-        usd.extend([&[7, 0, i, 200, i, 0, 0, 0, 0, 0], &[0, 0, 128, i, i, 0, i, 60][..]].concat());
+        usd.extend(
+            [&[7, 0, i, 200, 2 * i, 0, 0, 0, 0, 0], &[0, 0, 128, i, i, 0, i, 60][..]].concat(),
+        );
     }
     usd.extend(crc32fast::hash(&usd).to_le_bytes());
     let mocap = br#"{"drone": {"stateEstimate.x": {"time": [1, 2, 3], "data": [1, 2, 3]},
@@ -233,7 +237,8 @@ fn short_logs() -> [Vec<u8>; 6] {
         straight_flight().into_bytes(),
         usd,
         mocap.to_vec(),
-        b"Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n10,1,2,3\n20,2,3,4\n".to_vec(),
+        b"Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n10,1,2,3\n20,1.1,2.1,3.1\n"
+            .to_vec(),
         b"i,timestamp,ranging.distance0\n0,2023-05-04 12:00:00,1\n1,2023-05-04 12:00:01,2\n"
             .to_vec(),
         b"t,x,y,z,yaw,r\n0,1,2,3,4,5\n0.1,2,3,4,5,6\n".to_vec(),

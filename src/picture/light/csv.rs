@@ -4,17 +4,17 @@
 //! direction); more columns are allowed. A table has no beams.
 //!
 //! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
-//! after `#`, in every form of [`noctograph_core::files::plain_text`]; stamps in ms, µs or ns by
-//! their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
+//! after `#`, in every form of table that [`Head`] knows; units in brackets; stamps in ms, µs or ns
+//! by their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
 
-use std::io::Read;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::Vector3;
 
 use super::{Emitter, Lamp, LightSample, LightTrace};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::plain_text;
+use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
 use noctograph_core::flight::stamps::unit_of;
 use noctograph_core::flight::table::{Table, on_grid};
 
@@ -24,40 +24,43 @@ const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
 const DIGIT_CD: f64 = 1e-5;
 
-/// Usual titles of the columns, in lower case.
-const TITLES: [(&str, &[&str]); 7] = [
-    ("t", &["t", "time", "t_s", "time_s", "timestamp", "seconds", "t [s]", "time [s]", "time (s)"]),
-    ("x", &["x", "x_m", "px", "pos_x", "x [m]", "x (m)"]),
-    ("y", &["y", "y_m", "py", "pos_y", "y [m]", "y (m)"]),
-    ("z", &["z", "z_m", "pz", "pos_z", "z [m]", "z (m)"]),
-    ("r", &["r", "red"]),
-    ("g", &["g", "green"]),
-    ("b", &["b", "blue"]),
+/// Usual titles of the columns, in lower case and without their unit.
+const TITLES: [(&str, &str); 7] = [
+    ("t", "t time t_s time_s timestamp seconds"),
+    ("x", "x x_m px pos_x"),
+    ("y", "y y_m py pos_y"),
+    ("z", "z z_m pz pos_z"),
+    ("r", "r red"),
+    ("g", "g green"),
+    ("b", "b blue"),
 ];
 
 /// Largest level of a light log in bytes, and the intensity that it is shown as.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
-/// Our name of a title.
-fn column(title: &str) -> Option<&'static str> {
-    let title = title.trim().trim_matches('"').trim_start_matches(['#', '%']).trim().to_lowercase();
-    TITLES.iter().find(|(_, titles)| titles.contains(&&*title)).map(|(name, _)| *name)
+/// Our name of a title, and the size of the unit that it names in brackets.
+fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
+    let (bare, bracket) = bracketed(title);
+    let bare = bare.to_lowercase();
+    let is_known = |(_, titles): &&(_, &str)| titles.split(' ').any(|known| known == bare);
+    let name = TITLES.iter().find(is_known)?.0;
+    match bracket {
+        None => Some((name, None)),
+        Some(bracket) => Some((name, Some(unit(&simplified(bracket), name == "t")?))),
+    }
 }
 
-/// The first line of a text that is not empty.
-fn head(text: &[u8]) -> String {
-    let mut lines = text.split(|byte| *byte == b'\n');
-    let line = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
-    String::from_utf8_lossy(&line[..line.len().min(1 << 12)]).trim().to_owned()
+/// Whether a head is that of a light trace.
+fn is_its_own(head: &Head) -> bool {
+    let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
+    COLUMNS.iter().all(|column| names.contains(column))
 }
 
-/// Whether a text's first line is the header of a light trace.
+/// Whether a text begins with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
-    let head = head(&plain_text(&text[..text.len().min(1 << 16)]).text);
-    let found: Vec<Option<&str>> = head.split(',').map(column).collect();
-    COLUMNS.iter().all(|column| found.contains(&Some(column)))
+    is_its_own(&Head::find(&Text::of(&text[..text.len().min(1 << 16)]).bytes))
 }
 
 /// Reads the text of a light trace or of another program's light log; `file` is its name in
@@ -68,35 +71,33 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 /// [`Error::Input`] with line and column where a cell is not a number, time falls, or an intensity
 /// is negative.
 pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
-    let plain = plain_text(text);
-    let mut warnings = plain.notes;
-    let head = head(&plain.text);
-    let titles: Vec<&str> = head.split(',').map(str::trim).collect();
-    let own = COLUMNS.iter().all(|column| titles.contains(column));
-    let (mut names, mut others) = (Vec::new(), Vec::new());
-    for title in &titles {
-        let name = if own && COLUMNS.contains(title) { Some(*title) } else { column(title) };
-        match name.filter(|name| !names.contains(&(*name).to_owned())) {
-            Some(name) => names.push(name.to_owned()),
+    let text = Text::of(text);
+    let mut head = Head::find(&text.bytes);
+    let own = COLUMNS.iter().all(|column| head.has(column));
+    let (mut units, mut others) = (BTreeMap::new(), Vec::new());
+    for title in &mut head.titles {
+        let is_own = own && COLUMNS.contains(&title.as_str());
+        let named = column(title).filter(|(name, _)| !units.contains_key(name));
+        match named.filter(|_| is_own || !own || !COLUMNS.contains(&title.as_str())) {
+            Some((name, unit)) => {
+                units.insert(name, unit);
+                *title = name.to_owned();
+            }
             None => {
-                others.push(*title);
-                names.push(format!("other {title}"));
+                others.push(title.clone());
+                *title = format!("other {title}");
             }
         }
     }
+    let table = Table::below(head, &text, file)?;
+    let mut warnings = table.notes().to_vec();
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
-    // Empty lines before the head have no row.
-    let start = plain.text.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(0);
-    let (before, rest) = plain.text.split_at(start);
-    let end = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
-    let names = names.join(",");
-    let table = Table::parse(before.chain(names.as_bytes()).chain(&rest[end..]), file)?;
-    let lines_before = before.iter().filter(|byte| **byte == b'\n').count();
+    let size = |name| units.get(name).copied().flatten();
 
-    let mut unit_s = 1.0;
-    if !own {
+    let mut unit_s = size("t").unwrap_or(1.0);
+    if !own && size("t").is_none() {
         let found = unit_of(table.column("t")?);
         unit_s = found.unit_s;
         if unit_s != 1.0 {
@@ -123,14 +124,15 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {
         if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
-            let place = format!("{file}:{}: column {name}", lines_before + row + 2);
+            let place = format!("{file}:{}: column {name}", table.line(row));
             let hint = "correct the file, or write it again";
             return Err(Error::input(place, column[row], "a number from 0 to 1e6", hint));
         }
     }
+    let [x_m, y_m, z_m] = ["x", "y", "z"].map(|name| size(name).unwrap_or(1.0));
     let instant = |row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
-        position_m: Vector3::new(x[row], y[row], z[row]),
+        position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
     };
     let instants: Vec<Instant> = (0..t.len()).map(instant).collect();
@@ -273,6 +275,7 @@ mod tests {
             format!("Time (s);x;y;z;Red;Green;Blue\n{}", body(";", 1.0).replace('.', ",")),
             format!("timestamp\tx\ty\tz\tr\tg\tb\r{}", body("\t", 1e3).replace('\n', "\r")),
             format!("# light painting\n# t x y z R G B\n{}", body(" ", 1.0)),
+            format!("Time [msec],x [m],y [m],z [m],Red,Green,Blue\n{}", body(",", 1e3)),
         ];
         for log in &logs {
             assert!(is_light_trace(log.as_bytes()), "{log}");

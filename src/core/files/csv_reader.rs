@@ -1,0 +1,493 @@
+//! The one reader of tables: a text's head is found, and its rows become columns of numbers.
+//!
+//! Understood: commas, semicolons, tabs or blanks between cells; decimal commas, where no cell has
+//! a point; quotation marks; comments (`#`, `%`, `//`) and other lines before the head; a head that
+//! is a comment; a line of units below the head.
+
+use super::{Budget, Text, push};
+use crate::error::{Error, Result};
+use crate::input_error;
+
+/// Lines among which the first row is looked for.
+const HEAD_LINES: usize = 200;
+/// Most columns of a table.
+const MAX_COLUMNS: usize = 1024;
+/// Steps of reading a byte, and of a cell besides.
+const STEPS: [usize; 2] = [1, 60];
+/// How many different texts of a column are kept, and how much of each.
+const TEXTS: (usize, usize) = (4, 60);
+
+/// What parts the cells of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Separator {
+    /// A comma, a semicolon or a tab.
+    Byte(u8),
+    /// One or more blanks.
+    Blanks,
+}
+
+/// The head of a table.
+#[derive(Clone, Debug)]
+pub struct Head {
+    /// The titles, each with its unit in brackets; none where the file has no head.
+    pub titles: Vec<String>,
+    /// How many columns there are.
+    pub n_columns: usize,
+    /// What parts the cells.
+    pub separator: Separator,
+    /// Index of the first row's line.
+    pub row: usize,
+    /// Lines before it that are not read.
+    pub notes: Vec<String>,
+}
+
+/// How the rows of a table are read.
+#[derive(Clone, Copy, Debug)]
+pub struct RowRules<'a> {
+    /// The table's name in messages.
+    pub file: &'a str,
+    /// What it may become.
+    pub budget: &'a Budget,
+    /// Advice for a table that is broken.
+    pub hint: &'a str,
+    /// Whether a last line without an end is left out: half a number may look like a number.
+    pub needs_line_ends: bool,
+}
+
+/// Columns of equal length.
+#[derive(Debug)]
+pub struct Sheet {
+    /// The columns in the order of the file.
+    pub columns: Vec<SheetColumn>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+    /// The line of each row.
+    lines: Vec<u32>,
+}
+
+/// A column. Cells without a number are not finite.
+#[derive(Debug, Default)]
+pub struct SheetColumn {
+    /// Its title; empty where it has none.
+    pub title: String,
+    /// Its place in the file, from 1.
+    pub number: usize,
+    /// Its numbers.
+    pub values: Vec<f64>,
+    /// How many of its cells are texts.
+    pub n_texts: usize,
+    /// The first different ones of them.
+    pub texts: Vec<String>,
+    /// Line of the first.
+    text_line: usize,
+}
+
+impl Separator {
+    const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
+
+    /// The most frequent in a line; a comma where there is none.
+    #[must_use]
+    pub fn most_in(line: &[u8]) -> Self {
+        let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
+        Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
+    }
+
+    /// The cells of a line, trimmed; quotation marks stay.
+    pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
+        let mut quoted = false;
+        let line = if self == Self::Blanks { line.trim_ascii() } else { line };
+        let ends = move |byte: &u8| {
+            quoted ^= *byte == b'"';
+            !quoted
+                && match self {
+                    Self::Byte(separator) => *byte == separator,
+                    Self::Blanks => *byte == b' ' || *byte == b'\t',
+                }
+        };
+        let cells = line.split(ends).map(<[u8]>::trim_ascii);
+        cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
+    }
+
+    /// How many cells a line has, without empty ones at its end.
+    fn count(self, line: &[u8]) -> usize {
+        let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
+        filled.last().map_or(0, |(place, _)| place + 1)
+    }
+
+    /// The cells of a line as titles.
+    fn titles(self, line: &[u8]) -> Vec<String> {
+        let cells = self.cells(uncommented(line)).take(MAX_COLUMNS + 1);
+        cells.map(|cell| String::from_utf8_lossy(unquoted(cell)).trim().to_owned()).collect()
+    }
+
+    /// Whether a line is a row of a table: its first cell is a number or a date, and most others
+    /// are.
+    fn is_row(self, line: &[u8]) -> bool {
+        let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
+        let least = if self == Self::Blanks { 3 } else { 2 };
+        let starts = |cell: &&[u8]| is_number(cell) || is_date(cell);
+        let filled: Vec<_> = cells.iter().filter(|cell| !cell.is_empty()).collect();
+        let numbers = filled.iter().filter(|cell| starts(cell)).count();
+        // A date without a separator of its own has a blank in it.
+        let whole = self != Self::Blanks || numbers == cells.len();
+        cells.len() >= least
+            && whole
+            && filled.first().is_some_and(|cell| starts(cell))
+            && 2 * numbers >= filled.len()
+    }
+}
+
+/// The lines of a text, as they are numbered.
+fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line))
+}
+
+impl Head {
+    /// Finds the head of a table.
+    #[must_use]
+    pub fn find(text: &[u8]) -> Self {
+        let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
+        let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
+        let first = { rows }.find_map(|(index, line)| {
+            Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
+        });
+        match first {
+            Some((row, separator)) => Self::above(&lines, row, separator),
+            None => Self::alone(&lines),
+        }
+    }
+
+    /// The head above a row.
+    fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
+        let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
+        let before = || (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
+        let fits = |index: &usize| {
+            let n_titles = separator.count(uncommented(lines[*index]));
+            // A title may have blanks in it, and a row an empty cell at its end.
+            let may_end_empty = separator != Separator::Blanks && n_titles > n;
+            n_titles == n || may_end_empty && n_titles == n_cells
+        };
+        let is_bare = |index: &usize| !is_comment(lines[*index]);
+        let bare: Vec<usize> = before().filter(fits).filter(is_bare).collect();
+        // Without a line that fits, the last one is the head, and its row is refused with its
+        // place.
+        let named = bare.first().copied().or_else(|| before().rfind(fits));
+        let named = named.or_else(|| before().rfind(is_bare));
+        let are_short = |index: &usize| separator.cells(lines[*index]).all(|cell| cell.len() <= 8);
+        let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
+        let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
+        let units_line = units.map_or(&b""[..], |index| lines[index]);
+        for (title, unit) in titles.iter_mut().zip(separator.titles(units_line)) {
+            match unit.trim_matches(['[', ']', '(', ')']) {
+                "" | "-" => {}
+                unit => *title = format!("{title} [{unit}]"),
+            }
+        }
+        let is_passed = |index: &usize| is_bare(index) && ![named, units].contains(&Some(*index));
+        let note = |index: usize| {
+            let shown: String =
+                String::from_utf8_lossy(lines[index]).trim().chars().take(40).collect();
+            format!("line {} stands before the head and is not read: {shown}", index + 1)
+        };
+        let notes = before().filter(is_passed).map(note).collect();
+        let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
+        Self { titles, n_columns, separator, row, notes }
+    }
+
+    /// The first line, where no row is found.
+    fn alone(lines: &[&[u8]]) -> Self {
+        let first = lines.iter().position(|line| !line.trim_ascii().is_empty()).unwrap_or(0);
+        let line = lines.get(first).copied().unwrap_or_default();
+        let separator = Separator::most_in(line);
+        Self::named(separator.titles(line), separator, first + 1)
+    }
+
+    /// A head whose titles are known.
+    #[must_use]
+    pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
+        Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
+    }
+
+    /// Whether there is a column of this title.
+    #[must_use]
+    pub fn has(&self, title: &str) -> bool {
+        self.titles.iter().any(|other| other == title)
+    }
+}
+
+impl Sheet {
+    /// Reads the rows of a table. `number` is the number in a cell that is no plain one, by the
+    /// index of its column; `None` of a text.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the line of a row that is short or long, and where the table is too
+    /// large.
+    pub fn read(
+        text: &Text<'_>,
+        head: Head,
+        RowRules { file, budget, hint, needs_line_ends }: RowRules<'_>,
+        mut number: impl FnMut(usize, &str) -> Option<f64>,
+    ) -> Result<Self> {
+        let n = head.n_columns;
+        if n > MAX_COLUMNS {
+            return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
+        }
+        budget.steps(STEPS[0] * text.bytes.len())?;
+        let mut sheet = Self::begun(&head);
+        sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
+        let signs = sheet.signs(&text.bytes, &head);
+        if signs == [true, false] {
+            sheet.notes.push("its numbers have decimal commas".into());
+        }
+        let last = lines(&text.bytes).count() - 1;
+        for (index, line) in lines(&text.bytes).enumerate().skip(head.row) {
+            if is_comment(line) || line.iter().all(is_empty) {
+                continue;
+            }
+            if needs_line_ends && index == last {
+                let line = index + 1;
+                let note = format!("line {line} has no end: it may be cut off and is left out");
+                sheet.notes.push(note);
+                continue;
+            }
+            budget.bytes(size_of::<f64>() * (n + 1))?;
+            budget.steps(STEPS[1] * n)?;
+            let mut cells = head.separator.cells(line);
+            for (place, column) in sheet.columns.iter_mut().enumerate() {
+                let Some(cell) = cells.next() else { break };
+                let value = short_number(cell).or_else(|| {
+                    let bare = unquoted(cell);
+                    if signs == [true, false] && is_number(bare) {
+                        return std::str::from_utf8(&with_points(bare)).ok()?.parse().ok();
+                    }
+                    number(place, &String::from_utf8_lossy(bare))
+                });
+                column.push(value, cell, index + 1);
+            }
+            let is_short =
+                sheet.columns.last().is_some_and(|c| c.values.len() <= sheet.lines.len());
+            // A separator at the end of each line makes one more cell, which is empty.
+            if is_short || cells.any(|cell| !cell.is_empty()) {
+                let found = format!("{} of {n} cells", head.separator.cells(line).count());
+                let wanted = "as many cells as the head has titles";
+                return Err(Error::input("row", found, wanted, hint).at(file, index as u64 + 1));
+            }
+            push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
+        }
+        Ok(sheet)
+    }
+
+    /// No row yet.
+    fn begun(head: &Head) -> Self {
+        let titles = head.titles.iter().cloned().chain(std::iter::repeat(String::new()));
+        let column = |(number, title)| SheetColumn { title, number, ..SheetColumn::default() };
+        let columns = (1..=head.n_columns).zip(titles).map(column).collect();
+        Self { columns, notes: Vec::new(), lines: Vec::new() }
+    }
+
+    /// Whether numbers have commas, and whether they have points. Where both are, a comma may part
+    /// thousands: the cells are texts.
+    fn signs(&self, text: &[u8], head: &Head) -> [bool; 2] {
+        if head.separator == Separator::Byte(b',') && !text.contains(&b'"') {
+            return [false, true];
+        }
+        let rows = || lines(text).skip(head.row).filter(|line| !is_comment(line));
+        let has = |sign: u8| {
+            let cells = rows().flat_map(|line| head.separator.cells(line)).map(unquoted);
+            { cells }.any(|cell| cell.contains(&sign) && is_number(cell))
+        };
+        let has_commas = has(b',');
+        [has_commas, has_commas && has(b'.')]
+    }
+
+    /// Line of a row, from 1.
+    #[must_use]
+    pub fn line(&self, row: usize) -> usize {
+        self.lines.get(row).map_or(1, |line| *line as usize)
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The first column with a text where a number is needed, with the line and the text.
+    pub fn first_text(
+        &self,
+        is_needed: impl Fn(&SheetColumn) -> bool,
+    ) -> Option<(&SheetColumn, usize, &str)> {
+        let texts = self.columns.iter().filter(|column| column.n_texts > 0 && is_needed(column));
+        let first = texts.min_by_key(|column| column.text_line)?;
+        Some((first, first.text_line, &first.texts[0]))
+    }
+}
+
+impl SheetColumn {
+    fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
+        push(&mut self.values, value.unwrap_or(f64::NAN));
+        if value.is_none() {
+            self.text_line = if self.n_texts == 0 { line } else { self.text_line };
+            self.n_texts += 1;
+            if self.texts.len() < TEXTS.0 {
+                let text = String::from_utf8_lossy(unquoted(cell));
+                let shown: String = text.chars().take(TEXTS.1).collect();
+                if !self.texts.contains(&shown) {
+                    self.texts.push(shown);
+                }
+            }
+        }
+    }
+
+    /// Whether it has nothing but texts.
+    #[must_use]
+    pub fn is_text(&self) -> bool {
+        self.n_texts > 0 && self.n_texts == self.values.len()
+    }
+}
+
+/// Whether a byte is nothing in a line of cells.
+fn is_empty(byte: &u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b',' | b';' | b'"' | b'\r')
+}
+
+/// Whether a line is a comment.
+fn is_comment(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    line.starts_with(b"#") || line.starts_with(b"%") || line.starts_with(b"//")
+}
+
+/// A line without the sign of a comment.
+fn uncommented(line: &[u8]) -> &[u8] {
+    let is_sign = |byte: &u8| matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t');
+    match is_comment(line) {
+        true => &line[line.iter().take_while(|byte| is_sign(byte)).count()..],
+        false => line,
+    }
+}
+
+/// Whether a cell is a number, with a point or a comma.
+fn is_number(cell: &[u8]) -> bool {
+    let text = with_points(unquoted(cell));
+    let commas = cell.iter().filter(|byte| **byte == b',').count();
+    commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
+}
+
+/// A cell with points in place of its commas.
+fn with_points(cell: &[u8]) -> Vec<u8> {
+    cell.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect()
+}
+
+/// A cell without its quotation marks.
+fn unquoted(cell: &[u8]) -> &[u8] {
+    cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
+}
+
+/// Whether a cell begins as a date or a time of day does.
+fn is_date(cell: &[u8]) -> bool {
+    let cell = unquoted(cell);
+    let digits = cell.first().is_some_and(u8::is_ascii_digit);
+    digits && cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/'))
+}
+
+/// A number of up to 15 digits without an exponent, rounded as [`str::parse`] does: numerator and
+/// denominator are exact, and rounded once (Clinger 1990). `None` of any other text.
+fn short_number(cell: &[u8]) -> Option<f64> {
+    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
+    if digits.len() > 16 {
+        return None;
+    }
+    let (mut numerator, mut denominator, mut has_point) = (0_u64, 1_u64, false);
+    for byte in digits {
+        match byte {
+            b'0'..=b'9' => {
+                numerator = 10 * numerator + u64::from(byte - b'0');
+                denominator *= if has_point { 10 } else { 1 };
+            }
+            b'.' if !has_point => has_point = true,
+            _ => return None,
+        }
+    }
+    let n_digits = digits.len() - usize::from(has_point);
+    let size = numerator as f64 / denominator as f64;
+    let value = if digits.len() < cell.len() { -size } else { size };
+    (1..=15).contains(&n_digits).then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(text: &[u8]) -> Result<Sheet> {
+        let (text, budget) = (Text::of(text), Budget::of("f.csv", "none"));
+        let head = Head::find(&text.bytes);
+        let (file, hint, needs_line_ends) = ("f.csv", "none", true);
+        let rules = RowRules { file, budget: &budget, hint, needs_line_ends };
+        Sheet::read(&text, head, rules, |_, cell| match cell {
+            "" => Some(f64::NAN),
+            cell => cell.parse().ok(),
+        })
+    }
+
+    fn titles(sheet: &Sheet) -> Vec<&str> {
+        sheet.columns.iter().map(|column| &*column.title).collect()
+    }
+
+    #[test]
+    fn every_way_of_writing_a_table_is_one_table() {
+        for text in [
+            "t,x,y\n0.5,1,-2.25\n1.5,2,3\n",
+            "\u{feff}t,x,y\n0.5,1,-2.25\n1.5,2,3\n",
+            "t,x,y\r0.5,1,-2.25\r1.5,2,3\r",
+            "t;x;y\n0,5;1;-2,25\n1,5;2;3\n",
+            "t\tx\ty\n0,5\t1\t-2,25\n1,5\t2\t3\n",
+            "t x y\n0.5  1 -2.25\n 1.5 2  3\n",
+            "t,x,y\n\"0,5\",1,\"-2,25\"\n\"1,5\",2,3\n",
+            "# t,x,y\n0.5,1,-2.25\n1.5,2,3\n",
+            "# of May\n# t x y\n0.5 1 -2.25\n1.5 2 3\n",
+            "% of May\nt,x,y\n\n0.5,1,-2.25\n# more\n1.5,2,3,\n",
+            "Log of drone 3\n\nt;x;y\n0,5;1;-2,25\n1,5;2;3\n",
+        ] {
+            let sheet = read(text.as_bytes()).unwrap();
+            assert_eq!(titles(&sheet), ["t", "x", "y"], "{text:?}");
+            let columns: Vec<&[f64]> = sheet.columns.iter().map(|c| &*c.values).collect();
+            assert_eq!(columns, [[0.5, 1.5], [1.0, 2.0], [-2.25, 3.0]], "{text:?}");
+        }
+        assert_eq!(titles(&read(b"t,x\ns,mm\n0,1\n").unwrap()), ["t [s]", "x [mm]"]);
+        assert_eq!(titles(&read(b"0,1\n1,2\n").unwrap()), ["", ""], "no head");
+    }
+
+    #[test]
+    fn rows_keep_their_lines_and_what_is_left_out_is_noted() {
+        let sheet = read(b"Log 3\n# a\nt;x\n0,5;1\n").unwrap();
+        assert_eq!(sheet.line(0), 4);
+        assert!(sheet.notes[0].contains("line 1") && sheet.notes[0].contains("Log 3"), "{sheet:?}");
+        assert!(sheet.notes[1].contains("decimal commas"), "{sheet:?}");
+        let error = read(b"t,x\n0,1\n1\n2,2\n").unwrap_err().to_string();
+        assert!(error.contains("f.csv:3") && error.contains("1 of 2 cells"), "{error}");
+        let sheet = read(b"t,x\n0,1\n1,2\n2").unwrap();
+        assert_eq!((sheet.n_rows(), sheet.columns[1].values.len(), sheet.notes.len()), (2, 2, 1));
+    }
+
+    #[test]
+    fn commas_beside_points_are_texts() {
+        let sheet = read(b"t;x\n0.5;1,234\n1.5;2,5\n").unwrap();
+        let first = sheet.first_text(|_| true).map(|(_, line, text)| (line, text));
+        assert_eq!(first, Some((2, "1,234")), "{sheet:?}");
+        assert!(sheet.notes.is_empty(), "{sheet:?}");
+        assert!(read(b"t;x\n1.234,5;1\n2.234,5;1\n").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn short_numbers_are_rounded_as_any_are(text in "-?[0-9]{0,9}[.]?[0-9]{0,9}") {
+            let found = short_number(text.as_bytes());
+            let wanted = text.parse::<f64>().ok();
+            prop_assert!(found.is_none() || found.map(f64::to_bits) == wanted.map(f64::to_bits));
+            let n_digits = text.bytes().filter(u8::is_ascii_digit).count();
+            prop_assert_eq!(found.is_some(), (1..=15).contains(&n_digits));
+        }
+    }
+}

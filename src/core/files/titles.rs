@@ -1,0 +1,70 @@
+//! Units in the titles of columns: `x [mm]`, `Time (msec)`, `yaw_deg`.
+
+/// A degree in radians.
+pub const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// Units in lower case, and their size in SI units.
+const UNITS: [(&str, f64); 9] = [
+    ("m meter meters metres m_s m_s2 m_s_2 s sec secs second seconds rad radians rad_s", 1.0),
+    ("mm millimeters mm_s ms msec millis milliseconds mrad mrad_s", 1e-3),
+    ("cm centimeters cm_s", 1e-2),
+    ("us usec micros microseconds", 1e-6),
+    ("ns nsec nanos nanosec nanoseconds", 1e-9),
+    ("deg degree degrees deg_s", DEGREE),
+    ("in inch", 0.0254),
+    ("ft", 0.3048),
+    ("km", 1e3),
+];
+
+/// Units of times alone: `x_min` is no time.
+const UNITS_OF_TIME: [(&str, f64); 3] =
+    [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
+
+/// The size of a unit, of a time or of another quantity.
+#[must_use]
+pub fn unit(name: &str, is_time: bool) -> Option<f64> {
+    let of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
+    let is_named = |(names, _): &&(&str, f64)| names.split(' ').any(|known| known == name);
+    UNITS.iter().chain(of_time).find(is_named).map(|(_, size)| *size)
+}
+
+/// A title without the unit in brackets at its end, and that unit.
+#[must_use]
+pub fn bracketed(title: &str) -> (&str, Option<&str>) {
+    let trimmed = title.trim();
+    for [open, close] in [['[', ']'], ['(', ')'], ['{', '}'], ['<', '>']] {
+        let inside = trimmed.strip_suffix(close).and_then(|text| text.rsplit_once(open));
+        if let Some((before, unit)) = inside {
+            return (before.trim(), Some(unit.trim()));
+        }
+    }
+    (trimmed, None)
+}
+
+/// A title in lower case, with underscores.
+#[must_use]
+pub fn simplified(title: &str) -> String {
+    let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
+    let lower = lower.replace('°', "deg").replace(['µ', 'μ'], "u").replace('²', "2");
+    let lower = lower.replace(['[', '(', ' ', '/', '-', '^'], "_");
+    let mut lower = lower.replace([']', ')', '%', '#'], "");
+    while lower.contains("__") {
+        lower = lower.replace("__", "_");
+    }
+    lower.trim_start_matches('_').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_names_its_unit() {
+        assert_eq!(bracketed(" Time [msec] "), ("Time", Some("msec")));
+        assert_eq!(bracketed("x"), ("x", None));
+        assert_eq!(simplified("[°/s]"), "deg_s");
+        let sizes = ["msec", "cm", "deg", "min"].map(|name| unit(name, false));
+        assert_eq!(sizes, [Some(1e-3), Some(1e-2), Some(DEGREE), None]);
+        assert_eq!(unit("min", true), Some(60.0));
+    }
+}

@@ -1,0 +1,204 @@
+//! Cells of loggers' tables: numbers, missing values, dates and times of day.
+
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
+
+use super::Job;
+use super::recording::shortened;
+
+const HINT: &str = "correct or cut the file; each line needs one number a column";
+
+/// A day, s.
+pub(super) const DAY_S: f64 = 86_400.0;
+
+/// Reads the rows below a head, and which of its columns have dates or times of day, in seconds. A
+/// column that is not `needed` may hold texts: they are named.
+pub(super) fn read_rows(
+    text: &Text<'_>,
+    head: Head,
+    Job { file, budget, .. }: Job<'_>,
+    is_needed: impl Fn(&str) -> bool,
+) -> Result<(Sheet, Vec<bool>)> {
+    let mut are_dated = vec![false; head.n_columns];
+    let rules = RowRules { file, budget, hint: HINT, needs_line_ends: true };
+    let mut sheet = Sheet::read(text, head, rules, |place, cell| {
+        let (value, is_dated) = value(cell)?;
+        are_dated[place] |= is_dated;
+        Some(value)
+    })?;
+    if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
+        let place = format_args!("column {}", column.title);
+        let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
+        return Err(error.at(file, line as u64));
+    }
+    let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
+    if !texts.is_empty() {
+        sheet.notes.push(format!("texts are not read: {}", shortened(&texts)));
+    }
+    Ok((sheet, are_dated))
+}
+
+/// The texts of a column, for a message.
+fn named_texts(column: &SheetColumn) -> Option<String> {
+    let first = column.texts.first()?;
+    let n = column.n_texts;
+    let some = if column.is_text() { String::new() } else { format!("{n} cells such as ") };
+    Some(format!("{} (column {}, {some}{first:?})", column.title, column.number))
+}
+
+/// The number in a cell, and whether it is a date's or a time of day's seconds.
+fn value(cell: &str) -> Option<(f64, bool)> {
+    number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
+}
+
+/// The number in a cell; not finite where the value is missing.
+fn number(cell: &str) -> Option<f64> {
+    match cell {
+        "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
+        "True" | "true" => Some(1.0),
+        "False" | "false" => Some(0.0),
+        _ => cell.parse().ok(),
+    }
+}
+
+/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space; day, month and
+/// year also with `/` or `.`, or the month by its name. A time of day alone counts from midnight,
+/// and a date alone is that midnight.
+/// Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, and
+/// milliseconds after a third colon.
+fn seconds_from_date(cell: &str) -> Option<f64> {
+    if cell.len() > 48 || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
+        return None;
+    }
+    let lower = cell.trim().to_lowercase();
+    if !cell.contains(':') {
+        return Some(days_from_date(&lower)? as f64 * DAY_S);
+    }
+    let (text, half) = half_day(&lower);
+    // The date ends at a blank, or at a T among digits.
+    let of_day = text.find(':').unwrap_or_default();
+    let ends = |(at, sign): &(usize, char)| {
+        *at < of_day
+            && (matches!(sign, ' ' | '_') || *sign == 't' && !text[at + 1..].starts_with(' '))
+    };
+    let (date, time) = match text.char_indices().rfind(ends) {
+        Some((at, _)) => (Some(text[..at].trim_end()), &text[at + 1..]),
+        None => (None, text),
+    };
+    let (time, east_s) = zone(time.trim())?;
+    let time = time.replace(',', ".");
+    let mut parts = time.split(':');
+    let mut part = || parts.next().map(|part| part.parse::<f64>().ok());
+    let (hour, minute, second) = (part()??, part()??, part().unwrap_or(Some(0.0))?);
+    let millis = part().unwrap_or(Some(0.0))?;
+    let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
+    let hours = match half {
+        None => (0.0..=24.0).contains(&hour).then_some(hour)?,
+        Some(after_noon) => {
+            let of_half = (1.0..=12.0).contains(&hour).then_some(hour % 12.0)?;
+            of_half + if after_noon { 12.0 } else { 0.0 }
+        }
+    };
+    let fits = (0.0..60.0).contains(&minute) && (0.0..1000.0).contains(&millis);
+    if !whole || !fits || !(0.0..61.0).contains(&second) || parts.next().is_some() {
+        return None;
+    }
+    let days = date.map_or(Some(0), days_from_date)? as f64;
+    Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
+}
+
+/// A text without its half of the day, and whether that is after noon.
+fn half_day(text: &str) -> (&str, Option<bool>) {
+    let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
+    let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
+    half.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
+}
+
+/// A time of day without its zone, and the seconds by which the zone is ahead.
+fn zone(time: &str) -> Option<(&str, f64)> {
+    if let Some(before) = ["z", "utc", "gmt"].iter().find_map(|end| time.strip_suffix(end)) {
+        return Some((before.trim_end(), 0.0));
+    }
+    let Some(at) = time.find(['+', '-']) else { return Some((time, 0.0)) };
+    let (before, zone) = time.split_at(at);
+    let digits: String = zone[1..].chars().filter(|sign| *sign != ':').collect();
+    let minutes = match (digits.len(), digits.parse::<u32>()) {
+        (1 | 2, Ok(hours)) => hours * 60,
+        (3 | 4, Ok(both)) => both / 100 * 60 + both % 100,
+        _ => return None,
+    };
+    let sign = if zone.starts_with('-') { -60.0 } else { 60.0 };
+    (minutes <= 14 * 60).then(|| (before.trim_end(), sign * f64::from(minutes)))
+}
+
+/// The first three letters of each month's names in English and German.
+const MONTHS: [&str; 12] = [
+    "jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
+    "dec dez",
+];
+
+/// The month of a name.
+fn month(name: &str) -> Option<i64> {
+    let first: String = name.chars().take(3).collect();
+    let mut months = (1..).zip(MONTHS);
+    Some(months.find(|(_, names)| names.split(' ').any(|known| known == first))?.0)
+}
+
+/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
+/// comes first with points, as in German, and where it is beyond 12.
+fn days_from_date(date: &str) -> Option<i64> {
+    let parts: Vec<&str> = date.split(['-', '/', '.']).collect();
+    let [a, b, c] = parts[..] else { return None };
+    let number = |part: &str| part.parse::<i64>().ok();
+    let (year, month, day) = match (number(a), number(b), number(c)) {
+        (Some(day), None, Some(year)) => (year, month(b)?, day),
+        (Some(a), Some(b), Some(c)) if a > 31 => (a, b, c),
+        (Some(a), Some(b), Some(c)) if date.contains('.') || a > 12 => (c, b, a),
+        (Some(a), Some(b), Some(c)) => (c, a, b),
+        _ => return None,
+    };
+    let fits =
+        (1970..10_000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    if !fits {
+        return None;
+    }
+    // Years from March on, so that the leap day is the last.
+    let year = if month <= 2 { year - 1 } else { year };
+    let month = (month + 9) % 12;
+    let day_of_year = (153 * month + 2) / 5 + day - 1;
+    Some(365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_count_seconds() {
+        assert_eq!(seconds_from_date("1970-01-02 00:00:01.5"), Some(86_401.5));
+        // date -u -d '2022-12-14 15:04:05' +%s
+        for date in [
+            "2022-12-14T15:04:05Z",
+            "12/14/2022 15:04:05",
+            "2022/12/14 15:04:05+00:00",
+            "2022-12-14T10:04:05-05:00",
+            "2022-12-14 17:04:05.000 +0200",
+            "14.12.2022 15:04:05",
+            "14-Dec-2022 15:04:05",
+            "12/14/2022 3:04:05 PM",
+            "2022-12-14 15:04:05 UTC",
+            "2022-12-14 15:04:05,000",
+            "2022-12-14 15:04:05:000",
+        ] {
+            assert_eq!(seconds_from_date(date), Some(1_671_030_245.0), "{date}");
+        }
+        assert_eq!(value("2022-12-14"), Some((19_340.0 * DAY_S, true)), "a date alone");
+        assert_eq!(seconds_from_date("12:00:01.25 am"), Some(1.25));
+        assert_eq!(seconds_from_date("12:00:01:250"), Some(43_201.25));
+        let bad = "|x|2022-13-01 00:00:00|1:2:3:4 5|25:00:00|13:00:00 PM|12:00:00 CET|\
+                   12:00:00-25:00|1:2:3:4:5";
+        for date in bad.split('|') {
+            assert_eq!(seconds_from_date(date), None, "{date:?}");
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Titles of columns: our name, and the unit, of the usual ones.
+
+use super::recording::Column;
+use noctograph_core::files::{bracketed, simplified, unit};
+
+/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
+/// the letters before them.
+const NAMES: [(&str, &str, &str); 17] = [
+    (" ", "t", "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time"),
+    (
+        " ",
+        "t",
+        "header_stamp time_boot secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
+    ),
+    ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
+    ("xyz", "*_m", "loc_* location_*"),
+    ("z", "*_m", "height altitude alt"),
+    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
+    (" ", "yaw_rad", "yaw psi"),
+    (" ", "pitch_rad", "pitch theta"),
+    (" ", "roll_rad", "roll phi"),
+    ("wxyz", "q*", "q* q_* quat_* orientation_* rotation_* q_rs_*"),
+    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
+    ("xyz", "v*_body_m_s", "v*_body"),
+    ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
+    ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
+    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
+    ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
+    // The last of them is no title at all.
+    (" ", "index", "index row "),
+];
+
+/// Our names of angles in radians.
+pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
+
+/// What a title says.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Title {
+    /// Our name; an unknown title's is as it stands.
+    pub(super) name: String,
+    pub(super) is_known: bool,
+    /// Size of the unit that it names.
+    pub(super) unit: Option<f64>,
+    /// The path before the quantity.
+    pub(super) body: String,
+    /// A unit in brackets that is none of ours.
+    pub(super) other_unit: Option<String>,
+}
+
+/// The column of a title under our name, in SI units where the title names one.
+pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
+    let Title { name, unit, .. } = Title::of(title);
+    in_si_units(name, unit, values)
+}
+
+/// A column in SI units, from one of some size.
+pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
+    let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
+    let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
+    values.iter_mut().for_each(|value| *value *= unit.unwrap_or(1.0));
+    Column { name, values, is_open_angle }
+}
+
+/// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
+/// is.
+pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
+    let Title { name, unit, .. } = Title::of(title);
+    (name, unit)
+}
+
+/// Our name of a usual one.
+fn known(name: &str) -> Option<String> {
+    NAMES.iter().find_map(|(letters, ours, names)| {
+        let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
+        let is_usual = |letter: &char| names.split(' ').any(|usual| with(usual, *letter) == name);
+        letters.chars().find(is_usual).map(|letter| with(ours, letter))
+    })
+}
+
+impl Title {
+    /// Reads a title.
+    pub(super) fn of(title: &str) -> Self {
+        let (bare, bracket) = bracketed(title);
+        let (body, bare) = path_end(bare);
+        let of = |name, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
+        if let Some(bracket) = bracket
+            && let Some(name) = known(&simplified(&bare))
+        {
+            let plain = simplified(bracket);
+            let unit = unit(&plain, name == "t");
+            let other_unit =
+                Some(bracket.to_owned()).filter(|_| unit.is_none() && !plain.is_empty());
+            return Self { other_unit, ..of(name, unit, body) };
+        }
+        let simple = simplified(&path_end(title).1);
+        if let Some(name) = known(&simple) {
+            return of(name, None, body);
+        }
+        // A name that ends in its unit.
+        let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
+        let named = |(name, end)| {
+            let name = known(name)?;
+            let unit = unit(end, name == "t")?;
+            Some((name, Some(unit)))
+        };
+        match { parts }.find_map(named) {
+            Some((name, unit)) => of(name, unit, body),
+            None => Self { name: title.to_owned(), ..Self::default() },
+        }
+    }
+}
+
+/// The path before a quantity of a pose, and the quantity's own name; a title that is no such path
+/// stays as it is.
+fn path_end(title: &str) -> (String, String) {
+    let parts: Vec<&str> = title.split(['/', '.']).collect();
+    if let [before @ .., group, axis] = &parts[..] {
+        match &*group.to_lowercase() {
+            "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
+            "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
+            // The stamp of a message belongs to all that is in it.
+            "header" => return (String::new(), format!("header_{axis}")),
+            "stamp" => return (String::new(), format!("stamp_{axis}")),
+            _ => {}
+        }
+    }
+    (String::new(), title.to_owned())
+}
