@@ -17,8 +17,8 @@ pub(super) struct CheckArgs {
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let profile = args.profile.profile(&args.subject);
     let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
+    let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let json = json!({

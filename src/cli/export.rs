@@ -12,8 +12,9 @@ use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m,
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, LED_MEMORY, PICTURE, Severity, checks, flown, of_flights, preflight,
+    Checked, LED_MEMORY, PICTURE, Profile, Severity, checks, flown, of_flights, preflight,
 };
+use crate::scene::CarriedScene;
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
 
@@ -62,7 +63,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
-    let profile = args.profile.profile(&args.subject);
+    let profile = args.profile.profile(&shoot.scene);
+    if args.to.flies() {
+        check_room(args, &profile)?;
+    }
     let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
     let checks = checks(flies, &flights, &profile);
     let stops = match args.to.flies() {
@@ -163,6 +167,21 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
     Ok(report.with_files(&paths))
+}
+
+/// Refuses plans of which nothing says in what room they fly: their fence would be a guess.
+fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
+    let Some(plan) = args.subject.plans().and_then(|plans| plans.into_iter().next()) else {
+        return Ok(());
+    };
+    let has_walls = profile.name != Profile::outdoor().name;
+    if !has_walls || profile.room_m.is_some() || CarriedScene::of(&plan)?.is_some() {
+        return Ok(());
+    }
+    let hint = "name it with --room WxDxH, or the scene that it was planned in with --scene; `plan` and \
+                `preview` write that beside a plan";
+    let (found, wanted) = ("a plan without its scene", "the room that it flies in");
+    Err(Error::input(plan.display(), found, wanted, hint))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
+use super::output::is_csv;
 use super::relit::{light_all_along, relit_where_dark};
-use super::{Args, Error, Result, named, names, warn};
+use super::{Args, Error, Result, message, named, names, warn};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
 };
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, canvas_within, frame_within};
-use crate::scene::{NamedScene, Scene};
+use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
 use noctograph_core::files::Limit;
@@ -67,13 +68,68 @@ impl SceneFlags {
 
     /// The same, for a verb that uses some keys which are without effect in a flight.
     pub(super) fn load_using(&self, more: &[Setting], used: &[&str]) -> Result<Scene> {
+        self.load_from(None, more, used)
+    }
+
+    /// The same of plans, flights and logs: the scene that came with them, where none is named.
+    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+        self.load_from(self.carried(files)?.as_ref(), more, &[])
+    }
+
+    fn load_from(
+        &self,
+        carried: Option<&CarriedScene>,
+        more: &[Setting],
+        used: &[&str],
+    ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        let mut scene = match &self.scene {
-            Some(named) => find_scene(named, &settings)?.scene,
-            None => Scene::parse_with("", "scene", &borrowed(&settings))?,
+        let mut scene = match (&self.scene, carried) {
+            (Some(named), _) => find_scene(named, &settings)?.scene,
+            (None, Some(carried)) => {
+                message("note: ", &format!("the scene is {}", carried.file));
+                let scene = carried.scene(&borrowed(&settings))?;
+                if carried.is_in_log {
+                    self.refuse_files(&scene, &carried.file)?;
+                }
+                scene
+            }
+            (None, None) => Scene::parse_with("", "scene", &borrowed(&settings))?,
         };
         self.finish(&mut scene, used)?;
         Ok(scene)
+    }
+
+    /// The one scene that came with files.
+    fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
+        let mut first: Option<CarriedScene> = None;
+        for path in files {
+            let Some(other) = CarriedScene::of(path)? else { continue };
+            let same = |first: &CarriedScene| {
+                let of = |carried: &CarriedScene| carried.scene(&[("seed", "0")]).ok();
+                first.toml == other.toml || of(first) == of(&other)
+            };
+            match &first {
+                Some(first) if self.scene.is_none() && !same(first) => {
+                    let hint = "name one with --scene, or the files one at a time";
+                    let found = format!("another scene than {}", first.file);
+                    return Err(Error::input(&other.file, found, "one scene of all files", hint));
+                }
+                Some(_) => {}
+                None => first = Some(other),
+            }
+        }
+        Ok(first)
+    }
+
+    /// Refuses files that the scene of a log names, unless they were typed.
+    fn refuse_files(&self, scene: &Scene, file: &str) -> Result<()> {
+        let background = Some(("photo.background", &scene.photo.background));
+        let background = background.filter(|(_, path)| !path.is_empty()).map(|(key, _)| key);
+        let keys = scene.letters.files().map(|(key, _)| key).chain(background);
+        let Some(key) = keys.into_iter().find(|key| !self.sets(key)) else { return Ok(()) };
+        let wanted = "no file: the scene of a log may name any on this machine";
+        let hint = "name the log as --scene as well, if you know who made it";
+        Err(Error::input(key, "the path of a file", wanted, hint).at(file, None))
     }
 
     pub(super) fn is_given(&self) -> bool {
@@ -157,7 +213,12 @@ pub(super) struct DesignFlags {
 impl DesignFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        let mut scene = self.unfitted(more)?;
+        self.load_of(&[], more)
+    }
+
+    /// The same of plans, flights and logs, see [`SceneFlags::load_of`].
+    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+        let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
@@ -173,8 +234,13 @@ impl DesignFlags {
         Ok(())
     }
 
-    fn unfitted(&self, more: &[Setting]) -> Result<Scene> {
-        let mut settings = self.letters.settings();
+    fn unfitted(
+        &self,
+        carried: Option<&CarriedScene>,
+        is_planned: bool,
+        more: &[Setting],
+    ) -> Result<Scene> {
+        let mut settings = self.letters.settings(is_planned);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
@@ -185,8 +251,13 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut scene = self.scene.load(&settings)?;
-        if let Some(room_m) = self.letters.room {
+        let mut scene = self.scene.load_from(carried, &settings, &[])?;
+        // A plan keeps its room where another scene has none.
+        if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
+            scene.expose.room_m = carried.scene(&[])?.expose.room_m;
+        }
+        let room_m = scene.expose.room_m.filter(|_| is_planned).or(self.letters.room);
+        if let Some(room_m) = room_m {
             let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
             let stations = &mut scene.sensors.lighthouse.stations;
             if *stations == usual {
@@ -214,14 +285,16 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    pub(super) fn scene(&self) -> Result<Scene> {
-        let mut scene = self.unfitted()?;
+    /// The scene of flights and logs, or of a word.
+    pub(super) fn scene_of(&self, flights: &[PathBuf]) -> Result<Scene> {
+        let carried = self.design.scene.carried(flights)?;
+        let mut scene = self.unfitted(carried.as_ref(), false)?;
         self.design.fit(&mut scene)?;
         Ok(scene)
     }
 
-    fn unfitted(&self) -> Result<Scene> {
-        let mut scene = self.design.unfitted(&[])?;
+    fn unfitted(&self, carried: Option<&CarriedScene>, is_planned: bool) -> Result<Scene> {
+        let mut scene = self.design.unfitted(carried, is_planned, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut scene, word)?;
@@ -236,7 +309,7 @@ impl SubjectFlags {
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        let mut scene = self.unfitted()?;
+        let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
             [] => {}
@@ -254,19 +327,27 @@ impl SubjectFlags {
             }
         }
         self.design.fit(&mut scene)?;
-        if let Some(room_m) = self.design.letters.room {
-            frame_within(&mut scene, room_m)?;
-        }
+        frame(&mut scene)?;
         Ok(scene)
+    }
+
+    /// The plans that are named; `None` of a word.
+    pub(super) fn plans(&self) -> Option<Vec<PathBuf>> {
+        let plans: Vec<PathBuf> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
+        let are_plans = plans.iter().all(|path| is_csv(path));
+        Some(plans).filter(|plans| are_plans && !plans.is_empty())
     }
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let plans: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
-        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        if !plans.is_empty() && plans.iter().all(is_plan) {
-            let mut scene = self.unfitted()?;
+        if let Some(plans) = self.plans() {
+            let carried = self.design.scene.carried(&plans)?;
+            let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
+            if carried.is_none() {
+                self.design.fit(&mut scene)?;
+            }
             change(&mut scene)?;
+            frame(&mut scene)?;
             return Shoot::with_plans(scene, read_plans(&plans)?);
         }
         let shoot = Shoot::new(self.ready(change)?)?;
@@ -278,9 +359,16 @@ impl SubjectFlags {
     }
 }
 
-pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
-    let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().to_owned()).collect();
-    PLANS.check_all(&paths)?;
+/// Frames a word from within the room of its scene.
+pub(super) fn frame(scene: &mut Scene) -> Result<()> {
+    match scene.expose.room_m.filter(|_| scene.has_strokes()) {
+        Some(room_m) => frame_within(scene, room_m),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn read_plans(paths: &[PathBuf]) -> Result<Vec<Plan>> {
+    PLANS.check_all(paths)?;
     paths.iter().map(|path| Plan::read_csv(path)).collect()
 }
 
@@ -294,11 +382,11 @@ pub(super) struct ProfileFlags {
 }
 
 impl ProfileFlags {
-    /// The profile, within the room that was typed.
-    pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
+    /// The profile, within the room of a scene.
+    pub(super) fn profile(&self, scene: &Scene) -> Profile {
         let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the parser knows the names");
-        match subject.design.letters.room {
+        match scene.expose.room_m {
             Some(room_m) => profile.in_room(room_m),
             None => profile,
         }
@@ -306,11 +394,10 @@ impl ProfileFlags {
 }
 
 /// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
-fn plans_in(input: &str) -> Vec<String> {
+fn plans_in(input: &str) -> Vec<PathBuf> {
     let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
-    let plans = numbered.take_while(|path| path.is_file());
-    let paths: Vec<String> = plans.map(|path| path.display().to_string()).collect();
-    if paths.is_empty() { vec![input.to_owned()] } else { paths }
+    let paths: Vec<PathBuf> = numbered.take_while(|path| path.is_file()).collect();
+    if paths.is_empty() { vec![input.into()] } else { paths }
 }
 
 /// Flights from files: flights of ours, or logs of real ones.

@@ -125,7 +125,8 @@ fn preview_args(arguments: &[OsString]) -> Result<PreviewArgs> {
 
 fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     let args = preview_args(arguments)?;
-    Ok(PreparedScene { scene: args.ready(bring_files)?, profile: args.profile() })
+    let scene = args.ready(bring_files)?;
+    Ok(PreparedScene { profile: args.profile(&scene), scene })
 }
 
 fn advice(shoot: &Shoot) -> Result<Vec<Suggestion>> {

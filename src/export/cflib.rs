@@ -122,7 +122,11 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     parameters.extend(lamps);
     Ok(json!({
         "word": job.word,
-        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": sha256(&csv) },
+        "origin": {
+            "scene_sha256": job.checks.scene_sha256,
+            "plan_sha256": sha256(&csv),
+            "scene": job.checks.scene_toml,
+        },
         "limits": limits(job, drone),
         "room_m": job.checks.room_m,
         "corners_m": corners_m(job.plans),
@@ -346,6 +350,7 @@ mod tests {
             room_m: None,
             batteries: Vec::new(),
             scene_sha256: String::new(),
+            scene_toml: "word = \"NO\"\n".to_owned(),
         }
     }
 
@@ -370,7 +375,7 @@ mod tests {
         assert_eq!(data["room_m"], json!([4.0, 3.0, 2.5]));
         let mut csv = Vec::new();
         plan.write_csv(&mut csv).unwrap();
-        assert_eq!(data["digests"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
+        assert_eq!(data["origin"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
         let full =
             Checks { batteries: vec![Some(Battery { least_rest_v: None, ..battery })], ..checks };
         assert_eq!(exported("NO", &full).2["limits"]["rest_v"], Value::Null, "no charge is enough");

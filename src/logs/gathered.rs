@@ -16,6 +16,8 @@ const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
 /// Beginning of a file, in which its first line ends.
 const HEAD_BYTES: usize = 1 << 16;
+/// Beginning of a log that holds the largest scene.
+const MOST_HEAD_BYTES: usize = 2 << 20;
 
 /// A log among others.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -94,16 +96,27 @@ impl GatheredLog {
     }
 }
 
-/// The drone that an exported script names at the beginning of its log.
+/// The drone that an exported script names in its log.
 fn named_drone(path: &Path) -> Option<String> {
-    let head = LIMIT.beginning(path, HEAD_BYTES).ok()?;
+    let about = about(path, HEAD_BYTES)?;
+    let text = |key| about.get(key).and_then(serde_json::Value::as_str);
+    text("serial").map(str::to_owned).or_else(|| text("uri").map(address))
+}
+
+/// The scene (TOML) that an exported script keeps in its log.
+#[must_use]
+pub fn scene_in(log: &Path) -> Option<String> {
+    Some(about(log, MOST_HEAD_BYTES)?.get("scene")?.as_str()?.to_owned())
+}
+
+/// What an exported script says at the beginning of its log.
+fn about(path: &Path, head_bytes: usize) -> Option<serde_json::Value> {
+    let head = LIMIT.beginning(path, head_bytes).ok()?;
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head).trim_ascii_start();
     let key = head.strip_prefix(b"{")?.trim_ascii_start().strip_prefix(b"\"noctograph\"")?;
     let about = key.trim_ascii_start().strip_prefix(b":")?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
-    let about = values.next()?.ok()?;
-    let text = |key| about.get(key).and_then(serde_json::Value::as_str);
-    text("serial").map(str::to_owned).or_else(|| text("uri").map(address))
+    values.next()?.ok()
 }
 
 /// Address of a drone that was given none of its own.

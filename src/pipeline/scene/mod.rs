@@ -26,12 +26,14 @@ use noctograph_sim::{
 };
 
 mod advice;
+mod carried;
 mod idle;
 mod named;
 mod preset;
 mod text;
 
 pub use advice::{Change, SceneAdvice};
+pub use carried::CarriedScene;
 pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
@@ -95,15 +97,24 @@ impl Scene {
         Self::read_with(path, &[])
     }
 
-    /// Reads a scene file, or the scene in a photo (PNG), and lays single settings over it, as
-    /// [`Self::parse_with`].
+    /// Reads a scene file, the scene in a photo (PNG), or that of a log, a plan or a flight
+    /// ([`CarriedScene`]), and lays single settings over it, as [`Self::parse_with`].
     ///
     /// # Errors
     ///
-    /// As [`Self::read`], and [`Error::Input`] for a photo without a scene.
+    /// As [`Self::read`], and [`Error::Input`] for a photo or a flight without a scene.
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let file = path.display().to_string();
-        if !path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png")) {
+        let ends_in = |ending| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(ending));
+        if ends_in("csv") || ends_in("json") {
+            let Some(carried) = CarriedScene::of(path)? else {
+                let wanted = "the log of an exported script, or a plan or flight beside its scene";
+                let hint = "name the scene's own file";
+                return Err(Error::input(file, "a file without a scene", wanted, hint));
+            };
+            return carried.scene(settings);
+        }
+        if !ends_in("png") {
             let text = LIMIT.read_text(path)?;
             if text.trim().is_empty() {
                 let hint = "what printed it may have failed: print it again";
@@ -188,6 +199,12 @@ impl Scene {
     #[must_use]
     pub fn to_toml(&self) -> String {
         text::document(self)
+    }
+
+    /// The same without documentation, for files of other programs.
+    #[must_use]
+    pub fn to_plain_toml(&self) -> String {
+        toml::to_string(self).expect("a checked scene is a TOML table")
     }
 
     /// Keys whose values differ from those of its preset: key, value, the preset's value.
