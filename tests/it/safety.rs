@@ -10,7 +10,7 @@ use noctograph::crazyflie::SLOW_CLOCK;
 use crate::cli::{json, names_in, noctograph};
 
 /// Exit code, output as JSON and warnings of a command.
-fn run(folder: &Path, arguments: &[&str]) -> (i32, Value, String) {
+pub(crate) fn run(folder: &Path, arguments: &[&str]) -> (i32, Value, String) {
     let output = noctograph(folder).args(arguments).arg("--json").output().unwrap();
     let warnings = String::from_utf8(output.stderr).unwrap();
     (output.status.code().unwrap(), json(&output.stdout), warnings)
@@ -22,7 +22,7 @@ fn finding<'a>(report: &'a Value, check: &str) -> &'a Value {
 }
 
 /// What a script flies, by its mode.
-fn script(path: &Path) -> (String, Value) {
+pub(crate) fn script(path: &Path) -> (String, Value) {
     let text = std::fs::read_to_string(path).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
     let data: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();

@@ -67,3 +67,40 @@ impl CarriedScene {
         Scene::parse_with(&self.toml, &self.file, settings)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_comes_with_a_log_a_file_of_its_own_or_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for (name, text) in [
+            ("NO_flight.json", r#"{"noctograph": {"uri": "", "scene": "word = \"NO\""}, "a": {}}"#),
+            ("other.json", r#"{"noctograph": {"scene": 7}}"#),
+            ("own.csv", ""),
+            ("own.scene.toml", "word = \"OWN\""),
+            ("scene.toml", "word = \"ALL\""),
+            ("plan-12.csv", ""),
+            ("flight.csv", ""),
+            ("planned.csv", ""),
+        ] {
+            std::fs::write(at(name), text).unwrap();
+        }
+        let word = |name: &str| {
+            let carried = CarriedScene::of(&at(name)).unwrap()?;
+            Some(carried.scene(&[]).unwrap().word)
+        };
+        let words = ["NO_flight.json", "own.csv", "plan-12.csv", "flight.csv"].map(word);
+        assert_eq!(words.map(Option::unwrap), ["NO", "OWN", "ALL", "ALL"]);
+        let none = ["other.json", "planned.csv", "missing.csv", "."].map(word);
+        assert_eq!(none, [const { None }; 4]);
+        // `--scene` takes them as well.
+        let named = |name: &str| Scene::read(&at(name)).map(|scene| scene.word);
+        assert_eq!(named("NO_flight.json").unwrap(), "NO");
+        assert!(
+            named("planned.csv").is_err_and(|error| error.to_string().contains("without a scene"))
+        );
+    }
+}
