@@ -17,7 +17,10 @@ pub(super) struct CheckArgs {
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
+    let shoot = args.subject.shoot(|scene| {
+        args.profile.slow(&args.subject, scene);
+        args.stand.apply(scene)
+    })?;
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);

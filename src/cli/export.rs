@@ -14,7 +14,6 @@ use crate::plan::Plan;
 use crate::preflight::{
     Checked, LED_MEMORY, PICTURE, Profile, Severity, checks, flown, of_flights, preflight,
 };
-use crate::scene::CarriedScene;
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
 
@@ -50,6 +49,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_m = tolerance_mm / 1e3;
     // The scripts find the clock of the drone, and pace by it.
     let shoot = args.subject.shoot(|scene| {
+        args.profile.slow(&args.subject, scene);
         if scene.trajectory_clock() != 1.0 {
             scene.plan.trajectory_clock.get_or_insert(1.0);
         }
@@ -64,7 +64,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
     let profile = args.profile.profile(&shoot.scene);
-    if args.to.flies() {
+    if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
     }
     let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
@@ -169,18 +169,14 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     Ok(report.with_files(&paths))
 }
 
-/// Refuses plans of which nothing says in what room they fly: their fence would be a guess.
+/// Refuses plans whose room is not known: their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
-    let Some(plan) = args.subject.plans().and_then(|plans| plans.into_iter().next()) else {
-        return Ok(());
-    };
     let has_walls = profile.name != Profile::outdoor().name;
-    if !has_walls || profile.room_m.is_some() || CarriedScene::of(&plan)?.is_some() {
-        return Ok(());
-    }
-    let hint = "name it with --room WxDxH, or the scene that it was planned in with --scene; `plan` and \
-                `preview` write that beside a plan";
-    let (found, wanted) = ("a plan without its scene", "the room that it flies in");
+    let plans = args.subject.plans().filter(|_| has_walls && profile.room_m.is_none());
+    let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
+    let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
+                `plan` and `preview` write that beside a plan";
+    let (found, wanted) = ("a plan without a room", "the room that it is flown in");
     Err(Error::input(plan.display(), found, wanted, hint))
 }
 

@@ -375,17 +375,29 @@ pub(super) fn read_plans(paths: &[PathBuf]) -> Result<Vec<Plan>> {
 /// Limits that a flight is checked against.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
-    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
+    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, planned as slowly) or outdoor
     #[arg(long, value_name = "NAME", default_value = "indoor",
           value_parser = Profile::all().map(|profile| profile.name))]
     profile: String,
 }
 
 impl ProfileFlags {
+    /// Plans as slowly as the profile, unless a speed was typed.
+    pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
+        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
+        if !keys.iter().any(|key| subject.design.scene.sets(key)) {
+            self.named().slow(scene);
+        }
+    }
+
+    fn named(&self) -> Profile {
+        let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
+        profile.expect("the parser knows the names")
+    }
+
     /// The profile, within the room of a scene.
     pub(super) fn profile(&self, scene: &Scene) -> Profile {
-        let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
-        let profile = profile.expect("the parser knows the names");
+        let profile = self.named();
         match scene.expose.room_m {
             Some(room_m) => profile.in_room(room_m),
             None => profile,

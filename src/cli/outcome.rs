@@ -104,7 +104,9 @@ impl Report {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:NAME_WIDTH$}{}\n", file.display());
         }
-        self.value("files", files);
+        // A name that is not Unicode is shown as far as it is.
+        let names: Vec<_> = files.iter().map(|file| file.to_string_lossy()).collect();
+        self.value("files", names);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
         self
     }

@@ -52,7 +52,10 @@ impl PreviewArgs {
 
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
-        self.subject.shoot(|scene| self.picture.apply(scene))
+        self.subject.shoot(|scene| {
+            self.profile.slow(&self.subject, scene);
+            self.picture.apply(scene)
+        })
     }
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.

@@ -24,9 +24,6 @@ pub struct Strokes {
     pub order: StrokeOrder,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
-    /// Where a stroke goes on in another color, along a gradient: one glyph's light ends there and
-    /// another's begins.
-    pub joints_m: Vec<[f64; 2]>,
     /// What the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
     /// The number of each stroke of a drawing, by which it is chosen or left out (`letters.ink`,
@@ -55,7 +52,7 @@ pub struct Source {
 pub struct SourceStroke {
     /// In pixels of the picture, or units of another drawing; y down.
     pub points: Vec<[f64; 2]>,
-    /// The color by whose name it is chosen; none along a gradient.
+    /// The color by whose name it is chosen; none where the file has none.
     pub color: Option<&'static str>,
 }
 
@@ -132,16 +129,14 @@ impl Strokes {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them, whatever their
-    /// colors.
+    /// Number of its strokes: lit moves without a way in the dark between them.
     #[must_use]
     pub fn n_strokes(&self) -> usize {
         let runs = |glyph: &Glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
             runs.filter(|run| run[0].lit).count()
         };
-        let n_runs: usize = self.glyphs.iter().map(runs).sum();
-        n_runs.saturating_sub(self.joints_m.len())
+        self.glyphs.iter().map(runs).sum()
     }
 
     /// Length of its strokes.

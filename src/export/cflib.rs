@@ -418,6 +418,7 @@ mod tests {
         let hover_ms = u16::from_str_radix(&after[2..4], 16).unwrap()
             + 256 * u16::from_str_radix(&after[4..6], 16).unwrap();
         assert!((f64::from(hover_ms) - 1e3 * (over_s + 3.0)).abs() < 2.0, "{hover_ms} ms");
+        #[expect(clippy::cast_possible_truncation, reason = "a place in a room")]
         let home_mm = |axis: usize| (1e3 * plan.setpoints[0].position_m[axis]).round() as i16;
         for (axis, places) in trajectory["start_bytes"].as_array().unwrap().iter().enumerate() {
             for place in places.as_array().unwrap() {

@@ -222,6 +222,10 @@ pub fn table() -> String {
 |---|---|---|---|
 | the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
 | one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m; a camera outside is a warning | the room's middle on the floor is x = y = 0 |
+| a flight from the floor to the floor, its columns those of its places | `check` | velocities and places within a quarter of the way | `src/pipeline/preflight/plans.rs` |
+| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: 2 s at the plan's greatest speed, and the fall | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
+| weight, wind, estimator, base stations close together, sunlight on Lighthouse | `check` | indoors 150 g and 1.5 m/s; below 100 g 4 m/s; 1 m | `src/pipeline/preflight/surroundings.rs` |
+| thrust to hover | `check` | 85 % of the greatest at the flight's end | the simulated flight |
 | the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |
 | cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
 | drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |

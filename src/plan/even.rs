@@ -48,14 +48,6 @@ impl Segment {
     fn is_lit(&self) -> bool {
         matches!(self.path, Path::Lit(_) | Path::Dot(_))
     }
-
-    /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the
-    /// lamps.
-    fn letter_at(&self, time_s: f64) -> Option<usize> {
-        let Path::Lit(motion) = &self.path else { return self.letter };
-        let tick = ((time_s - self.start_s) / RING_TICK_S + 1e-3).floor();
-        Some(motion.letter((tick + 0.5) * RING_TICK_S))
-    }
 }
 
 #[derive(Debug)]
@@ -246,7 +238,7 @@ impl Course<'_> {
                 position_m: world(p),
                 velocity_m_s: world(v),
                 acceleration_m_s2: world(a),
-                letter: segment.letter_at(*time_s).filter(|_| until_s.is_some()),
+                letter: segment.letter.filter(|_| until_s.is_some()),
             };
             let level = until_s.map_or(0.0, |until_s| self.level(segment, *time_s, until_s));
             plan.push(setpoint, level);
@@ -282,7 +274,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 mod tests {
     use crate::tests::written;
     use crate::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
-    use noctograph_letters::{Ink, LetterOptions, draw, write};
+    use noctograph_letters::{LetterOptions, write};
 
     fn noor(options: &PlanOptions) -> Plan {
         written("NOOR", options)
@@ -360,22 +352,5 @@ mod tests {
         for (_, setpoint) in lit.filter(|(level, _)| **level > 0.0) {
             assert!(setpoint.velocity_m_s.norm() > 0.03, "no lit dwell: {setpoint:?}");
         }
-    }
-
-    #[test]
-    fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
-        let strokes = draw(path.as_ref(), &LetterOptions::default(), Ink::ByColor).unwrap();
-        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
-        let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
-        let begun = lit.windows(2).filter(|pair| pair[1] && !pair[0]).count();
-        assert_eq!(begun, 1, "without a break");
-        let rows = plan.setpoints.iter().zip(&lit).filter(|(_, lit)| **lit);
-        let letters: Vec<usize> = rows.filter_map(|(row, _)| row.letter).collect();
-        let falls = letters.windows(2).all(|pair| pair[0] >= pair[1]);
-        let rises = letters.windows(2).all(|pair| pair[0] <= pair[1]);
-        let mut seen = letters.clone();
-        seen.dedup();
-        assert!((rises || falls) && seen.len() == strokes.colors.len(), "{letters:?}");
     }
 }

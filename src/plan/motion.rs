@@ -25,7 +25,6 @@ pub(super) struct State {
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     start_s: f64,
-    letter: usize,
     position_m: Vector2<f64>,
     velocity_m_s: Vector2<f64>,
     acceleration_m_s2: Vector2<f64>,
@@ -63,7 +62,7 @@ impl Motion {
             [(nodes[0], nodes[1], first), (nodes[nodes.len() - 2], last, last)]
                 .map(|(a, b, end)| (b.position_m - a.position_m).normalize() * end.speed_m_s);
         let before_m = first.position_m - origin_m - first_m_s * reach_s;
-        pen.draw(first.letter, before_m, first_m_s, Vector2::zeros(), reach_s);
+        pen.draw(before_m, first_m_s, Vector2::zeros(), reach_s);
         for leg in nodes.windows(2) {
             let way = leg[1].position_m - leg[0].position_m;
             let (length_m, along) = (way.norm(), way.normalize());
@@ -71,11 +70,11 @@ impl Motion {
             let acceleration = along * ((leg[1].speed_m_s - leg[0].speed_m_s) / lasts_s);
             let start_m = leg[0].position_m - origin_m;
             let velocity_m_s = along * leg[0].speed_m_s;
-            pen.draw(leg[0].letter, start_m, velocity_m_s, acceleration, lasts_s);
+            pen.draw(start_m, velocity_m_s, acceleration, lasts_s);
         }
         let pen_s = pen.end_s - reach_s;
         let last_m = last.position_m - origin_m;
-        pen.draw(last.letter, last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
+        pen.draw(last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
         let whole = |lasts_s: f64| (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
         let duration_s = whole(pen_s);
         let pace = pen_s / duration_s;
@@ -104,11 +103,6 @@ impl Motion {
     /// The rest of it from a time on.
     pub(super) fn after(self, time_s: f64) -> Self {
         Self { from_s: self.from_s + time_s, ..self }
-    }
-
-    /// Index of the letter that is drawn `time_s` after its beginning.
-    pub(super) fn letter(&self, time_s: f64) -> usize {
-        self.piece_at(self.middle_s(time_s)).letter
     }
 
     /// The middle of the averages, in the time of the pen.
@@ -151,20 +145,12 @@ struct Pen {
 }
 
 impl Pen {
-    fn draw(
-        &mut self,
-        letter: usize,
-        p: Vector2<f64>,
-        v: Vector2<f64>,
-        a: Vector2<f64>,
-        lasts_s: f64,
-    ) {
+    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
         let still = Vector2::zeros();
         let before = self.pieces.last().map(|last| last.at(self.end_s));
         let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
         self.pieces.push(Piece {
             start_s: self.end_s,
-            letter,
             position_m: p,
             velocity_m_s: v,
             acceleration_m_s2: a,

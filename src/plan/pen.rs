@@ -1,7 +1,5 @@
 //! Pen strokes: uninterrupted runs of light, and the directions in which each may be drawn.
 
-use std::collections::HashMap;
-
 use nalgebra::Vector2;
 
 use noctograph_core::strokes::Strokes;
@@ -29,7 +27,7 @@ pub(super) fn dot_s(speed_m_s: f64) -> f64 {
 /// One run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
-    /// Index of the letter that it begins.
+    /// Index of its letter.
     pub(super) letter: usize,
     /// Its corners in the plane of the word, neighbors apart; one alone is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
@@ -40,8 +38,6 @@ pub(super) struct PenStroke {
 /// A leg of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Leg {
-    /// Index of its letter: another than the first leg's along a gradient.
-    pub(super) letter: usize,
     /// Speed along it, as a share of the stroke speed.
     pub(super) pace: f64,
 }
@@ -70,7 +66,7 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             if (to - from).norm() <= SAME_M {
                 continue;
             }
-            let drawn = Leg { letter, pace: leg.pace };
+            let drawn = Leg { pace: leg.pace };
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             match runs.last_mut().filter(|run| open && ends_here(run)) {
                 Some(run) => {
@@ -84,41 +80,11 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             open = true;
         }
     }
-    let mut runs = joined(runs, &strokes.joints_m);
     for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
         let middle_m = (run.points_m[0] + run.last_m()) * 0.5;
         (run.points_m, run.legs) = (vec![middle_m], Vec::new());
     }
     runs
-}
-
-/// Runs that go on at a joint where another ends are one stroke with it.
-fn joined(runs: Vec<PenStroke>, joints_m: &[[f64; 2]]) -> Vec<PenStroke> {
-    let key = |[x, y]: [f64; 2]| [x.to_bits(), y.to_bits()];
-    let mut next: HashMap<[u64; 2], Vec<usize>> =
-        joints_m.iter().map(|joint_m| (key(*joint_m), Vec::new())).collect();
-    let mut heads = Vec::new();
-    for (index, run) in runs.iter().enumerate() {
-        match next.get_mut(&key(run.points_m[0].into())) {
-            Some(begun) => begun.push(index),
-            None => heads.push(index),
-        }
-    }
-    let mut left: Vec<Option<PenStroke>> = runs.into_iter().map(Some).collect();
-    let mut joined = Vec::new();
-    // What goes on from nothing, in a circle of joints, is begun anywhere.
-    for head in heads.into_iter().chain(0..left.len()) {
-        let Some(mut run) = left[head].take() else { continue };
-        while let Some(begun) = next.get_mut(&key(run.last_m().into()))
-            && let Some(index) = begun.pop()
-        {
-            let Some(more) = left[index].take() else { continue };
-            run.points_m.extend_from_slice(&more.points_m[1..]);
-            run.legs.extend(more.legs);
-        }
-        joined.push(run);
-    }
-    joined
 }
 
 impl PenStroke {
@@ -178,7 +144,6 @@ impl PenStroke {
             points_m.reverse();
             legs.reverse();
         }
-        let letter = legs.first().map_or(letter, |leg| leg.letter);
         Self { letter, points_m, legs }
     }
 
@@ -224,7 +189,7 @@ mod tests {
     impl PenStroke {
         /// A stroke in an even pace.
         pub(crate) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
-            let legs = vec![Leg { letter, pace: 1.0 }; points_m.len() - 1];
+            let legs = vec![Leg { pace: 1.0 }; points_m.len() - 1];
             Self { letter, points_m, legs }
         }
     }

@@ -15,8 +15,6 @@ use super::smoothing::Smoothing;
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
     pub(super) speed_m_s: f64,
-    /// Index of the letter of the leg from here on.
-    pub(super) letter: usize,
 }
 
 /// Largest distance of nodes on a path whose speed changes, and most nodes of a stroke.
@@ -39,14 +37,9 @@ pub(super) fn profile(
     let fastest_m_s = stroke_speed_m_s;
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
-    let last_leg = legs.len() - 1;
-    let node = |position_m, pace: f64, leg: usize| {
-        let letter = legs[leg.min(last_leg)].letter;
-        Node { position_m, speed_m_s: pace * fastest_m_s, letter }
-    };
+    let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * fastest_m_s };
     if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && legs.iter().all(|leg| leg.pace == 1.0) {
-        let points = points_m.iter().enumerate();
-        return points.map(|(index, point)| node(*point, 1.0, index)).collect();
+        return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }
     // Nodes are close enough for a slow corner to be slow alone.
     let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
@@ -59,11 +52,11 @@ pub(super) fn profile(
         let length_m = corners.at_m[index + 1] - corners.at_m[index];
         let n = (length_m / step_m).ceil().max(1.0);
         for k in (0..).map(f64::from).take_while(|k| *k < n) {
-            nodes.push(node(leg[0].lerp(&leg[1], k / n), legs[index].pace, index));
+            nodes.push(node(leg[0].lerp(&leg[1], k / n), legs[index].pace));
             at_m.push(corners.at_m[index] + length_m * k / n);
         }
     }
-    nodes.push(node(points_m[points_m.len() - 1], legs[last_leg].pace, last_leg));
+    nodes.push(node(points_m[points_m.len() - 1], legs[legs.len() - 1].pace));
     at_m.push(corners.at_m[points_m.len() - 1]);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
     limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);

@@ -80,12 +80,12 @@ keys! {
 pub(crate) type KeyResult<T> = Result<T, Key>;
 
 /// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
-const STOPS: &str = "stop-acceleration stop-altitude-hold stop-battery stop-camera stop-corridor \
-    stop-coverage stop-doubled-stroke stop-evenness stop-flight stop-flight-time \
-    stop-frame stop-headlights stop-jump stop-led-memory stop-light-never-off \
-    stop-lit-dwell stop-lit-transit stop-lost-stroke stop-memory stop-motors \
-    stop-pen-jump stop-picture stop-separation stop-speed stop-tail stop-tilt \
-    stop-volume stop-wake stop-other";
+const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-battery stop-camera \
+    stop-corridor stop-coverage stop-doubled-stroke stop-estimator stop-evenness stop-flight \
+    stop-flight-time stop-frame stop-headlights stop-jump stop-landing stop-led-memory \
+    stop-light-never-off stop-lit-dwell stop-lit-transit stop-lost-stroke stop-memory \
+    stop-motors stop-pen-jump stop-people stop-picture stop-separation stop-speed stop-sunlight \
+    stop-tail stop-thrust stop-tilt stop-volume stop-wake stop-weight stop-wind stop-other";
 
 /// Keys of advice: the settings that a remedy changes first.
 const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \

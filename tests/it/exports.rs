@@ -380,7 +380,9 @@ fn every_format_takes_the_smallest_word() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for format in ["cflib", "compressed", "poly4d", "crazyswarm2", "skyc", "vviz"] {
-        let (code, report, said) = run(at, &["export", ".", "--to", format, "-o", format]);
+        // A dot's camera stands so near that it does not see it, which `check` stops.
+        let arguments = ["export", ".", "--unchecked", "--to", format, "-o", format];
+        let (code, report, said) = run(at, &arguments);
         assert_eq!(code, 0, "{format}: {report} {said}");
     }
     let csv = std::fs::read_to_string(at.join("crazyswarm2/drawing.csv")).unwrap();

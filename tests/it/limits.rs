@@ -55,7 +55,7 @@ const CASES: [Case; 45] = [
     ("flights, compared", "compare @.csv @.csv -o out", flight, 160_000),
     ("light trace, rows", "expose @.csv --word I --backend cpu --size 320x180 -o out.png", light, 300_000),
     ("plan, rows", "fly @.csv -o out.csv", plan, 8_000),
-    ("plan, exported", "export @.csv --to cflib -o out", plan, 8_000),
+    ("plan, exported", "export @.csv --room 9x9x9 --to cflib -o out", plan, 8_000),
     ("sixteen plans", "check @.csv*16", plan, 1_600),
     ("sixty-four plans", "check @.csv*64", plan, 400),
     ("ranges of a drone, rows", "locate @.csv -o out", ranges, 10_000),

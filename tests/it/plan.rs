@@ -31,7 +31,7 @@ fn the_papers_letters_are_flagged_and_may_fly() {
 }
 
 #[test]
-fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
+fn an_even_noor_passes_and_a_typed_speed_is_too_fast_for_the_careful() {
     let report = run_json(Path::new("."), &["check", "NOOR", "--style", "even"]);
     let findings = report["findings"].as_array().unwrap();
     for check in ["lit dwell", "evenness", "tilt", "acceleration", "jump"] {
@@ -53,7 +53,10 @@ fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
     let found = memory.unwrap()["found"].as_str().unwrap();
     assert!(found.contains("pieces as poly4d, too many"), "pieces bind before bytes: {found}");
     let careful = ["check", "NOOR", "--style", "even", "--profile", "careful"];
-    noctograph(Path::new(".")).args(careful).assert().code(1).stdout(contains("STOP  speed"));
+    noctograph(Path::new(".")).args(careful).assert().code(0);
+    let fast = ["--set", "plan.style.dark_speed_m_s=1"];
+    let assert = noctograph(Path::new(".")).args(careful).args(fast).assert();
+    assert.code(1).stdout(contains("STOP  speed"));
     noctograph(Path::new(".")).args(["check", "NOOR", "--profile", "brave"]).assert().code(2);
 }
 

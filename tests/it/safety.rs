@@ -40,7 +40,7 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     let (code, small, _) = run(at, &["check", "plan.csv", "--room", "1.5x1.5x1"]);
     assert_eq!((code, &small["fly"]), (1, &false.into()), "the plan is 2 m wide");
     assert_eq!(finding(&small, "volume")["severity"], "stop");
-    let (code, hall, _) = run(at, &["check", "plan.csv", "--room", "4x3x2.5"]);
+    let (code, hall, _) = run(at, &["check", "plan.csv", "--room", "4x6x2.5"]);
     assert_eq!((code, &finding(&hall, "volume")["severity"]), (0, &"fine".into()));
     // A word is fitted to its room; larger letters are not.
     for room in ["1.5x1.5x1", "2x2x2", "4x3x2.5", "5x2x2"] {
@@ -139,13 +139,34 @@ fn export_refuses_what_check_stops_and_a_script_that_is_forced_says_so() {
 }
 
 #[test]
+fn a_person_beside_the_take_off_mark_stops_check_and_export() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let verdict = |people: &str| {
+        let people = format!("sensors.lighthouse.people_m={people}");
+        let subject = ["NOOR", "--room", "4x6x2.5", "--set", &people];
+        let (code, report, _) = run(at, &[&["check"], &subject[..]].concat());
+        let severity = finding(&report, "people")["severity"].clone();
+        let to = ["--to", "cflib", "-o", "out.py"];
+        (code, severity, run(at, &[&["export"], &subject[..], &to].concat()).0)
+    };
+    assert_eq!(verdict("[[1.5, -0.3, 0.25]]"), (1, "stop".into(), 1));
+    assert_eq!(verdict("[[1.5, -2.9, 0.25]]"), (0, "fine".into(), 0));
+    // Slower, a drone that fails comes less far.
+    let careful = ["HI", "--room", "4x6x2.5", "--profile", "careful"];
+    let (code, report, _) = run(at, &[&["check"], &careful[..]].concat());
+    assert_eq!(code, 0, "{report}");
+}
+
+#[test]
 fn preview_of_a_flight_that_check_stops_exits_1_and_writes_its_photo() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let legible = ["preview", "NOOR", "-o", "out"];
     assert_eq!(run(at, &[&legible[..], &SMALL].concat()).0, 0);
     std::fs::remove_dir_all(at.join("out")).unwrap();
-    let careful = [&legible[..], &SMALL, &["--profile", "careful"]].concat();
+    let fast = ["--profile", "careful", "--set", "plan.style.dark_speed_m_s=1"];
+    let careful = [&legible[..], &SMALL, &fast].concat();
     let (code, report, _) = run(at, &careful[..]);
     assert_eq!((code, &report["legible"]), (1, &true.into()), "legible, not safe: {report}");
     assert!(report["stops"].as_str().unwrap().starts_with("speed (0.8"), "{report}");

@@ -100,7 +100,7 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
         let to = ["export", "HI2.csv", "--word", "HI", "--to", "cflib", "-o", "HI2.py"];
         noctograph(at).args(to).args(more).assert()
     };
-    for guess in [&[][..], &["--scene", "cf21"], &["--unchecked"]] {
+    for guess in [&[][..], &["--scene", "cf21"]] {
         let refused = export(guess).code(2);
         let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
         assert!(said.contains("--room WxDxH"), "{said}");
@@ -108,7 +108,8 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
     }
     export(&ROOM).success();
     assert_eq!(script(&at.join("HI2.py")).1["limits"]["fence_m"][1], json!([1.9, 2.6, 2.4]));
-    // Without walls there is none to know.
+    // Forced, and outdoors, where there are no walls.
+    export(&["--unchecked"]).success();
     export(&["--profile", "outdoor"]).success();
 }
 
@@ -116,8 +117,8 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
 fn the_scene_of_a_log_opens_no_file_unless_the_log_is_named_as_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    run_json(at, &[&["preview", "I", "-o", "first"], &SMALL[..]].concat());
-    let scene = "word = \"I\"\n[photo]\nbackground = \"first/photo.png\"\n";
+    run_json(at, &[&["preview", "HI", "-o", "first"], &SMALL[..]].concat());
+    let scene = "word = \"HI\"\n[photo]\nbackground = \"first/photo.png\"\n";
     let written = log(&json!({ "origin": { "scene": scene } }), &at.join("first/flight.csv"));
     std::fs::write(at.join("log.json"), written.to_string()).unwrap();
     let expose = |more: &[&str]| {
@@ -135,7 +136,7 @@ fn the_scene_of_an_earlier_file_of_the_same_name_is_forgotten() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run_json(at, &[&["plan", "I", "-o", "plan.csv"], &ROOM[..]].concat());
-    run_json(at, &[&["preview", "I", "-o", "."], &SMALL[..]].concat());
+    run_json(at, &[&["preview", "HI", "-o", "."], &SMALL[..]].concat());
     let (_, checked, _) = run(at, &["check", "plan.csv"]);
     assert_eq!(checked["profile"]["room_m"], Value::Null);
     run_json(at, &["fly", "plan.csv", "-o", "flown.csv"]);

@@ -12,7 +12,6 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 
 use super::areas::{self, Patch};
-use super::gradient::Paint;
 use super::ink::{Field, RIM, even_paper};
 use super::levels::{contours, level};
 use super::sheet::{self, Corners, Map};
@@ -107,7 +106,7 @@ pub(super) fn read(
     budget.check()?;
     let lines = lines.into_iter().filter(|line| line.len() > 1);
     let colored = |line: Vec<[f64; 2]>| {
-        let color = Paint::Plain(field.hue(&line));
+        let color = field.hue(&line);
         (line, color)
     };
     let lines: Vec<ColoredLine> = lines.map(colored).collect();

@@ -3,7 +3,7 @@
 use super::super::smooth::{simplified, smooth};
 use super::super::vector::{direction, dot};
 use super::ColoredLine;
-use super::gradient::Paint;
+use super::layers::Color;
 use crate::LeftOut;
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
@@ -58,11 +58,11 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     let mut left: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
     let mut joined = Vec::new();
     for start in 0..left.len() {
-        let Some((mut line, paint)) = left[start].take() else { continue };
+        let Some((mut line, color)) = left[start].take() else { continue };
         // On from its end, then from its beginning.
         for _ in 0..2 {
             while line[0] != line[line.len() - 1]
-                && let Some((index, backward)) = onward(&line, paint, &left, gap)
+                && let Some((index, backward)) = onward(&line, color, &left, gap)
             {
                 let (mut next, _) = left[index].take().expect("it was found");
                 if backward {
@@ -72,7 +72,7 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
             }
             line.reverse();
         }
-        joined.push((line, paint));
+        joined.push((line, color));
     }
     joined
 }
@@ -80,7 +80,7 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
 /// The nearest line that goes on from the end of another, and whether it does so backward.
 fn onward(
     line: &[[f64; 2]],
-    paint: Paint,
+    color: Color,
     left: &[Option<ColoredLine>],
     gap: f64,
 ) -> Option<(usize, bool)> {
@@ -89,7 +89,7 @@ fn onward(
     let mut best = None;
     let mut nearest = gap;
     for (index, next) in left.iter().enumerate() {
-        let Some((next, _)) = next.as_ref().filter(|(_, of)| *of == paint) else { continue };
+        let Some((next, _)) = next.as_ref().filter(|(_, of)| *of == color) else { continue };
         let last = next.len() - 1;
         for (backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
             let [at, then] = ends.map(|end| next[end]);
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     fn line(points: &[[f64; 2]]) -> ColoredLine {
-        (points.to_vec(), Paint::Plain([0; 3]))
+        (points.to_vec(), [0; 3])
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! What lies on a page of an SVG file: areas in colors, and what cuts them.
 
-use kurbo::{Affine, BezPath};
+use kurbo::{Affine, BezPath, PathEl};
 
-use super::super::curves::polylines;
-use super::super::outline::Filled;
+use super::super::curves::{polylines, subpaths};
+use super::super::outline::{self, Filled};
 use super::MAX_POINTS;
-use super::gradient::Paint;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::bounds;
+
+/// Red, green and blue (sRGB).
+pub(super) type Color = [u8; 3];
 
 /// Largest distance of an area's edge from its curves, by the page's larger side.
 pub(super) const FLATNESS: f64 = 2e-4;
@@ -15,35 +17,49 @@ pub(super) const FLATNESS: f64 = 2e-4;
 /// Steps of a point of an area.
 const POINT_STEPS: usize = 200;
 
-/// An element that is painted: its paints have their opacities.
+/// An element that is painted: its colors have their opacities.
 pub(super) struct Painted {
     /// Its path, y up.
     pub(super) path: BezPath,
     pub(super) even_odd: bool,
-    pub(super) fill: Option<(Paint, f64)>,
-    pub(super) stroke: Option<(Paint, f64, kurbo::Stroke)>,
+    pub(super) fill: Option<(Color, f64)>,
+    pub(super) stroke: Option<(Color, f64, kurbo::Stroke)>,
     pub(super) placed: Affine,
     pub(super) cuts: Vec<usize>,
 }
 
 impl Painted {
+    /// Its path with every part closed, as a fill closes it.
+    pub(super) fn closed(&self) -> BezPath {
+        let mut closed = BezPath::new();
+        for (first, elements) in subpaths(&self.path) {
+            closed.move_to(first);
+            let is_closed = elements.last() == Some(&PathEl::ClosePath);
+            closed.extend(elements);
+            if !is_closed {
+                closed.close_path();
+            }
+        }
+        closed
+    }
+
     /// The area of its fill, of the `element`-th of a page.
     pub(super) fn fill_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
-        let (paint, alpha) = self.fill?;
+        let (color, alpha) = self.fill?;
         let area = scale.area(&self.path, self.even_odd);
-        Some(Layer { element, area, paint, alpha, cuts: self.cuts.clone(), is_stroke: false })
+        Some(Layer { element, area, color, alpha, cuts: self.cuts.clone(), is_stroke: false })
     }
 
     /// The area of its stroke.
     pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
-        let (paint, alpha, style) = self.stroke.as_ref()?;
+        let (color, alpha, style) = self.stroke.as_ref()?;
         let path = self.placed.inverse() * &self.path;
         let enlarged = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
         let tolerance = FLATNESS * scale.size / enlarged;
         let outline = kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance);
         let area = scale.area(&(self.placed * outline), false);
-        let (paint, alpha, cuts) = (*paint, *alpha, self.cuts.clone());
-        Some(Layer { element, area, paint, alpha, cuts, is_stroke: true })
+        let (color, alpha, cuts) = (*color, *alpha, self.cuts.clone());
+        Some(Layer { element, area, color, alpha, cuts, is_stroke: true })
     }
 }
 
@@ -84,6 +100,14 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
+    /// Whether it is a rectangle over a page.
+    pub(super) fn is_page(&self, page: [f64; 2], slack: f64) -> bool {
+        let [left, bottom, right, top] = self.bounds;
+        let area = self.contours.iter().map(|contour| outline::area(contour)).sum::<f64>();
+        let box_ = (right - left) * (top - bottom);
+        covers_page(self.bounds, page, slack) && (area.abs() - box_).abs() < 1e-6 * box_
+    }
+
     pub(super) fn meets(&self, other: [f64; 4]) -> bool {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
@@ -91,7 +115,7 @@ impl Area<'_> {
 }
 
 /// Whether a box, y up, covers a page but for a slack.
-pub(super) fn covers_page(
+fn covers_page(
     [left, bottom, right, top]: [f64; 4],
     [width, height]: [f64; 2],
     slack: f64,
@@ -104,7 +128,7 @@ pub(super) struct Layer<'a> {
     /// The element that it is of.
     pub(super) element: usize,
     pub(super) area: Area<'a>,
-    pub(super) paint: Paint,
+    pub(super) color: Color,
     pub(super) alpha: f64,
     pub(super) cuts: Vec<usize>,
     pub(super) is_stroke: bool,

@@ -14,7 +14,7 @@ use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
 use chosen::{Numbered, all, chosen};
 use detail::reduced;
-use gradient::{Gradient, Paint};
+use layers::Color;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
@@ -25,19 +25,16 @@ mod areas;
 mod bitmap;
 mod chosen;
 mod detail;
-mod elements;
-mod gradient;
 mod handwriting;
 mod ink;
 mod layers;
 mod levels;
-mod plain;
+mod notes;
 mod sheet;
 mod shown;
-mod style;
+mod size;
+mod styles;
 mod svg;
-mod transform;
-mod xml;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
@@ -72,8 +69,8 @@ const TAP: f64 = 0.02;
 pub enum Ink {
     /// They do not: the drawing is one glyph.
     Alike,
-    /// Each color of an SVG file is a glyph, in the order in which they first occur, those of
-    /// gradients last; of handwriting, which keeps its order, each run of strokes of one color.
+    /// Each color of an SVG file is a glyph, in the order in which they first occur; of
+    /// handwriting, which keeps its order, each run of strokes of one color.
     ByColor,
 }
 
@@ -87,7 +84,7 @@ struct Written {
 }
 
 /// A line of a picture in its own units, y up, and what colors it.
-type ColoredLine = (Vec<[f64; 2]>, Paint);
+type ColoredLine = (Vec<[f64; 2]>, Color);
 
 /// Reads a drawing: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`, `*.gif` (its first frame) or
 /// `*.bmp`, or handwriting `*.json`.
@@ -96,10 +93,10 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
 /// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
-/// path has the color of its stroke, or else of its fill, and along a gradient up to 64 colors.
-/// What is not followed, such as filters, is named in the warnings; text is refused. Handwriting
-/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has
-/// the pace of [`LetterOptions::pace`].
+/// path has the color of its stroke, or else of its fill, and a gradient one of its own. What is
+/// not followed, such as filters, is named in the warnings; text is refused. Handwriting keeps its
+/// order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
+/// [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
@@ -128,7 +125,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             }
             let source = Source { strokes, ..Source::default() };
             let warnings = drawing.warnings;
-            let strokes = by_color(&lines, &drawing.gradients, &placing, ink, &file)?;
+            let strokes = by_color(&lines, &placing, ink, &file)?;
             Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
@@ -143,7 +140,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let (lines, left_out, strokes) =
                 detailed(lines, options.detail, larger, in_file, options, &file)?;
             let source = Source { strokes, corners_px, is_bitmap: true };
-            let strokes = by_color(&lines, &[], &placing(extent(&lines))?, ink, &file)?;
+            let strokes = by_color(&lines, &placing(extent(&lines))?, ink, &file)?;
             Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("json") => {
@@ -184,14 +181,13 @@ fn detailed(
     file: &str,
 ) -> Result<(Numbered<ColoredLine>, LeftOut, Vec<SourceStroke>)> {
     let (lines, left_out) = reduced(lines, detail, size, file)?;
-    let strokes = all(lines.iter().map(|(line, paint)| (line, paint.color())), in_file);
-    Ok((chosen(lines, |(_, paint)| paint.color(), options, file)?, left_out, strokes))
+    let strokes = all(lines.iter().map(|(line, color)| (line, Some(*color))), in_file);
+    Ok((chosen(lines, |(_, color)| Some(*color), options, file)?, left_out, strokes))
 }
 
 /// Lines of a picture: one glyph, or one of each color.
 fn by_color(
     lines: &Numbered<ColoredLine>,
-    gradients: &[Gradient],
     placing: &Placing,
     ink: Ink,
     file: &str,
@@ -202,25 +198,11 @@ fn by_color(
         return Ok(Strokes { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
     }
     let mut inks = Vec::new();
-    let (mut shaded, mut joints_m) = (Vec::new(), Vec::new());
-    for (_, (line, paint)) in lines {
-        match paint {
-            Paint::Plain(color) => add(&mut inks, placing.run(line), *color, file)?,
-            Paint::Gradient(index) => shaded.push((&line[..], *index)),
-        }
-    }
-    let left = MAX_COLORS - inks.len();
-    for pieces in gradient::pieces(&shaded, gradients, left, placing.size(), file)? {
-        let n_joints = pieces.len() - 1;
-        for (index, (piece, color)) in pieces.into_iter().enumerate() {
-            let run = placing.run(&piece);
-            joints_m.extend(run.points.last().filter(|_| index < n_joints));
-            add(&mut inks, run, color, file)?;
-        }
+    for (_, (line, color)) in lines {
+        add(&mut inks, placing.run(line), *color, file)?;
     }
     let (colors, glyphs) = inks.into_iter().unzip();
-    let strokes = placing.strokes(glyphs, StrokeOrder::Free);
-    Ok(Strokes { colors, joints_m, numbers, ..strokes })
+    Ok(Strokes { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// The bounds of lines: left, bottom, right, top.

@@ -271,7 +271,7 @@ fn every_icon_of_forty_scenes_is_its_outline_and_thin_ones_are_lines() {
 fn hues(traced: &Traced) -> Vec<([u8; 3], usize)> {
     let mut hues: Vec<([u8; 3], usize)> = Vec::new();
     for (_, paint) in &traced.lines {
-        let Paint::Plain(color) = *paint else { panic!("a gradient") };
+        let color = *paint;
         match hues.iter_mut().find(|(known, _)| *known == color) {
             Some((_, n)) => *n += 1,
             None => hues.push((color, 1)),

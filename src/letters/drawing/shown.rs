@@ -9,10 +9,9 @@
 use kurbo::{BezPath, Shape as _};
 
 use super::super::curves::polylines;
-use super::super::vector::{between, counts, is_closed, legs};
+use super::super::vector::{between, is_closed, legs};
 use super::MAX_POINTS;
-use super::gradient::{Gradient, Paint};
-use super::layers::{Area, Cut, FLATNESS, Layer, Painted, Scale, covers_page};
+use super::layers::{Area, Color, Cut, FLATNESS, Layer, Painted, Scale};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Opacity from which a fill hides what is under it.
@@ -31,23 +30,23 @@ const BESIDE: f64 = 4e-4;
 pub(super) struct Page<'a> {
     layers: Vec<Layer<'a>>,
     cuts: &'a [Cut<'a>],
-    gradients: &'a [Gradient],
     paper: [f64; 3],
+    size: [f64; 2],
     scale: Scale<'a>,
 }
 
 /// A visible part of a line, and its color.
-pub(super) type Part = (Vec<[f64; 2]>, Paint);
+pub(super) type Part = (Vec<[f64; 2]>, Color);
 
 /// A piece of a line, and its color where it is seen.
-type Piece = (Vec<[f64; 2]>, Option<Paint>);
+type Piece = (Vec<[f64; 2]>, Option<Color>);
 
 /// What is left of an element.
 pub(super) enum Shown {
     /// All of its stroke.
-    Stroke(Paint),
+    Stroke(Color),
     /// All of its rim.
-    Rim(Paint),
+    Rim(Color),
     Parts(Vec<Part>),
 }
 
@@ -55,55 +54,84 @@ impl<'a> Page<'a> {
     pub(super) fn new(
         painted: &[Painted],
         cuts: &'a [Cut<'a>],
-        gradients: &'a [Gradient],
-        page: [f64; 2],
+        size: [f64; 2],
         scale: Scale<'a>,
     ) -> Self {
-        let fills = painted.iter().filter_map(|item| item.fill.map(|(paint, _)| paint));
+        let fills = painted.iter().filter_map(|item| item.fill.map(|(color, _)| color));
         let strokes = painted.iter().filter_map(|item| item.stroke.as_ref().map(|it| it.0));
         // White ink alone has a dark ground.
-        let is_light = fills.chain(strokes).all(|paint| paint == Paint::Plain([255; 3]));
+        let is_light = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_light { 0.0 } else { 255.0 }; 3];
-        let mut layers = Vec::new();
+        let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
             if let Some(fill) = item.fill_layer(element, scale) {
-                let covers = covers_page(fill.area.bounds, page, BESIDE * scale.size);
-                if let Some(color) = fill.paint.color().filter(|_| covers) {
-                    ground = color.map(f64::from);
+                if page.is_whole(&fill) {
+                    ground = fill.color.map(f64::from);
                 }
-                layers.push(fill);
+                page.layers.push(fill);
             }
-            let stroke = item.stroke.as_ref().and_then(|(paint, ..)| paint.color());
-            if stroke.is_some_and(|color| alike(ground, color.map(f64::from))) {
-                layers.extend(item.stroke_layer(element, scale));
+            let stroke = item.stroke.as_ref().map(|(color, ..)| color.map(f64::from));
+            if stroke.is_some_and(|color| alike(ground, color)) {
+                page.layers.extend(item.stroke_layer(element, scale));
             }
         }
-        Self { layers, cuts, gradients, paper, scale }
+        page
     }
 
-    /// What is left of an element, and whether a part of its stroke has the color of what is
-    /// beneath.
-    pub(super) fn shown(&self, index: usize, item: &Painted) -> (Shown, bool) {
+    /// Whether a layer is a rectangle over the whole page, also after its clips and masks.
+    fn is_whole(&self, layer: &Layer<'a>) -> bool {
+        layer.area.is_page(self.size, BESIDE * self.scale.size)
+            && layer.cuts.iter().all(|cut| match &self.cuts[*cut] {
+                Cut::Page(_) => true,
+                Cut::Clip(layers) => layers.iter().any(|layer| self.is_whole(layer)),
+                Cut::Mask(layers, by_alpha, edge) => {
+                    edge.is_page(self.size, BESIDE * self.scale.size)
+                        && layers.iter().all(|layer| {
+                            self.is_whole(layer) && layer.alpha * light(layer, *by_alpha) > 0.5
+                        })
+                }
+            })
+    }
+
+    /// Whether an element is paper: a fill over the whole page.
+    pub(super) fn is_paper(&self, index: usize, item: &Painted) -> bool {
+        item.stroke.is_none()
+            && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
+    }
+
+    /// What is left of an element, whose stroke with its dashes is a line, and whether a part of
+    /// that has the color of what is beneath.
+    pub(super) fn shown(&self, index: usize, item: &Painted, line: &BezPath) -> (Shown, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
         self.scale.budget.spend_steps(self.layers.len() / 8);
-        let near: Vec<&Layer<'a>> =
+        let mut near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
-        let Some((paint, alpha, _)) = item.stroke else {
+        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke).copied();
+        let Some((color, alpha, _)) = item.stroke else {
             return (self.rim(index, item, &near), false);
         };
+        let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
+        let is_border =
+            |fill: [u8; 3]| is_of_ground && !alike(fill.map(f64::from), color.map(f64::from));
+        if own.is_some_and(|own| is_border(own.color)) {
+            // A border in the color of the ground: what shows is the fill.
+            near.retain(|layer| layer.element != index || !layer.is_stroke);
+            return (self.rim(index, item, &near), false);
+        }
+        // The sides that only the fill closes.
+        let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
+        let mut at_rim = |place, sides| self.rim_color(item, &near, own?, true, place, sides);
+        let (sides, _) = self.parts(&closing, item, &near, &mut at_rim);
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
         // Whether the stroke cannot be told from a ground.
         let blends = |ground: [f64; 3]| {
-            let color = paint.color().map(|color| color.map(f64::from));
-            color.is_some_and(|color| {
-                alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (color[i] - ground[i])))
-            })
+            alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (f64::from(color[i]) - ground[i])))
         };
-        if is_alone && !is_cut && !blends(self.paper) {
-            return (Shown::Stroke(paint), false);
+        if is_alone && !is_cut && !blends(self.paper) && sides.is_empty() {
+            return (Shown::Stroke(color), false);
         }
         let mut is_alike = false;
         let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
@@ -114,57 +142,76 @@ impl<'a> Page<'a> {
                 return None;
             }
             let below = |layer: &Layer<'a>| layer.element < index;
-            let blends = sides.iter().all(|side| blends(self.color_at(*side, &near, below).0));
-            is_alike |= blends;
-            (!blends).then_some(paint)
-        };
-        let shown = match self.parts(&self.lines(&item.path), item, &near, &mut look) {
-            (_, true) => return (Shown::Stroke(paint), false),
-            // The edge of what lies under an outline in the color of the paper.
-            (parts, _) if parts.is_empty() && is_alike && item.fill.is_some() => {
-                self.rim(index, item, &near)
+            if !sides.iter().all(|side| blends(self.color_at(*side, &near, below).0)) {
+                return Some(color);
             }
-            (parts, _) => Shown::Parts(parts),
+            // The edge of what lies under an outline in the color of what is beneath.
+            let rim = own.and_then(|own| self.rim_color(item, &near, own, true, place, sides));
+            is_alike |= rim.is_none();
+            rim
         };
-        (shown, is_alike)
+        let (mut parts, is_whole) = self.parts(&self.lines(line), item, &near, &mut look);
+        if is_whole && sides.is_empty() {
+            let color = parts.first().map_or(color, |part| part.1);
+            return (Shown::Stroke(color), is_alike);
+        }
+        parts.extend(sides);
+        (Shown::Parts(parts), is_alike)
     }
 
-    /// The rim of a fill: where the colors on its two sides differ.
+    /// The color of a fill's rim at a place of its own path, or else of its clip, where the colors
+    /// on its two sides differ.
+    fn rim_color(
+        &self,
+        item: &Painted,
+        near: &[&Layer<'a>],
+        own: &Layer<'a>,
+        is_own: bool,
+        place: [f64; 2],
+        sides: [[f64; 2]; 2],
+    ) -> Option<Color> {
+        if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
+            // Thinner than a look to its sides.
+            let seen = !self.is_covered(own.element, near, place) && self.within(&item.cuts, place);
+            return seen.then_some(own.color);
+        }
+        // Where a clip ends at the fill's own path, that is the rim.
+        if !is_own && !sides.iter().all(|side| own.area.holds(*side)) {
+            return None;
+        }
+        let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
+        if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
+            return None;
+        }
+        // A hole in the color of the paper is the edge of what is around it.
+        let is_paper = alike(own.color.map(f64::from), self.paper);
+        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
+        let of_other = other.filter(|_| is_paper).and_then(|other| {
+            near.iter().find(|layer| layer.element == other).map(|layer| layer.color)
+        });
+        Some(of_other.unwrap_or(own.color))
+    }
+
+    /// The rim of a fill.
     fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Shown {
         let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
-        let Some(((paint, _), own)) = item.fill.zip(own) else { return Shown::Parts(Vec::new()) };
-        let look = |is_own: bool, place: [f64; 2], sides: [[f64; 2]; 2]| {
-            if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
-                // Thinner than a look to its sides.
-                let seen = !self.is_covered(index, near, place) && self.within(&item.cuts, place);
-                return seen.then_some(paint);
-            }
-            let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-            if ![left.1, right.1].contains(&Some(index)) || alike(left.0, right.0) {
-                return None;
-            }
-            // A hole in the color of the paper is the edge of what is around it.
-            let is_paper = paint.color().is_some_and(|own| alike(own.map(f64::from), self.paper));
-            let other = [left.1, right.1].into_iter().flatten().find(|top| *top != index);
-            let of_other = other.filter(|_| is_paper).and_then(|other| {
-                near.iter().find(|layer| layer.element == other).map(|layer| layer.paint)
-            });
-            Some(of_other.unwrap_or(paint))
-        };
-        let mut at_rim = |place, sides| look(true, place, sides);
-        let (mut parts, is_whole) = self.parts(&self.lines(&item.path), item, near, &mut at_rim);
+        let Some(own) = own else { return Shown::Parts(Vec::new()) };
+        let mut at_rim = |place, sides| self.rim_color(item, near, own, true, place, sides);
+        let (mut parts, is_whole) =
+            self.parts(&self.lines(&item.closed()), item, near, &mut at_rim);
         let n_own = parts.len();
         // Where a clip ends it.
         for contour in item.cuts.iter().flat_map(|cut| self.contours(*cut)) {
             if own.area.meets(bounds(contour.iter().copied())) {
                 let lines = std::slice::from_ref(contour);
-                let mut at_clip = |place, sides| look(false, place, sides);
+                let mut at_clip =
+                    |place, sides| self.rim_color(item, near, own, false, place, sides);
                 parts.extend(self.parts(lines, item, near, &mut at_clip).0);
             }
         }
         match parts.first() {
-            Some((_, paint)) if is_whole && parts.len() == n_own => Shown::Rim(*paint),
+            Some((_, color)) if is_whole && parts.len() == n_own => Shown::Rim(*color),
             _ => Shown::Parts(parts),
         }
     }
@@ -173,20 +220,19 @@ impl<'a> Page<'a> {
         polylines(path, FLATNESS * self.scale.size, MAX_POINTS).unwrap_or_default()
     }
 
-    /// The parts of lines that are seen, and whether these are all of them, in one paint.
+    /// The parts of lines that are seen, and whether these are all of them, in one color.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
         item: &Painted,
         near: &[&Layer<'a>],
-        look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Paint>,
+        look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Color>,
     ) -> (Vec<Part>, bool) {
         let mut areas: Vec<&Area<'a>> = near.iter().map(|layer| &layer.area).collect();
         near.iter().for_each(|layer| self.areas(&layer.cuts, &mut areas));
         self.areas(&item.cuts, &mut areas);
         areas.sort_by_key(|area| std::ptr::from_ref(*area));
         areas.dedup_by_key(|area| std::ptr::from_ref(*area));
-        let fades = item.cuts.iter().any(|cut| self.fades(*cut));
         let beside = BESIDE * self.scale.size;
         let (mut parts, mut is_whole) = (Vec::new(), true);
         let mut shares = Vec::new();
@@ -195,16 +241,12 @@ impl<'a> Page<'a> {
             let areas: Vec<_> = areas.iter().filter(|area| area.meets(extent)).collect();
             let mut pieces: Vec<Piece> = Vec::new();
             // How the piece before looks, up to the next edge of an area.
-            let mut last: Option<Option<Paint>> = None;
+            let mut last: Option<Option<Color>> = None;
             for [from, to] in legs(line) {
                 shares.clear();
                 shares.push(0.0);
                 areas.iter().for_each(|area| area.filled.crossings([from, to], &mut shares));
                 let length = distance(from, to);
-                if fades {
-                    let n = (length / (5.0 * beside)).ceil().min(1e3);
-                    shares.extend(counts(n).skip(1).map(|k| k / n));
-                }
                 let is_crossed = shares.len() > 1;
                 shares.push(1.0);
                 shares.sort_by(f64::total_cmp);
@@ -233,8 +275,8 @@ impl<'a> Page<'a> {
                 last = last.filter(|_| !is_crossed);
             }
             let mut pieces = without_slivers(pieces, 2.0 * beside);
-            if let [(_, Some(paint))] = pieces[..] {
-                parts.push((line.clone(), paint));
+            if let [(_, Some(color))] = pieces[..] {
+                parts.push((line.clone(), color));
                 continue;
             }
             is_whole &= pieces.is_empty();
@@ -246,8 +288,8 @@ impl<'a> Page<'a> {
             }
             parts.extend(pieces.into_iter().filter_map(|(points, seen)| Some((points, seen?))));
         }
-        let one_paint = parts.windows(2).all(|pair| pair[0].1 == pair[1].1);
-        (parts, is_whole && one_paint)
+        let one_color = parts.windows(2).all(|pair| pair[0].1 == pair[1].1);
+        (parts, is_whole && one_color)
     }
 
     /// Whether a place is within some cuts.
@@ -258,10 +300,7 @@ impl<'a> Page<'a> {
             Cut::Mask(layers, by_alpha, edge) => {
                 let mut shown = 0.0;
                 for layer in layers.iter().filter(|layer| self.lies_at(layer, place)) {
-                    let [r, g, b] = self.color(layer, place).map(|channel| channel / 255.0);
-                    // Luminance of sRGB as masks take it (CSS Masking, section 7.10.1).
-                    let light = if *by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b };
-                    shown += layer.alpha * (light - shown);
+                    shown += layer.alpha * (light(layer, *by_alpha) - shown);
                 }
                 edge.holds(place) && shown >= 0.5
             }
@@ -278,13 +317,6 @@ impl<'a> Page<'a> {
         over.any(|layer| self.lies_at(layer, place))
     }
 
-    fn color(&self, layer: &Layer<'a>, place: [f64; 2]) -> [f64; 3] {
-        match layer.paint {
-            Paint::Plain(color) => color.map(f64::from),
-            Paint::Gradient(index) => self.gradients[index].color_at(place),
-        }
-    }
-
     /// The color at a place, and the element on top of it.
     fn color_at(
         &self,
@@ -294,7 +326,7 @@ impl<'a> Page<'a> {
     ) -> ([f64; 3], Option<usize>) {
         let (mut color, mut top) = (self.paper, None);
         for layer in near.iter().filter(|layer| of(layer) && self.lies_at(layer, place)) {
-            let own = self.color(layer, place);
+            let own = layer.color.map(f64::from);
             color = [0, 1, 2].map(|i| color[i] + layer.alpha * (own[i] - color[i]));
             top = Some(layer.element);
         }
@@ -330,11 +362,19 @@ impl<'a> Page<'a> {
         }
         areas.into_iter().flat_map(|area| &area.contours)
     }
+}
 
-    fn fades(&self, cut: usize) -> bool {
-        let is_gradient = |layer: &Layer<'a>| layer.paint.color().is_none();
-        matches!(&self.cuts[cut], Cut::Mask(layers, ..) if layers.iter().any(is_gradient))
-    }
+/// The light of a layer of a mask, 0 to 1: that of sRGB as masks take it (CSS Masking, section
+/// 7.10.1).
+fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
+    let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
+    if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
+}
+
+/// From the end of each open line to its beginning.
+fn closing_sides(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
+    let open = lines.iter().filter(|line| line.len() > 2 && !is_closed(line));
+    open.map(|line| vec![line[line.len() - 1], line[0]]).collect()
 }
 
 fn alike(a: [f64; 3], b: [f64; 3]) -> bool {

@@ -1,8 +1,11 @@
 //! SVG: what a browser shows of a file, as lines.
 //!
-//! Styles are resolved in [`style`], `use`, basic shapes, nested viewports and paints by usvg;
-//! clips, masks, the page's edge and what covers what in [`shown`]; dashes by kurbo. What is not
-//! followed is named in the warnings; text is refused.
+//! Styles, `use`, basic shapes, nested viewports and paints are resolved by usvg; clips, masks, the
+//! page's edge and what covers what in [`shown`]; dashes by kurbo. What is not followed is named in
+//! the warnings ([`notes`]); text is refused.
+//!
+//! [`shown`]: super::shown
+//! [`notes`]: super::notes
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,12 +17,11 @@ use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::{polylines, subpaths};
 use super::super::smooth::simplified;
-use super::gradient::{Gradient, Paint, affine};
-use super::layers::{Cut, Painted, Scale, covers_page};
-use super::plain::{SIGN_X, plain};
+use super::layers::{Color, Cut, Painted, Scale};
+use super::notes::{Notes, RULES, SIGN_X, in_words_of_usvg};
 use super::shown::{Page, Shown};
-use super::style::{Named, styled};
-use super::{ColoredLine, LIMIT, MAX_POINTS, too_many, xml};
+use super::styles::{Named, Styles, check_text};
+use super::{ColoredLine, LIMIT, MAX_POINTS, size, too_many};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry;
@@ -41,7 +43,6 @@ const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Obje
 /// A drawing in its own units, y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
-    pub(super) gradients: Vec<Gradient>,
     /// What of the file is not followed, a sentence each.
     pub(super) warnings: Vec<String>,
 }
@@ -49,9 +50,9 @@ pub(super) struct Drawing {
 /// An element that is drawn.
 enum Item {
     /// All of its path.
-    Whole(BezPath, Paint),
+    Whole(BezPath, Color),
     /// What is seen of it.
-    Part(Vec<[f64; 2]>, Paint),
+    Part(Vec<[f64; 2]>, Color),
 }
 
 /// Reads a file.
@@ -60,83 +61,76 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
         let hint = "open the file in an SVG editor, and save it as plain SVG";
         Error::input(file, found, "an SVG drawing", hint)
     };
-    let text = decoded(bytes).map_err(refuse)?;
+    let text = in_words_of_usvg(decoded(bytes).map_err(refuse)?);
     let budget = Budget::of(file, LIMIT.hint);
-    xml::check_entities(&text, &budget, refuse)?;
-    xml::check_tags(&text, &budget)?;
+    check_text(&text, &budget).map_err(refuse)?;
+    budget.check()?;
     let limits =
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(&text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
-    let mut named = Named::of(&document);
+    let root = document.root_element();
+    let mut named = Named::default();
     for node in document.root().children() {
         if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
-            named.add("another file (`xml-stylesheet`)", node);
+            named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    let styled = styled(&document, &budget, &mut named, refuse)?;
+    let styles = Styles::of(&document, &budget, &mut named)?;
+    size::check(root, &styles, &budget).map_err(refuse)?;
     budget.check()?;
-    let (plain, signs) = plain(&document, &styled, &mut named).map_err(refuse)?;
-    // Pictures are not drawn, so that none is opened.
-    let image_href_resolver = ImageHrefResolver {
-        resolve_data: Box::new(|_, _, _| None),
-        resolve_string: Box::new(|_, _| None),
-    };
-    let reading = Options { image_href_resolver, ..Options::default() };
-    // usvg may panic on broken files.
-    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &reading)));
-    let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
-    let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
+    let (signs, edits) = (Vec::new(), Vec::new());
+    let mut notes = Notes { styles: &styles, named: &mut named, signs, edits };
+    notes.element(root).map_err(refuse)?;
+    let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
+    let tree = parsed(&edited).map_err(refuse)?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
     let larger = width.max(height);
     let scale = Scale { size: larger, budget: &budget };
-    let (gradients, signs_seen) = (Vec::new(), BTreeSet::new());
-    let mut walk = Walk { cuts: Vec::new(), gradients, signs_seen, scale };
-    let value = |name: &str| styled.value(document.root_element(), name);
-    let absolute = |name: &str| value(name).is_some_and(|value| !value.ends_with('%'));
-    let has_edge = value("viewBox").is_some() || absolute("width") && absolute("height");
+    let mut walk = Walk { cuts: Vec::new(), signs_seen: BTreeSet::new(), scale, in_mask: false };
+    let absolute = |name: &str| root.attribute(name).is_some_and(|value| !value.ends_with('%'));
+    let has_edge = root.has_attribute("viewBox") || absolute("width") && absolute("height");
     let mut cuts = Vec::new();
-    if has_edge && value("overflow") != Some("visible") {
+    if has_edge && styles.value(root, "overflow") != Some("visible") {
         let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
         walk.cut(Cut::Page(scale.area(&page, false)), &mut cuts);
     }
     let mut painted = Vec::new();
     walk.group(tree.root(), Affine::IDENTITY, &cuts, 1.0, &mut painted);
     let seen = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
-    let name = |node: roxmltree::Node<'_, '_>| format!("<{}>", node.tag_name().name());
-    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|node| name(*node) == "<text>");
+    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|it| it.tag_name().name() == "text");
     if let Some(text) = texts.first() {
         let found = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
-        let line = u64::from(named.row(*text));
+        let line = u64::from(document.text_pos_at(text.range().start).row);
         return Err(Error::input("", found, "paths in place of text", TEXT).at(file, line));
     }
-    others.into_iter().for_each(|node| named.add(name(node), node));
-    let page = Page::new(&painted, &walk.cuts, &walk.gradients, [width, height], scale);
+    for node in others {
+        named.add(format!("<{}>", node.tag_name().name()), "not followed", node);
+    }
+    let page = Page::new(&painted, &walk.cuts, [width, height], scale);
     budget.check()?;
     let (mut items, mut left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
-    for (index, mut item) in painted.into_iter().enumerate() {
-        if item.stroke.is_none() && is_paper(&item.path, [width, height]) || !item.path.is_finite()
-        {
+    for (index, item) in painted.iter().enumerate() {
+        if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        let whole = item.path.clone();
+        let mut line = item.path.clone();
         if let Some((.., style)) = &item.stroke {
-            let (dashes, shortest) = dashed(item.path, style, item.placed, &mut left, file)?;
-            item.path = with_points(&dashes, shortest, style.start_cap, larger);
+            let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
+            line = with_points(&dashes, shortest, style.start_cap, larger);
         }
-        let (shown, is_alike) = page.shown(index, &item);
+        let (shown, is_alike) = page.shown(index, item, &line);
         budget.check()?;
         n_alike += usize::from(is_alike);
         match shown {
-            Shown::Stroke(paint) => items.push(Item::Whole(item.path, paint)),
-            // Without dashes.
-            Shown::Rim(paint) => items.push(Item::Whole(whole, paint)),
+            Shown::Stroke(color) => items.push(Item::Whole(line, color)),
+            Shown::Rim(color) => items.push(Item::Whole(item.closed(), color)),
             Shown::Parts(parts) => {
-                items.extend(parts.into_iter().map(|(line, paint)| Item::Part(line, paint)));
+                items.extend(parts.into_iter().map(|(line, color)| Item::Part(line, color)));
             }
         }
     }
-    let mut warnings = named.sentences(file);
+    let mut warnings = named.sentences(&document, file);
     if n_alike > 0 {
         let s = if n_alike == 1 { " has" } else { "s have" };
         warnings.push(format!(
@@ -144,12 +138,27 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
              (fill=\"none\" keeps a shape from being filled)"
         ));
     }
-    let drawing = Drawing { items, gradients: walk.gradients, warnings };
+    let drawing = Drawing { items, warnings };
     let [left, bottom, right, top] = drawing.bounds();
     if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * larger {
         return Err(refuse("a drawing without extent".into()));
     }
     Ok(drawing)
+}
+
+/// The tree of an edited file; the error is what was found instead.
+fn parsed(edited: &str) -> std::result::Result<Tree, String> {
+    // Pictures are not drawn, so that none is opened.
+    let image_href_resolver = ImageHrefResolver {
+        resolve_data: Box::new(|_, _, _| None),
+        resolve_string: Box::new(|_, _| None),
+    };
+    let style_sheet = Some(RULES.to_owned());
+    let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
+    // usvg may panic on broken files.
+    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(edited, &reading)));
+    let tree = tree.map_err(|_panic| "a drawing on which usvg fails".to_owned())?;
+    tree.map_err(|broken| broken.to_string())
 }
 
 impl Drawing {
@@ -165,18 +174,18 @@ impl Drawing {
         geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
     }
 
-    /// Polylines no farther from what is drawn than a tolerance, with their paints.
+    /// Polylines no farther from what is drawn than a tolerance, with their colors.
     pub(super) fn flatten(&self, tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
         let mut lines = Vec::new();
         let mut left = MAX_POINTS;
         for item in &self.items {
-            let (some, paint) = match item {
-                Item::Whole(path, paint) => (polylines(path, tolerance, left), paint),
-                Item::Part(line, paint) => (Some(vec![simplified(line, tolerance)]), paint),
+            let (some, color) = match item {
+                Item::Whole(path, color) => (polylines(path, tolerance, left), color),
+                Item::Part(line, color) => (Some(vec![simplified(line, tolerance)]), color),
             };
             let some = some.ok_or_else(|| too_many(file))?;
             left = left.saturating_sub(some.iter().map(Vec::len).sum());
-            lines.extend(some.into_iter().map(|line| (line, *paint)));
+            lines.extend(some.into_iter().map(|line| (line, *color)));
         }
         Ok(lines)
     }
@@ -227,9 +236,9 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
 /// A walk through the tree of a drawing.
 struct Walk<'a> {
     cuts: Vec<Cut<'a>>,
-    gradients: Vec<Gradient>,
     signs_seen: BTreeSet<usize>,
     scale: Scale<'a>,
+    in_mask: bool,
 }
 
 impl<'a> Walk<'a> {
@@ -238,7 +247,8 @@ impl<'a> Walk<'a> {
         self.cuts.push(cut);
     }
 
-    /// Adds what a group paints, within cuts.
+    /// Adds what a group paints, within cuts. Transforms are those of the groups, one by one: what
+    /// usvg has as their product lacks that of a symbol.
     fn group(
         &mut self,
         group: &usvg::Group,
@@ -253,7 +263,7 @@ impl<'a> Walk<'a> {
         }
         let scale = self.scale;
         let mut cuts = cuts.to_vec();
-        let placed = base * affine(group.abs_transform());
+        let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
             let mut parts = Vec::new();
             self.group(clip.root(), placed * affine(clip.transform()), &[], 1.0, &mut parts);
@@ -262,7 +272,9 @@ impl<'a> Walk<'a> {
         }
         for mask in std::iter::successors(group.mask(), |mask| mask.mask()) {
             let mut parts = Vec::new();
+            let outside = std::mem::replace(&mut self.in_mask, true);
             self.group(mask.root(), placed, &[], 1.0, &mut parts);
+            self.in_mask = outside;
             let layers = parts
                 .iter()
                 .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
@@ -276,9 +288,9 @@ impl<'a> Walk<'a> {
         }
         for node in group.children() {
             match node {
-                Node::Group(group) => self.group(group, base, &cuts, alpha, painted),
+                Node::Group(group) => self.group(group, placed, &cuts, alpha, painted),
                 Node::Path(path) if path.is_visible() => {
-                    painted.extend(self.path(path, base, &cuts, alpha));
+                    painted.extend(self.path(path, placed, &cuts, alpha));
                 }
                 Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
             }
@@ -289,7 +301,7 @@ impl<'a> Walk<'a> {
     fn path(
         &mut self,
         path: &usvg::Path,
-        base: Affine,
+        placed: Affine,
         cuts: &[usize],
         alpha: f64,
     ) -> Option<Painted> {
@@ -298,42 +310,50 @@ impl<'a> Walk<'a> {
             self.signs_seen.insert(first.y as usize);
             return None;
         }
-        let placed = Affine::FLIP_Y * base * affine(path.abs_transform());
-        let fill = path.fill().filter(|fill| fill.opacity().get() > 0.0);
-        let stroke = path.stroke().filter(|stroke| stroke.opacity().get() > 0.0);
-        let even_odd = fill.is_some_and(|fill| fill.rule() == usvg::FillRule::EvenOdd);
-        let fill = fill.map(|fill| {
-            let opacity = alpha * f64::from(fill.opacity().get());
-            (self.paint(fill.paint(), placed), opacity * opacity_of(fill.paint()))
+        let placed = Affine::FLIP_Y * placed;
+        let even_odd = path.fill().is_some_and(|fill| fill.rule() == usvg::FillRule::EvenOdd);
+        let fill = path.fill().map(|fill| {
+            let (color, opacity) = self.paint(fill.paint());
+            (color, alpha * opacity * f64::from(fill.opacity().get()))
         });
-        let stroke = stroke.map(|stroke| {
-            let opacity = alpha * f64::from(stroke.opacity().get());
-            (self.paint(stroke.paint(), placed), opacity, style(stroke))
+        let stroke = path.stroke().map(|stroke| {
+            let (color, opacity) = self.paint(stroke.paint());
+            (color, alpha * opacity * f64::from(stroke.opacity().get()), style(stroke))
         });
+        let (fill, stroke) = (fill.filter(|it| it.1 > 0.0), stroke.filter(|it| it.1 > 0.0));
         let (path, cuts) = (convert(path.data(), placed), cuts.to_vec());
         let is_painted = fill.is_some() || stroke.is_some();
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    fn paint(&mut self, server: &usvg::Paint, placed: Affine) -> Paint {
-        if let usvg::Paint::Color(color) = server {
-            return Paint::Plain([color.red, color.green, color.blue]);
+    /// The color of a paint and its opacity. A gradient has the color of the middle one of its
+    /// stops that show, and the mean opacity of all; in a mask it is as light as its lightest.
+    fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
+        let rgb = |color: usvg::Color| [color.red, color.green, color.blue];
+        let stops = match paint {
+            usvg::Paint::Color(color) => return (rgb(*color), 1.0),
+            // Dense enough to show, and not to hide what is beneath.
+            usvg::Paint::Pattern(_) => return ([0; 3], 0.5),
+            usvg::Paint::LinearGradient(gradient) => gradient.stops(),
+            usvg::Paint::RadialGradient(gradient) => gradient.stops(),
+        };
+        let opacity = |stop: &usvg::Stop| f64::from(stop.opacity().get());
+        if self.in_mask {
+            let light = |stop: &usvg::Stop| {
+                opacity(stop) * rgb(stop.color()).map(f64::from).iter().sum::<f64>()
+            };
+            let lightest = stops.iter().max_by(|a, b| light(a).total_cmp(&light(b)));
+            return lightest.map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), opacity(stop)));
         }
-        Gradient::new(server, placed).map_or(Paint::Plain([0; 3]), |gradient| {
-            self.gradients.push(gradient);
-            Paint::Gradient(self.gradients.len() - 1)
-        })
+        let seen: Vec<&usvg::Stop> = stops.iter().filter(|stop| opacity(stop) > 0.0).collect();
+        let mean = stops.iter().map(opacity).sum::<f64>() / stops.len() as f64;
+        seen.get(seen.len() / 2).map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), mean))
     }
 }
 
-/// The least opacity of a paint.
-fn opacity_of(server: &usvg::Paint) -> f64 {
-    let stops = match server {
-        usvg::Paint::LinearGradient(gradient) => gradient.stops(),
-        usvg::Paint::RadialGradient(gradient) => gradient.stops(),
-        usvg::Paint::Color(_) | usvg::Paint::Pattern(_) => return 1.0,
-    };
-    stops.iter().map(|stop| f64::from(stop.opacity().get())).fold(1.0, f64::min)
+/// A transform in full precision.
+fn affine(t: usvg::Transform) -> Affine {
+    Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
 }
 
 /// A stroke as kurbo has it.
@@ -423,12 +443,4 @@ fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> Bez
         }
     }
     kept
-}
-
-/// Whether a fill is a rectangle over the whole page.
-fn is_paper(path: &BezPath, [width, height]: [f64; 2]) -> bool {
-    let bounds = path.bounding_box();
-    let extent = [bounds.x0, bounds.y0, bounds.x1, bounds.y1];
-    covers_page(extent, [width, height], 1e-3 * width.max(height))
-        && (path.area().abs() - bounds.area()).abs() < 1e-6 * bounds.area()
 }

@@ -5,11 +5,11 @@
 //!
 //! The width of the sensor is that of the body where the model is known, else from its resolution
 //! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
-//! is one of diagonals (CIPA DCG-001; 43.3 mm). Of an edited picture the number of pixels is of another age
-//! than the resolution: Canon writes the resolution as 1000 times the pixels over thousandths of
-//! the unit, so that it holds both of one age; of others the width is taken where the film
-//! equivalent agrees, and else with a warning, or not at all where the tags say that the picture
-//! was edited.
+//! is one of diagonals (CIPA DCG-001; 43.3 mm). Of an edited picture the number of pixels is of
+//! another age than the resolution: Canon writes the resolution as 1000 times the pixels over
+//! thousandths of the unit, so that it holds both of one age; of others the width is taken where
+//! the film equivalent agrees, and else with a warning, or not at all where the tags say that the
+//! picture was edited.
 
 use std::path::Path;
 
@@ -191,8 +191,8 @@ fn ratio_off(a: f64, b: f64) -> f64 {
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-/// Raw files whose EXIF is not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and ARW
-/// are TIFF files.
+/// Raw files whose EXIF is not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and
+/// ARW are TIFF files.
 const RAW_FILES: [(&str, &[u8]); 8] = [
     ("Canon CR3", b"....ftypcrx "),
     ("Canon CRW", b"II......HEAPCCDR"),

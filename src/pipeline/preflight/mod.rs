@@ -11,11 +11,9 @@ use crate::shoot::Shoot;
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
-use noctograph_core::geometry::bounds;
 use noctograph_export::safety::{Battery, Checks, Platform};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, Plan, Style};
-use noctograph_sim::sensors::coverage;
 use noctograph_sim::vehicle::Downwash;
 
 mod flown;
@@ -26,6 +24,7 @@ mod placement;
 mod plans;
 mod profile;
 mod row;
+mod surroundings;
 
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
@@ -36,15 +35,13 @@ pub use picture::PICTURE;
 use picture::{Picture, check_picture};
 pub use placement::stations;
 pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
-use placement::{camera_place, outside_of};
+use placement::{camera_place, check_people, outside_of};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row, Severity};
-use row::{at, largest, stop_if, warn_if};
-
-/// Distance between two places at which the view of the base stations is checked.
-const COVERAGE_STEP_M: f64 = 0.1;
+use row::{at, largest, warn_if};
+use surroundings::{check_coverage, check_surroundings};
 
 /// Error of a position that letters bear, in cap heights, and their cap height where there is no
 /// word.
@@ -189,6 +186,8 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     findings.extend(numbered(shoot, None, check_separation(&flown)));
+    findings.extend(numbered(shoot, None, check_people(shoot)));
+    findings.extend(numbered(shoot, None, check_surroundings(&shoot.scene, profile)));
     findings
 }
 
@@ -242,30 +241,6 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     Some(letter.cell.cap_height_m)
 }
 
-/// Whether two base stations see the box of the whole flight.
-fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
-    let unchecked = |why| {
-        let wanted = "base stations, and a flight for them to see";
-        let advice = "name the stations: {sensors.lighthouse.stations}";
-        Ok(Row::unchecked("coverage", why, wanted, advice))
-    };
-    if scene.sensors.lighthouse.stations.is_empty() {
-        return unchecked("the scene has no base stations");
-    }
-    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
-    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
-        return unchecked("the flight has no width or no height");
-    }
-    let seen_frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
-    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
-        format!("{:.1} % of the flight's box is seen by two base stations", 100.0 * seen_frac),
-        "two Lighthouse stations see every place",
-        "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the stations \
-         (see `coverage`)",
-    ))
-}
-
 /// The drone of a scene as its firmware names it; `None`: none of Bitcraze's.
 #[must_use]
 pub fn platform(scene: &Scene) -> Option<Platform> {
@@ -291,7 +266,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         room_m: profile.room_m,
         batteries: flown.iter().map(battery).collect(),
         scene_sha256: sha256(scene.to_toml().as_bytes()),
-        scene_toml: scene.to_plain_toml(),
+        scene_toml: scene.to_portable_toml(),
     }
 }
 

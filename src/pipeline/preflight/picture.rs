@@ -1,16 +1,23 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
-use super::row::{Row, warn_if};
+use super::row::{Row, Severity, stop_if, warn_if};
 use crate::scene::{Change, Scene};
 use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
-use noctograph_core::flight::Flight;
+use noctograph_core::flight::{Flight, Warning};
 use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightTrace};
+use noctograph_picture::light::{Lamp, LightSample, LightTrace};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
+
+/// Share of the light away from the camera from which the picture does not show the word.
+const MOST_AWAY_FRAC: f64 = 0.95;
+
+/// Time without two base stations from which the picture suffers: the gyroscope and one station
+/// carry the estimate over less.
+const MAX_UNSEEN_S: f64 = 1.0;
 
 /// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
 /// long as the lamp's blur tells hot spots from trembling.
@@ -23,6 +30,8 @@ pub(super) struct Picture {
     /// Of the lamps that write.
     readings: Vec<LampReading>,
     problems: Vec<Problem>,
+    /// Whether all that writes is outside the picture.
+    is_unseen: bool,
 }
 
 impl Picture {
@@ -35,11 +44,12 @@ impl Picture {
             Ok(Lighting { trace, camera, writing, problems, .. }) => {
                 let mut readings = meter(&trace, &camera).unwrap_or_default();
                 readings.retain(|reading| writing.contains(&reading.name));
-                Self { lit: Some((trace, camera)), readings, problems }
+                let is_unseen = is_unseen(&trace, &writing, &camera);
+                Self { lit: Some((trace, camera)), readings, problems, is_unseen }
             }
             Err(error) => {
                 let problems = vec![Problem::NoPicture(error.to_string())];
-                Self { lit: None, readings: Vec::new(), problems }
+                Self { lit: None, readings: Vec::new(), problems, is_unseen: false }
             }
         })
     }
@@ -69,14 +79,37 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
+    if picture.is_unseen {
+        let (found, wanted) = ("the camera shows none of the light that writes", "the whole word");
+        let advice = "point the camera at the word ({camera.framing=word})";
+        return vec![Row::of(PICTURE, Severity::Stop, None).say(found, wanted, advice)];
+    }
     match picture.problems.as_slice() {
         [] => vec![of_problem(None)],
         problems => problems.iter().map(|problem| of_problem(Some(problem))).collect(),
     }
 }
 
+/// Whether a camera shows nothing of the lamps that write.
+fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
+    let is_lit = |sample: &&LightSample| sample.level > 0.0 && open.contains(&sample.time_s);
+    let mut lit = lamps.flat_map(|lamp| &lamp.samples).filter(is_lit).peekable();
+    lit.peek().is_some() && lit.all(|sample| camera.outside([sample.position_m]).is_some())
+}
+
 fn of_problem(problem: Option<&Problem>) -> Row {
-    let row = Row::of(PICTURE, warn_if(problem.is_some()), None);
+    let severity = match problem {
+        Some(Problem::Unlit | Problem::NoPicture(_)) => Severity::Stop,
+        Some(Problem::FacesAway { away_frac }) => {
+            stop_if(*away_frac > MOST_AWAY_FRAC).max(Severity::Warning)
+        }
+        // What the corridor and the height bear is no fault of the picture.
+        Some(Problem::Flight(_, Warning::Unseen(lasts_s))) => warn_if(*lasts_s > MAX_UNSEEN_S),
+        _ => warn_if(problem.is_some()),
+    };
+    let row = Row::of(PICTURE, severity, None);
     let wanted = "the whole word in the picture, lit while the shutter is open";
     let Some(problem) = problem else {
         return row.say("shows the word while it is written", wanted, "");

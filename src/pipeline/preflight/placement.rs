@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::row::{Row, Severity};
+use super::row::{Row, Severity, at, stop_if};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Shoot, recommended};
@@ -115,9 +115,7 @@ pub fn place(
     let word_m = strokes.bounds_m();
     let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
     let front_m = setpoints().map(|setpoint| setpoint.position_m.y).fold(0.0, f64::min);
-    let top_m = setpoints().map(|setpoint| setpoint.position_m.z).fold(word_m[3], f64::max);
-    let speed_m_s = setpoints().map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
-    let audience_from_m = speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
+    let audience_from_m = audience_from_m(shoot);
     let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
 
     let place = |name: String, options: CameraOptions| -> Result<CameraPlace> {
@@ -152,6 +150,37 @@ pub fn place(
         audience_y_m,
         cameras,
     }))
+}
+
+/// Distance that people keep from a flight: see [`ShotPlan::audience_from_m`].
+fn audience_from_m(shoot: &Shoot) -> f64 {
+    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
+    let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
+    let top_m = setpoints().map(|setpoint| setpoint.position_m.z).fold(word_m, f64::max);
+    let speed_m_s = setpoints().map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
+    speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt())
+}
+
+/// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
+/// falls; `None` where the scene has none.
+pub(super) fn check_people(shoot: &Shoot) -> Option<Row> {
+    let people = &shoot.scene.sensors.lighthouse.people_m;
+    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
+    let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
+        setpoints().map(move |setpoint| {
+            let [from_x, from_y] = [setpoint.position_m.x - x, setpoint.position_m.y - y];
+            ((libm::hypot(from_x, from_y) - radius_m).max(0.0), person + 1, setpoint.time_s)
+        })
+    });
+    let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let wanted_m = audience_from_m(shoot);
+    let row = Row::of("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
+    Some(row.timed(time_s).say(
+        format!("person {person} is {least_m:.2} m beside the flight{}", at(time_s)),
+        format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
+        "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
+         ({plan.style.dark_speed_m_s})",
+    ))
 }
 
 /// What the scene's positioning hangs in the room: its name, and where.

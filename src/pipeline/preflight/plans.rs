@@ -28,6 +28,7 @@ pub(super) fn check_plan(
         acceleration(plan, profile),
         jumps(plan),
         duration(plan, is_even, profile),
+        landing(plan),
         headlights(plan, light),
         lamps(plan, light),
     ]
@@ -58,19 +59,110 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
     )
 }
 
+/// Setpoints that follow each other.
+fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
+    plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
+}
+
+fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
+    to.position_m - from.design_m(to.time_s)
+}
+
+/// A piece of the way in the air: what the places say, and how far the velocities are from it.
+struct Leg {
+    time_s: f64,
+    lasts_s: f64,
+    moved_m: Vector3<f64>,
+    apart_m: Vector3<f64>,
+    /// Whether the next one goes on from here.
+    goes_on: bool,
+}
+
+/// Shortest time over which the motion of places is measured: rounding of a file does not count.
+const LEG_S: f64 = 0.1;
+
+/// The way in the air. A jump alone is a check of its own; jumps in a row are motion.
+fn legs(plan: &Plan) -> Vec<Leg> {
+    let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
+    let jumps = |row: usize| pairs.get(row).is_some_and(|(a, b)| jump(a, b).norm() > JUMP_M);
+    let mut legs: Vec<Leg> = Vec::new();
+    for (row, (from, to)) in pairs.iter().enumerate() {
+        let is_alone = jumps(row) && !jumps(row + 1) && !row.checked_sub(1).is_some_and(jumps);
+        let last = legs.last_mut().filter(|leg| leg.goes_on);
+        if is_alone || from.on_floor() || to.on_floor() {
+            last.into_iter().for_each(|leg| leg.goes_on = false);
+            continue;
+        }
+        let (lasts_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
+        // Velocities hold until the next setpoint, or change evenly up to it.
+        let even_m = moved_m - 0.5 * lasts_s * (from.velocity_m_s + to.velocity_m_s);
+        let held_m = jump(from, to);
+        let apart_m = if even_m.norm() < held_m.norm() { even_m } else { held_m };
+        match last.filter(|leg| leg.lasts_s < LEG_S) {
+            Some(leg) => {
+                leg.lasts_s += lasts_s;
+                leg.moved_m += moved_m;
+                leg.apart_m += apart_m;
+            }
+            None => {
+                let time_s = from.time_s;
+                legs.push(Leg { time_s, lasts_s, moved_m, apart_m, goes_on: true });
+            }
+        }
+    }
+    legs
+}
+
+/// Share of the way by which velocities may disagree with places: those of a plan with few
+/// setpoints miss its corners.
+const MOST_APART_FRAC: f64 = 0.25;
+
 fn speed(plan: &Plan, profile: &Profile) -> Row {
-    let speeds = plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s));
-    let ((value, time_s), most) = (largest(speeds), profile.speed_m_s);
-    Row::of("speed", stop_if(value > 1.001 * most), value).within(most).timed(time_s).say(
+    let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
+    let legs = legs(plan);
+    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
+    let places = largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)));
+    let apart_m: f64 = legs.iter().map(|leg| leg.apart_m.norm()).sum();
+    let length_m = |leg: &Leg| leg.moved_m.norm().max((leg.moved_m - leg.apart_m).norm());
+    let apart_frac = apart_m / legs.iter().map(length_m).sum::<f64>().max(1e-9);
+    let (is_told, most) = (told.0 > 0.0, profile.speed_m_s);
+    let (value, time_s) = largest([told, (places.0, places.1)]);
+    if is_told && (apart_frac > MOST_APART_FRAC || places.0 > 1.1 * told.0 + 0.05) {
+        return Row::of("speed", Severity::Stop, value).within(most).timed(time_s).say(
+            format!(
+                "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
+                places.0,
+                told.0,
+                100.0 * apart_frac
+            ),
+            format!("velocities that agree with the places, up to {most} m/s"),
+            "plan it anew: times, places and velocities are of different flights",
+        );
+    }
+    // Places are rounded where a file has them.
+    let is_fast = told.0 > 1.001 * most || places.0 > 1.02 * most;
+    Row::of("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
         format!("{value:.2} m/s{}", at(time_s)),
         format!("up to {most} m/s"),
         "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
     )
 }
 
-/// Setpoints that follow each other.
-fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
-    plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
+/// Whether the plan leaves the floor and comes back to it.
+fn landing(plan: &Plan) -> Row {
+    let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
+    let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
+    let ends = plan.setpoints.last().is_some_and(Setpoint::on_floor);
+    let found = match (flies, ends) {
+        (false, _) => "never leaves the floor".to_owned(),
+        (true, false) => format!("ends in the air, at {end_m:.2} m"),
+        (true, true) => "ends on the floor".to_owned(),
+    };
+    Row::of("landing", stop_if(!flies || !ends), end_m).say(
+        found,
+        "a flight that begins and ends on the floor",
+        "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
+    )
 }
 
 fn acceleration(plan: &Plan, profile: &Profile) -> Row {
@@ -82,7 +174,13 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
         let change = (to.velocity_m_s - from.velocity_m_s).norm() / lasts_s.max(1e-3);
         (if planned { from.acceleration_m_s2.norm() } else { change }, to.time_s)
     });
-    let ((value, time_s), most) = (largest(pairs), profile.acceleration_m_s2);
+    let legs = legs(plan);
+    let turns = legs.windows(2).filter(|pair| planned && pair[0].goes_on);
+    let of_places = turns.map(|pair| {
+        let [from, to] = [&pair[0], &pair[1]].map(|leg| leg.moved_m / leg.lasts_s);
+        ((to - from).norm() / (0.5 * (pair[0].lasts_s + pair[1].lasts_s)), pair[1].time_s)
+    });
+    let ((value, time_s), most) = (largest(pairs.chain(of_places)), profile.acceleration_m_s2);
     let (is_beyond, at) = (value > 1.05 * most, at(time_s));
     let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Row::of("acceleration", severity, value).within(most).timed(time_s).say(
@@ -100,7 +198,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
 
 fn jumps(plan: &Plan) -> Row {
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
-    let all = in_air.map(|(a, b)| ((b.position_m - a.design_m(b.time_s)).norm(), b.time_s));
+    let all = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
     let n = jumps.len();
     let (most_m, time_s) = largest(jumps);
@@ -117,7 +215,8 @@ fn jumps(plan: &Plan) -> Row {
 
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    let air_s: f64 = in_air.map(|(from, to)| to.time_s - from.time_s).sum();
+    // An empty sum is -0.
+    let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
     Row::of("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
@@ -332,6 +431,44 @@ mod tests {
         assert!(by_m > 0.0 && (by_m - small_m).abs() < 1e-9, "0.2 m from the walls: {small_m}");
         let (hall_m, _) = outside_m(&plan, &Profile::indoor().in_room([50.0, 50.0, 50.0]));
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
+    }
+
+    /// A plan at a multiple of its times, with every nth setpoint; its columns are as they were.
+    fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
+        let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
+        let mut slowed = Plan { setpoints: every(plan), ..Plan::default() };
+        slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor);
+        slowed
+    }
+
+    #[test]
+    fn places_are_as_fast_as_the_columns_say() {
+        let (plan, profile) = (even("NOOR", EvenStyle::default()), Profile::indoor());
+        let severity = |plan: &Plan| {
+            let (speed, acceleration) = (speed(plan, &profile), acceleration(plan, &profile));
+            (speed.severity, acceleration.severity)
+        };
+        assert_eq!(severity(&plan), (Severity::Fine, Severity::Fine));
+        for nth in [2, 3, 5] {
+            assert_eq!(severity(&slowed(&plan, 1.0, nth)).0, Severity::Fine, "coarse: {nth}");
+        }
+        let fast = slowed(&plan, 0.5, 2);
+        assert_eq!(severity(&fast), (Severity::Stop, Severity::Stop));
+        assert!((speed(&fast, &profile).value.unwrap() - 1.9).abs() < 0.1, "twice 0.95 m/s");
+        assert_eq!(severity(&slowed(&plan, 0.8, 1)).0, Severity::Stop);
+        assert_eq!(severity(&slowed(&plan, 2.0, 1)).0, Severity::Stop, "slower than the columns");
+    }
+
+    #[test]
+    fn a_flight_begins_and_ends_on_the_floor() {
+        let mut plan = even("I", EvenStyle::default());
+        assert_eq!(landing(&plan).severity, Severity::Fine);
+        let mut flat = plan.clone();
+        flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0);
+        assert_eq!(landing(&flat).found, "never leaves the floor");
+        let end = plan.setpoints.iter().rposition(|setpoint| setpoint.position_m.z > 0.3).unwrap();
+        plan.setpoints.truncate(end + 1);
+        assert_eq!(landing(&plan).severity, Severity::Stop);
     }
 
     #[test]

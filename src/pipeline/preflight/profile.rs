@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::scene::Scene;
+use noctograph_plan::{EvenStyle, Style};
 use noctograph_sim::sensors::{Generation, Station};
 
 /// The limits of a place and a drone.
@@ -24,6 +26,12 @@ pub struct Profile {
     pub tilt_rad: f64,
     /// Longest flight.
     pub flight_time_s: f64,
+    /// Heaviest drone.
+    pub mass_kg: f64,
+    /// Strongest wind with its gusts.
+    pub wind_m_s: f64,
+    /// Whether the sun may shine on it.
+    pub is_outdoors: bool,
 }
 
 /// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
@@ -49,6 +57,19 @@ impl Profile {
         }
         self.room_m = Some(room_m);
         self
+    }
+
+    /// Lowers the speeds and the acceleration that a scene flies by default to what the profile
+    /// allows; those that were said stay, and the check stops them.
+    pub fn slow(&self, scene: &mut Scene) {
+        let Style::Even(style) = &mut scene.plan.style else { return };
+        let usual = EvenStyle::default();
+        if style.dark_speed_m_s == usual.dark_speed_m_s {
+            style.dark_speed_m_s = usual.dark_speed_m_s.min(self.speed_m_s);
+        }
+        if style.acceleration_m_s2 == usual.acceleration_m_s2 {
+            style.acceleration_m_s2 = usual.acceleration_m_s2.min(self.acceleration_m_s2);
+        }
     }
 
     /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that
@@ -100,6 +121,10 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
+            // Assumptions: three of the heaviest Crazyflies; a draft, and the gusts of a fan.
+            mass_kg: 0.15,
+            wind_m_s: 1.5,
+            is_outdoors: false,
         }
     }
 
@@ -122,6 +147,10 @@ impl Profile {
             acceleration_m_s2: 4.0,
             tilt_rad: 30.0_f64.to_radians(),
             flight_time_s: 720.0,
+            // Assumptions: the lightest class of the EU (C2); a fresh breeze.
+            mass_kg: 4.0,
+            wind_m_s: 10.0,
+            is_outdoors: true,
         }
     }
 }

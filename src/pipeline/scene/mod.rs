@@ -201,10 +201,23 @@ impl Scene {
         text::document(self)
     }
 
-    /// The same without documentation, for files of other programs.
+    /// The same without documentation, its files by their names alone: for what others are given.
     #[must_use]
-    pub fn to_plain_toml(&self) -> String {
-        toml::to_string(self).expect("a checked scene is a TOML table")
+    pub fn to_portable_toml(&self) -> String {
+        let mut scene = self.clone();
+        for path in scene.files_mut() {
+            if let Some(name) = Path::new(path).file_name() {
+                *path = name.to_string_lossy().into_owned();
+            }
+        }
+        toml::to_string(&scene).expect("a checked scene is a TOML table")
+    }
+
+    /// Its fonts by name or file, its drawing and its background.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let letters = &mut self.letters;
+        let fonts = std::iter::once(&mut letters.font).chain(&mut letters.fallback);
+        fonts.chain([&mut letters.drawing, &mut self.photo.background])
     }
 
     /// Keys whose values differ from those of its preset: key, value, the preset's value.
@@ -239,9 +252,7 @@ impl Scene {
     ///
     /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
     pub fn settle_files(&mut self) -> Result<()> {
-        let fonts = std::iter::once(&mut self.letters.font).chain(&mut self.letters.fallback);
-        let fonts = fonts.filter(|name| name.contains('.'));
-        for path in fonts.chain([&mut self.letters.drawing, &mut self.photo.background]) {
+        for path in self.files_mut().filter(|name| name.contains('.')) {
             if let Ok(absolute) = std::path::absolute(&*path)
                 && absolute.exists()
             {

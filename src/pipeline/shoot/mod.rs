@@ -47,6 +47,7 @@ mod planned;
 mod problems;
 mod response;
 mod shot;
+mod written;
 
 pub use file::Format;
 pub use lighting::Lighting;
@@ -221,6 +222,7 @@ impl Shoot {
             return Err(Error::input("plans", found, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+        let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
         Ok(Self { plans, ..Self::bare(scene, strokes) })
     }

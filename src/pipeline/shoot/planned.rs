@@ -177,9 +177,7 @@ mod tests {
     use crate::scene::Preset;
     use crate::shoot::Shoot;
     use noctograph_core::crazyflie::Release;
-    use noctograph_export::lights::{Command, commands};
     use noctograph_letters::{LetterOptions, write};
-    use noctograph_picture::light::{Deck, RingColor, RingEffect};
     use noctograph_plan::tracking::{Part, track};
     use noctograph_sim::sensors::SensorOptions;
     use noctograph_sim::vehicle::Gusts;
@@ -245,36 +243,6 @@ mod tests {
             }
             assert_eq!((strokes, turns), (strokes, 0), "{lamp}");
             assert!(strokes >= 4, "{lamp}: {strokes}");
-        }
-    }
-
-    #[test]
-    fn the_light_of_a_gradient_is_sent_step_by_step_without_a_break() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/red-to-blue.svg");
-        // The color LED deck has few bytes for a light that does not bleach in the photograph.
-        for (lamp, deck, least) in [("ring", Deck::LedRing, 16), ("color-led", Deck::ColorLed, 8)] {
-            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
-            (scene.plan.lights, scene.light.deck) = (vec![lamp.to_owned()], deck);
-            scene.light.ring = RingEffect::Solid(RingColor::default());
-            scene.letters.drawing = path.to_owned();
-            scene.word.clear();
-            let shoot = Shoot::new(scene).unwrap();
-            let sent = commands(&shoot.plans[0].plan, &shoot.scene.light).unwrap();
-            assert!(sent.len() >= least, "{lamp}: {} steps", sent.len());
-            let (last, lit) = sent.split_last().unwrap();
-            assert!(last.value == 0 && lit.iter().all(|step| step.value != 0), "{lamp}: a break");
-            let least_s = sent.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
-            let least_s = least_s.fold(f64::INFINITY, f64::min);
-            assert!(least_s > 0.04, "{lamp}: a tick is 50 ms, {least_s} s");
-            let red = |step: &Command| {
-                let [_, red, _, blue] = step.value.to_be_bytes().map(f64::from);
-                red / (red + blue)
-            };
-            let mut reds: Vec<f64> = lit.iter().map(red).collect();
-            if reds[0] < reds[reds.len() - 1] {
-                reds.reverse();
-            }
-            assert!(reds.windows(2).all(|pair| pair[0] > pair[1]), "{lamp}: {reds:?}");
         }
     }
 

@@ -66,10 +66,10 @@ mod tests {
         assert_eq!(parse(file, "a.yaml").unwrap(), [[0.99, 1.49, 1.8], [0.99, 3.29, 1.8]]);
         for (broken, at, wanted) in [
             (file.replace("1:\n", "2:\n"), ":6: anchor 2", "key 2"),
-            (file.replace("1:\n", "one:\n"), ":5", "key one"),
+            (file.replace("1:\n", "one:\n"), ":5", "`one:`"),
             (file.replacen("z: 1.8", "z: much", 1), ":4", "much"),
-            (file.replacen("  x: 0.99\n", "", 1), ":2", "no x"),
-            (file.replacen("z: 1.8", "z: 1.8\n  w: 2", 1), ":2: anchor 0", "key w"),
+            (file.replacen("  x: 0.99\n", "", 1), ":", "missing field `x`"),
+            (file.replacen("z: 1.8", "z: 1.8\n  w: 2", 1), ":5", "unknown field `w`"),
             (file.replace("1.49", ".nan"), ":2: anchor 0, y", "NaN"),
             (file.replace("3.29", "1.49"), ":6: anchor 1", "the place of key 0"),
         ] {

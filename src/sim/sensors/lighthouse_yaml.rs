@@ -33,7 +33,7 @@ const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, wi
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
 
-/// The keys of a mapping, with their lines.
+/// The keys of a mapping, with the lines on which their values begin.
 type Keys = BTreeMap<String, Spanned<IgnoredAny>>;
 
 /// The file: what of it has an effect.
@@ -266,10 +266,10 @@ version: '1'
             (BLOCK.replace("systemType: 2", "systemType: 3"), ":33: systemType", "found 3"),
             (BLOCK.replace("- -1.9584829807281494", "- east"), ":16", "east"),
             (BLOCK.replace("    - 3.152726888656616\n", ""), "lh.yaml:", "3"),
-            (BLOCK.replace("- 0.5422989726066589", "- .nan"), ": geos.0.origin", "NaN"),
+            (BLOCK.replace("- 0.5422989726066589", "- .nan"), ":17", "- .nan"),
             (BLOCK.replace("[0.8, 0.0, 0.6]", "[0.9, 0.0, 0.6]"), ":32: geos.1.rotation", "0.9"),
             (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
-            (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "but geoz (line 13)"),
+            (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "but geoz (line 14)"),
             (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
             (String::new(), "lh.yaml:1", ""),
             ("\u{0}\u{1}[{".to_owned(), "lh.yaml:1", ""),

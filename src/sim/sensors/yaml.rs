@@ -4,6 +4,9 @@ use serde::de::DeserializeOwned;
 
 use noctograph_core::error::{Error, Result};
 
+/// Most letters of a line that a message shows.
+const MOST_SHOWN: usize = 60;
+
 /// Reads a text with one document; `file` is its name in messages.
 ///
 /// # Errors
@@ -13,7 +16,9 @@ use noctograph_core::error::{Error, Result};
 pub(super) fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
-        let found = error.without_snippet().to_string();
+        let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
+        let text: String = text.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
+        let found = format!("`{text}`: {}", error.without_snippet());
         Error::input("", found, "the form that Bitcraze's programs write", hint).at(file, line)
     })
 }

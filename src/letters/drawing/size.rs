@@ -1,13 +1,15 @@
-//! The size of an SVG file as it is drawn: its elements, with those that `use`, clips, masks and
-//! markers repeat, are counted before they are read.
+//! The size of an SVG file as it is drawn: its elements, with those that `use`, clips, masks,
+//! gradients and markers repeat, are counted before usvg reads them.
 
 use std::collections::HashMap;
 
 use usvg::roxmltree::Node;
 
-use super::style::Styled;
+use super::notes::{EMPTIED, FOREIGN, has};
+use super::styles::Styles;
+use noctograph_core::files::Budget;
 
-/// Most elements with those of `use`, clips, masks and markers; usvg keeps some 500 bytes of each.
+/// Most elements with those that are repeated; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: f64 = 1e5;
 
 /// Most bytes of their attributes.
@@ -26,22 +28,38 @@ const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 /// Checks that the elements of a document cost bounded work; the error is what was found instead.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
-    styled: &'a Styled<'a, 'input>,
+    styles: &Styles<'a, 'input>,
+    budget: &Budget,
 ) -> Result<(), String> {
-    let mut counting = Counting { styled, known: HashMap::new(), marker: Size::default() };
+    // The lengths of a page, by which shares are measured.
+    let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
+    let lengths =
+        pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
+    let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
+    let mut counting = Counting { styles, page, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(root, 0)?;
     let marker = counting.marker;
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
     let elements = all.elements + n_markers * marker.elements;
-    if elements > MAX_ELEMENTS || all.bytes + n_markers * marker.bytes > MAX_BYTES {
-        let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
-        return Err(format!("{elements} elements, those of {what} counted"));
+    let bytes = all.bytes + n_markers * marker.bytes;
+    let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
+    if elements > MAX_ELEMENTS {
+        let most = format!("at most {MAX_ELEMENTS}");
+        return Err(format!("{elements} elements, those of {what} counted, {most}"));
+    }
+    if bytes > MAX_BYTES {
+        let mb = bytes / 1e6;
+        return Err(format!(
+            "{mb:.0} MB of attributes, those of {what} counted: more than an input may have"
+        ));
     }
     let curves = all.curves + n_markers * marker.curves;
     if curves > MAX_CURVES {
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+    budget.spend_steps((all.steps + n_markers * marker.steps) as usize);
     Ok(())
 }
 
@@ -56,17 +74,41 @@ struct Size {
     depth: usize,
     /// Coordinates of its curves, added up.
     curves: f64,
+    /// Steps of matching style rules with it.
+    steps: f64,
 }
 
-struct Counting<'a, 'input> {
-    styled: &'a Styled<'a, 'input>,
+impl Size {
+    fn add(&mut self, part: Self) {
+        self.elements += part.elements;
+        self.bytes += part.bytes;
+        self.vertices += part.vertices;
+        self.depth = self.depth.max(part.depth + 1);
+        self.curves += part.curves;
+        self.steps += part.steps;
+    }
+
+    fn max(self, other: Self) -> Self {
+        Self {
+            elements: self.elements.max(other.elements),
+            bytes: self.bytes.max(other.bytes),
+            curves: self.curves.max(other.curves),
+            steps: self.steps.max(other.steps),
+            ..self
+        }
+    }
+}
+
+struct Counting<'a, 'b, 'input> {
+    styles: &'b Styles<'a, 'input>,
+    page: f64,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
     marker: Size,
 }
 
-impl<'a, 'input> Counting<'a, 'input> {
+impl<'a, 'input> Counting<'a, '_, 'input> {
     fn size(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<Size, String> {
         let too_deep = || Err(format!("more than {MAX_DEPTH} elements within each other"));
         match self.known.get(&node) {
@@ -76,26 +118,24 @@ impl<'a, 'input> Counting<'a, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        let styled = self.styled;
-        let length = |name| styled.value(node, name).map_or(0, str::len);
+        let declared = self.styles.declared(node);
+        let length = |name| self.styles.value(node, name).map_or(0, str::len);
         let mut size = Size {
             elements: 1.0,
-            bytes: styled.attributes(node).map(|(_, value)| value.len()).sum::<usize>() as f64,
+            bytes: declared.iter().map(|own| own.1.len()).sum::<usize>() as f64,
             vertices: (10 + (length("d") + length("points")) / 2) as f64,
             depth: 1,
             curves: self.curves(node)?,
+            steps: self.styles.steps(node) as f64,
         };
         let tag = node.tag_name().name();
-        let clips = ["clip-path", "mask"].map(|name| styled.target(styled.value(node, name)?));
-        let used = styled.linked(node).filter(|_| tag == "use");
-        let children = node.children().filter(Node::is_element);
-        for part in children.chain(used).chain(clips.into_iter().flatten()) {
-            let part = self.size(part, depth + 1)?;
-            size.elements += part.elements;
-            size.bytes += part.bytes;
-            size.vertices += part.vertices;
-            size.depth = size.depth.max(part.depth + 1);
-            size.curves += part.curves;
+        let mut parts: Vec<Node<'a, 'input>> = Vec::new();
+        if !has(FOREIGN, tag) && !has(EMPTIED, tag) {
+            parts.extend(node.children().filter(Node::is_element));
+            parts.extend(declared.iter().filter_map(|own| self.linked(tag, own.0, own.1)));
+        }
+        for part in parts {
+            size.add(self.size(part, depth + 1)?);
         }
         if size.depth > MAX_DEPTH {
             return too_deep();
@@ -104,12 +144,21 @@ impl<'a, 'input> Counting<'a, 'input> {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
                 return Err("a marker with <use>".into());
             }
-            self.marker.elements = self.marker.elements.max(size.elements);
-            self.marker.bytes = self.marker.bytes.max(size.bytes);
-            self.marker.curves = self.marker.curves.max(size.curves);
+            self.marker = self.marker.max(size);
         }
         self.known.insert(node, Some(size));
         Ok(size)
+    }
+
+    /// An element that a declaration of another repeats.
+    fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
+        let target = || self.styles.target(value);
+        match name {
+            "clip-path" | "mask" => target(),
+            "href" if tag != "a" => target(),
+            "fill" | "stroke" => target().filter(|it| it.tag_name().name().ends_with("Gradient")),
+            _ => None,
+        }
     }
 
     /// The coordinates of an element's curves, added up without their signs.
@@ -121,12 +170,13 @@ impl<'a, 'input> Counting<'a, 'input> {
         };
         let mut sum = 0.0;
         for name in names {
-            let value = self.styled.value(node, name).unwrap_or("");
-            if ["em", "ex", "%"].iter().any(|unit| value.ends_with(unit)) {
-                return Err(format!("{name} of {value}, wanted user units"));
+            let value = node.attribute(*name).unwrap_or("");
+            if ["em", "ex"].iter().any(|unit| value.ends_with(unit)) {
+                return Err(format!("{name}=\"{value}\""));
             }
             if *name != "d" || value.contains(CURVES) {
-                sum += magnitudes(value).sum::<f64>();
+                let unit = if value.ends_with('%') { 0.01 * self.page } else { 1.0 };
+                sum += unit * magnitudes(value).sum::<f64>();
             }
         }
         Ok(sum)
@@ -157,7 +207,7 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
 mod tests {
     #[test]
     fn numbers_are_found_as_paths_run_them_together() {
-        let found: Vec<f64> = super::magnitudes("M1.5.5e1-3e-2A1,1e+3 0 016.7e.e9mm5e").collect();
-        assert_eq!(found, [1.5, 5.0, 0.03, 1.0, 1000.0, 0.0, 16.7, 0.0, 5.0]);
+        let numbers: Vec<f64> = super::magnitudes("M1.5.5e1-3e-2A1,1e+3 0 016.7e.e9mm5e").collect();
+        assert_eq!(numbers, [1.5, 5.0, 0.03, 1.0, 1000.0, 0.0, 16.7, 0.0, 5.0]);
     }
 }

@@ -1,0 +1,381 @@
+//! Notes: what of an SVG file usvg does not follow. It is named, and the file is edited so that
+//! nothing of it is drawn wrongly.
+//!
+//! An element that would be drawn elsewhere is left out. Text, pictures and what else holds foreign
+//! content become a sign: a shape by which it is known whether it would be seen. What else is not
+//! followed changes the look of what is drawn, not its place.
+
+use std::ops::Range;
+use std::str::FromStr as _;
+
+use usvg::roxmltree::Node;
+
+use super::styles::{Named, Styles, has_escapes};
+
+/// Properties of style sheets that are followed, or change nothing of a line's place and color, or
+/// belong to text.
+const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
+    background-color baseline-shift block-progression border bottom box-sizing clip clip-path \
+    clip-rule color color-interpolation color-interpolation-filters color-profile color-rendering \
+    color-scheme contain content cursor direction display dominant-baseline enable-background fill \
+    fill-opacity fill-rule filter flex float flood-color flood-opacity hyphens image-rendering \
+    isolation justify-content kerning left letter-spacing lighting-color line-height margin marker \
+    marker-end marker-mid marker-start mask mask-type max-height max-width min-height min-width \
+    mix-blend-mode opacity outline overflow overflow-x overflow-y padding paint-order \
+    pointer-events position right shape-inside shape-margin shape-padding shape-rendering \
+    solid-color solid-opacity stop-color stop-opacity stroke stroke-dasharray stroke-dashoffset \
+    stroke-linecap stroke-linejoin stroke-miterlimit stroke-opacity stroke-width tab-size top \
+    touch-action transform transform-box transform-origin transition unicode-bidi user-select \
+    vector-effect vertical-align visibility white-space will-change word-spacing writing-mode \
+    z-index";
+
+/// Properties that are not followed and are meant where they stand as attributes, too.
+const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
+    content-visibility mask-border mask-clip mask-image mask-mode mask-position mask-size \
+    offset-distance offset-path perspective perspective-origin rotate scale shape-outside \
+    stroke-alignment translate zoom";
+
+/// Properties of geometry, which usvg reads as attributes alone, and those of transforms that it
+/// does not know.
+const PLACES: &str = "cx cy d height r rx ry width x y translate rotate scale";
+
+/// Values by which a property that is not followed has no effect.
+const NEUTRAL: &str = "none normal auto 0 1 visible";
+
+/// Elements that are drawn and have a place.
+const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbol use";
+
+/// Elements whose content is drawn by browsers and not here.
+pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
+
+/// Elements whose content is not drawn: a pattern is a shade.
+pub(super) const EMPTIED: &str = "pattern filter";
+
+const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor set";
+
+/// Most stops of a gradient that are looked at.
+const MAX_STOPS: usize = 16;
+
+/// Where signs begin, and how many there may be: numbers that are exact in single precision.
+pub(super) const SIGN_X: f32 = 7_777_777.0;
+const MAX_SIGNS: usize = 10_000;
+
+/// Rules that usvg is given besides those of the file.
+pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!important}\
+    [pathLength]{stroke-dasharray:none!important}\
+    [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
+    mask:none!important}";
+
+/// Whether a list of words has one.
+pub(super) fn has(words: &str, word: &str) -> bool {
+    words.split_ascii_whitespace().any(|other| other == word)
+}
+
+/// The text of a file in the words of usvg: `:root`, a background, and transforms with units.
+pub(super) fn in_words_of_usvg(text: String) -> String {
+    let text = text.replace("svg:root", "svg").replace(":root", "svg");
+    let text = text.replace("background:", "background-color:");
+    let mut parts = text.split("transform:");
+    let mut written = parts.next().unwrap_or("").to_owned();
+    for part in parts {
+        let (value, rest) = part.split_at(part.find([';', '"', '\'', '}']).unwrap_or(part.len()));
+        written += "transform:";
+        written += &value.replace("px", "").replace("deg", "");
+        written += rest;
+    }
+    written
+}
+
+/// What is noted of a document.
+pub(super) struct Notes<'a, 'b, 'input> {
+    pub(super) styles: &'b Styles<'a, 'input>,
+    pub(super) named: &'b mut Named,
+    /// The elements in whose place there are signs.
+    pub(super) signs: Vec<Node<'a, 'input>>,
+    /// What is written in place of parts of the text, in order.
+    pub(super) edits: Vec<(Range<usize>, String)>,
+}
+
+impl<'a, 'input> Notes<'a, '_, 'input> {
+    /// The text as usvg reads it.
+    pub(super) fn edited(&self, text: &str) -> String {
+        let (mut edited, mut end) = (String::with_capacity(text.len()), 0);
+        for (range, new) in &self.edits {
+            edited += &text[end..range.start];
+            edited += new;
+            end = range.end;
+        }
+        edited + &text[end..]
+    }
+
+    /// Notes an element and those within it. The error is what was found of which there are too
+    /// many.
+    pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
+        let tag = node.tag_name().name();
+        if matches!(node.tag_name().namespace(), None | Some("http://www.w3.org/2000/svg")) {
+            let n_before = || node.prev_siblings().filter(|it| it.has_tag_name(tag)).count();
+            match tag {
+                "script" => self.named.add("a script", "not followed", node),
+                "style" if has_escapes(node) => self.edits.push((node.range(), String::new())),
+                "stop" if n_before() >= MAX_STOPS => {
+                    self.edits.push((node.range(), String::new()));
+                    self.named.add("a gradient of many stops", "cut to 16", node);
+                    return Ok(());
+                }
+                tag if has(FOREIGN, tag) => return self.sign(node),
+                tag if has(ANIMATIONS, tag) => {
+                    self.named.add("an animation", "drawn as it begins", node);
+                }
+                tag if has(EMPTIED, tag) => {
+                    self.empty(node);
+                    return Ok(());
+                }
+                _ if self.is_left_out(node) => {
+                    self.edits.push((node.range(), String::new()));
+                    return Ok(());
+                }
+                _ => {}
+            }
+        }
+        node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
+    }
+
+    /// A sign in place of an element: transformed and hidden as its attributes say.
+    fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
+        let name = node.tag_name().name();
+        let mut texts = node.descendants().filter_map(|part| part.text());
+        if name == "text" && texts.all(|text| text.trim().is_empty()) {
+            return Ok(());
+        }
+        let index = self.signs.len();
+        if index == MAX_SIGNS {
+            return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
+        }
+        self.signs.push(node);
+        let text = node.document().input_text();
+        let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
+        let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
+        let prefix = prefix.map_or(String::new(), |(prefix, _)| format!("{prefix}:"));
+        let mut sign =
+            format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
+        let is_kept = |name: &str| !has("points noctograph", name);
+        for own in node.attributes().filter(|own| is_kept(own.name())) {
+            sign += " ";
+            sign += &text[own.range()];
+        }
+        self.edits.push((node.range(), sign + "/>"));
+        Ok(())
+    }
+
+    /// Empties a pattern, but for a shape by which it counts as one, or a filter.
+    fn empty(&mut self, node: Node<'a, 'input>) {
+        let (Some(first), Some(last)) = (node.first_child(), node.last_child()) else { return };
+        let range = first.range().start..last.range().end;
+        let is_pattern = node.tag_name().name() == "pattern";
+        // In the namespace of the pattern, whatever its prefix.
+        let shape = node.children().find(|it| is_pattern && has(SHAPES, it.tag_name().name()));
+        let shape = shape.map_or(String::new(), |_| "<path d=\"M0 0h1v1z\"/>".to_owned());
+        self.edits.push((range, shape));
+    }
+
+    /// Names what of an element is not followed; whether it would be drawn elsewhere.
+    fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
+        let tag = node.tag_name().name();
+        let is_page = tag == "svg" && node.parent_element().is_none();
+        let in_marker = node.ancestors().any(|it| it.tag_name().name() == "marker");
+        let mut is_left_out = false;
+        let styles = self.styles;
+        for (name, value, of_css) in styles.declared(node).iter().copied() {
+            let value = value.trim();
+            if of_css && name.starts_with("--") || styles.value(node, name) != Some(value) {
+                continue;
+            }
+            let target = || styles.target(value).map_or("", |it| it.tag_name().name());
+            let is_word = has("inherit currentColor currentcolor", value);
+            let is_neutral = value.is_empty() || has(NEUTRAL, value);
+            let is_reset = has("initial unset revert revert-layer", value);
+            let shown = format!("{name} `{}`", value.chars().take(40).collect::<String>());
+            let note = match name {
+                "fill" | "stroke" if target().ends_with("Gradient") => {
+                    Some((format!("{name} by a gradient"), "in the color of its middle stop"))
+                }
+                "fill" | "stroke" if target() == "pattern" => {
+                    Some((format!("{name} by a pattern"), "drawn as a shade"))
+                }
+                "fill" if !is_word && svgtypes::Paint::from_str(value).is_err() => {
+                    Some((shown, "black in its place"))
+                }
+                "stroke" => (!is_word && svgtypes::Paint::from_str(value).is_err())
+                    .then_some((shown, "not followed")),
+                "stop-color" | "color" => (!is_word && svgtypes::Color::from_str(value).is_err())
+                    .then_some((shown, "not followed")),
+                "stop-opacity" => (svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0)
+                    .then_some((name.to_owned(), "drawn where it is transparent, too")),
+                "opacity" | "fill-opacity" | "stroke-opacity" | "stroke-width"
+                | "stroke-dashoffset" => (!is_word && svgtypes::Length::from_str(value).is_err())
+                    .then_some((shown, "not followed")),
+                "clip-path" | "mask" if !is_neutral && !is_word => (!value.starts_with("url(")
+                    || !value.ends_with(')'))
+                .then_some((shown, "not followed")),
+                "marker-start" | "marker-mid" | "marker-end" | "marker" if in_marker => (target()
+                    == "marker")
+                    .then_some(("a marker within a marker".into(), "not drawn")),
+                "href" if tag == "use" && !value.starts_with('#') => {
+                    Some(("another file (`use`)".into(), "not followed"))
+                }
+                "d" if !of_css => {
+                    let mut path = svgtypes::PathParser::from(value);
+                    let is_broken = tag == "path" && path.any(|part| part.is_err());
+                    is_broken.then_some(("path data that breaks off".into(), "drawn up to there"))
+                }
+                "pathLength" => {
+                    let is_dashed =
+                        |it: Node<'_, '_>| styles.value(it, "stroke-dasharray").is_some();
+                    let note = (name.to_owned(), "its dashes are drawn as a line");
+                    node.ancestors().any(is_dashed).then_some(note)
+                }
+                "transform" => {
+                    is_left_out |= !is_neutral && svgtypes::Transform::from_str(value).is_err();
+                    is_left_out.then_some((shown, "left out"))
+                }
+                "transform-box" => {
+                    let is_moved = styles.value(node, "transform").is_some();
+                    let is_other = is_moved && !has("view-box border-box", value);
+                    is_left_out |= is_other;
+                    is_other.then_some((shown, "left out"))
+                }
+                name if of_css && has(PLACES, name) => {
+                    let is_place = !is_page && has(SHAPES, tag) && !has("none auto", value);
+                    is_left_out |= is_place;
+                    is_place.then_some((shown, "left out"))
+                }
+                name if !of_css
+                    && has(SHAPES, tag)
+                    && has("cx cy height r rx ry width x y", name) =>
+                {
+                    let is_broken = value != "auto" && svgtypes::Length::from_str(value).is_err();
+                    is_broken.then_some((shown, "not followed"))
+                }
+                "vector-effect" => {
+                    let dashes = styles.value(node, "stroke-dasharray");
+                    let is_dashed = dashes.is_some_and(|dashes| dashes != "none");
+                    (value == "fixed-position" || is_dashed && value == "non-scaling-stroke")
+                        .then_some((shown, "not followed"))
+                }
+                "systemLanguage" => Some((name.into(), "taken for English")),
+                "filter" | "mix-blend-mode" => {
+                    (!is_neutral).then_some((name.into(), "not followed"))
+                }
+                name if has(KNOWN, name) => None,
+                // Of text.
+                name if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => None,
+                // An attribute that is no property is none to a browser, either.
+                _ => (!is_neutral && (of_css || has(OTHERS, name)))
+                    .then_some((shown, "not followed")),
+            };
+            let reset = is_reset && has(KNOWN, name);
+            let note =
+                note.or_else(|| reset.then(|| (format!("{name} `{value}`"), "not followed")));
+            if let Some((what, how)) = note {
+                self.named.add(what, how, node);
+            }
+        }
+        is_left_out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{LetterOptions, Strokes};
+    use super::super::{Ink, tests::drawn_in};
+    use noctograph_core::error::Result;
+
+    fn drawn(inner: &str) -> Result<Strokes> {
+        let text = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
+        );
+        drawn_in("a.svg", text, &LetterOptions::default(), Ink::Alike)
+    }
+
+    fn n_lit(inner: &str) -> usize {
+        let strokes = drawn(inner).unwrap();
+        strokes.glyphs[0].moves.iter().filter(|step| step.lit).count()
+    }
+
+    /// Six levels of an element, each of ten that refer to the next.
+    fn levels(open: &str, part: &str, close: &str) -> String {
+        let level = |n: usize| {
+            let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);
+            open.replace("THIS", &format!("e{n}")) + &part + close
+        };
+        (0..12).map(level).collect()
+    }
+
+    #[test]
+    fn references_that_multiply_cost_little_or_are_refused() {
+        let shape = "<rect width='9' height='9' PROPERTY='url(#NEXT)'/>";
+        let tried = "<path d='M0 0h9v9' stroke='red' fill='url(#e0)' PROPERTY='url(#e0)'/>";
+        for (tag, property, n) in [("pattern", "fill", 3), ("filter", "filter", 2)] {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            let all = levels(&open, &part, &format!("</{tag}>"));
+            let tried = tried.replace("fill='url(#e0)' PROPERTY", property);
+            assert_eq!(n_lit(&(all + &tried)), n, "{tag}: a fill closes its path");
+        }
+        let long = format!("M0 0{}", "h1v1".repeat(20_000));
+        let levels_of = |tag: &str, property: &str| {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            levels(&open, &part, &format!("</{tag}>")) + &tried.replace("PROPERTY", property)
+        };
+        let refused = [
+            levels_of("clipPath", "clip-path"),
+            levels_of("mask", "mask"),
+            levels("<g id='THIS'>", "<use href='#NEXT'/>", "</g>") + "<g id='e12'/>",
+            format!("<path id='p' d='{long}'/>") + &"<use href='#p'/>".repeat(5000),
+            "<marker id='m'>".to_owned()
+                + &"<path d='M0 0h1' stroke='red'/>".repeat(100)
+                + &format!("</marker><path d='{long}' stroke='red' marker-mid='url(#m)'/>"),
+            "<g id='a'><use href='#b'/></g><g id='b'><use href='#a'/></g>".to_owned(),
+            "<g>".repeat(200) + &"</g>".repeat(200),
+            (0..300).map(|n| format!("<g id='g{}'><use href='#g{n}'/></g>", n + 1)).collect(),
+            "<style>q * * * * * *{fill:red}</style>".to_owned()
+                + &"<g>".repeat(100)
+                + &"</g>".repeat(100),
+            "<path d='M0 0h90' stroke='red' stroke-dasharray='0.001'/>".repeat(100),
+            "<path d='M0 0A5 6 30 0 1 1e30 9' stroke='red'/>".to_owned(),
+            "<rect width='1e30' height='1e30' rx='1e30' stroke='red'/>".to_owned(),
+            "<g id='g'><circle r='1e6' stroke='red'/></g>".to_owned()
+                + &"<use href='#g'/>".repeat(1000),
+            "<circle r='1em' font-size='1e30' stroke='red'/>".to_owned(),
+            format!("<style>{}a{{{}}}</style>", "a,".repeat(9000), "x:y;".repeat(9000)),
+        ];
+        for (n, inner) in refused.iter().enumerate() {
+            let error = drawn(inner).unwrap_err().to_string();
+            assert!(!error.contains("nothing drawn"), "{n}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_drawn_changes_nothing_else() {
+        let line = "<path id='p' d='M0 0h9' stroke='red'/>";
+        let clipped = line.replace("/>", " clip-path='url(#c)' mask='url(#gone)'/>");
+        assert_eq!(n_lit(&clipped), 1, "by what is not there");
+        let within = format!("<clipPath id='c'>{line}</clipPath><use href='#p'/>");
+        assert_eq!(n_lit(&within), 1, "used from within a clip");
+        let filled = "<path d='M0 0h9v9z' fill='url(#g)'/>";
+        for server in ["linearGradient", "radialGradient", "pattern"] {
+            let filled = format!(
+                "<{server} id='g' width='1' height='1'><stop/><path d='M0 0h1v1'/></{server}>\
+                 {filled}"
+            );
+            assert_eq!(n_lit(&filled), 3, "{server}");
+        }
+        let arrow = "<marker id='m' overflow='visible'><path d='M0 0l-2 1' stroke='red'/></marker>\
+                     <path d='M0 0h9' stroke='red' marker-end='url(#m)'/>";
+        assert_eq!(n_lit(arrow), 2, "an arrow and its head");
+        let styled = "<style>.a > path, #b{stroke:red}</style><g class='a'><path d='M0 0h9'/></g>\
+                      <path id='b' d='M0 5h9'/><path d='M0 7h9'/>";
+        assert_eq!(n_lit(styled), 2, "two of three have a style");
+    }
+}

@@ -1,0 +1,316 @@
+//! Styles: what the elements of an SVG file declare, as usvg reads it, and how much work that is.
+//!
+//! usvg resolves style sheets by simplecss, which skips what it does not know without a word. The
+//! same parser is asked here before usvg is, so that this is named and takes bounded work.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use simplecss::{AttributeOperator, DeclarationTokenizer, Element, PseudoClass, Selector};
+use usvg::roxmltree::{Document, Node, NodeId};
+
+use noctograph_core::error::Result;
+use noctograph_core::files::Budget;
+
+/// Steps of comparing two names, of putting an entity in, and of asking an element whether a rule
+/// is for it.
+const STEPS: [usize; 3] = [4, 200, 50];
+
+/// Most entities that the parser puts in for one reference, and bytes that all of them become.
+const MOST_WITHIN: usize = 256;
+const MAX_ENTITY_BYTES: usize = 16 << 20;
+
+/// Memory of a declaration and of a selector in bytes.
+const DECLARATION: usize = 48;
+const SELECTOR: usize = 200;
+
+/// Rules beginning with `@` that change nothing of a still picture on a screen.
+const WITHOUT_EFFECT: [&str; 6] =
+    ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
+
+/// What is not followed, by its name and what became of it: how many elements, and where the first
+/// begins.
+#[derive(Default)]
+pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
+
+impl Named {
+    pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
+        // So that a file of many odd names has a short list of them.
+        let mut key = (what.into().chars().take(80).collect(), how);
+        if !self.0.contains_key(&key) && self.0.len() >= 20 {
+            key = ("other properties".to_owned(), "not followed");
+        }
+        self.0.entry(key).or_insert((0, node.range().start)).0 += 1;
+    }
+
+    /// One sentence for each.
+    pub(super) fn sentences(&self, document: &Document<'_>, file: &str) -> Vec<String> {
+        let sentence = |((what, how), (n, start)): (&(String, &str), &(usize, usize))| {
+            let row = document.text_pos_at(*start).row;
+            let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
+            format!("{n} {} {what}: {how} ({}{file}:{row})", s.0, s.1)
+        };
+        self.0.iter().map(sentence).collect()
+    }
+}
+
+/// Takes the entities, attributes and namespaces of a file off a budget: the parser compares each
+/// attribute with all others of its tag, each prefix with all namespaces around, and each reference
+/// with all entities. The error is what was found instead of entities that stay small.
+pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
+    let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
+    for declaration in xml.split("<!ENTITY").skip(1) {
+        let Some(start) = declaration.find(['"', '\'']) else { continue };
+        let quote = &declaration[start..=start];
+        let value = declaration[start + 1..].split(quote).next().unwrap_or("");
+        if value.contains('<') {
+            return Err("an entity that holds elements".into());
+        }
+        if value.contains('&') {
+            references = references.saturating_mul(MOST_WITHIN);
+        }
+        (n_entities, longest) = (n_entities + 1, longest.max(value.len()));
+    }
+    if n_entities > 0 {
+        let bytes = references.saturating_mul(longest);
+        if bytes > MAX_ENTITY_BYTES.max(xml.len()) {
+            return Err(format!("entities that become up to {} MiB", bytes >> 20));
+        }
+        budget.spend_steps(references.saturating_mul(STEPS[1] + STEPS[0] * n_entities));
+    }
+    let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
+    for tag in xml.split('<') {
+        let n_attributes = tag.matches('=').count();
+        budget.spend_steps(STEPS[0] * n_attributes.saturating_mul(n_attributes));
+        n_names += n_attributes + 1;
+        for declaration in tag.split("xmlns").skip(1) {
+            prefixes.insert(declaration.split('=').next());
+            n_declared += 1;
+        }
+    }
+    let n = prefixes.len();
+    budget.spend_steps(STEPS[0] * n.saturating_mul(n_names + n_declared * n));
+    Ok(())
+}
+
+/// What an element declares: attributes by their names, then style sheets and `style`, and which of
+/// these it is. The last of a name is in force.
+pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
+
+/// What elements declare, and the steps that finding it took.
+pub(super) struct Styles<'a, 'input> {
+    declared: HashMap<NodeId, (Declared<'a>, usize)>,
+    ids: HashMap<&'a str, Node<'a, 'input>>,
+}
+
+impl<'a, 'input> Styles<'a, 'input> {
+    pub(super) fn of(
+        document: &'a Document<'input>,
+        budget: &Budget,
+        named: &mut Named,
+    ) -> Result<Self> {
+        let elements = || document.descendants().filter(Node::is_element);
+        let mut sheet = simplecss::StyleSheet::new();
+        for node in elements().filter(|node| node.tag_name().name() == "style") {
+            let texts = || node.children().filter_map(|child| child.text());
+            if !matches!(node.attribute("type"), None | Some("text/css")) {
+                continue;
+            }
+            // usvg reads the first text of a style sheet.
+            if texts().count() > 1 || has_escapes(node) {
+                named.add("a style sheet with escapes or comments of XML", "not followed", node);
+            }
+            let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");
+            check_sheet(text, node, budget, named)?;
+            sheet.parse_more(text);
+        }
+        let (mut all, mut ids) = (HashMap::new(), HashMap::new());
+        for node in elements() {
+            if let Some(id) = node.attribute("id") {
+                ids.entry(id).or_insert(node);
+            }
+            let attributes = node.attributes().filter(|own| {
+                matches!(own.namespace(), None | Some("http://www.w3.org/1999/xlink"))
+            });
+            let attributes = attributes.filter(|own| !matches!(own.name(), "style" | "class"));
+            let mut declared: Declared<'a> =
+                attributes.map(|own| (own.name(), own.value(), false)).collect();
+            let steps = Cell::new(10 * sheet.rules.len());
+            let element = Matched(node, &steps);
+            let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
+            let of_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
+            let style = node.attribute("style").unwrap_or("");
+            let mut own: Vec<_> = of_rules.chain(DeclarationTokenizer::from(style)).collect();
+            if breaks_off(style) {
+                named.add("a style that breaks off", "not followed", node);
+            }
+            own.sort_by_key(|declaration| declaration.important);
+            declared.extend(own.iter().map(|own| (own.name, own.value, true)));
+            budget.steps(steps.get())?;
+            budget.bytes(DECLARATION * declared.len())?;
+            all.insert(node.id(), (declared, steps.get()));
+        }
+        Ok(Self { declared: all, ids })
+    }
+
+    pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
+        self.declared.get(&node.id()).map_or(&[], |(declared, _)| declared)
+    }
+
+    /// The steps that matching the rules with an element took.
+    pub(super) fn steps(&self, node: Node<'_, '_>) -> usize {
+        self.declared.get(&node.id()).map_or(0, |(_, steps)| *steps)
+    }
+
+    pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
+        let declared = self.declared(node).iter().rev();
+        declared.filter(|own| own.0 == name).map(|own| own.1.trim()).next()
+    }
+
+    /// The element that `#name` or `url(#name)` refers to.
+    pub(super) fn target(&self, link: &str) -> Option<Node<'a, 'input>> {
+        let link = link.trim();
+        let link =
+            link.strip_prefix("url(").map_or(link, |url| url.split(')').next().unwrap_or(""));
+        self.ids.get(link.trim().trim_matches(['"', '\'']).strip_prefix('#')?).copied()
+    }
+}
+
+/// Whether quotation marks of a style sheet may be escaped, so that its rules end elsewhere than
+/// they seem to. usvg is not shown it.
+pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
+    node.text().is_some_and(|text| text.contains('\\'))
+}
+
+/// Names what of a style sheet is not followed, and takes its memory off a budget: each selector of
+/// a list has the declarations of its rule.
+fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
+    for block in bare(sheet).split('}') {
+        let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
+        for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
+            if let Some(rule) = part.strip_prefix('@') {
+                if !WITHOUT_EFFECT.iter().any(|known| rule.starts_with(known)) {
+                    named.add(format!("@{rule}"), "not followed", node);
+                }
+                continue;
+            }
+            for selector in part.split(',').map(str::trim) {
+                if Selector::parse(selector).is_none() && !selector.ends_with('%') {
+                    named.add(format!("the selector `{selector}`"), "not followed", node);
+                }
+            }
+        }
+        let (n_selectors, n_declared) = (head.matches(',').count() + 1, body.matches(';').count());
+        budget.bytes(n_selectors.saturating_mul(SELECTOR + DECLARATION * (n_declared + 1)))?;
+        if breaks_off(body) {
+            named.add("a style that breaks off", "not followed", node);
+        }
+    }
+    Ok(())
+}
+
+/// A style sheet without its comments and what is quoted in it.
+fn bare(sheet: &str) -> String {
+    let (mut kept, mut rest) = (String::new(), sheet);
+    while let Some(start) = rest.find(['"', '\'', '/']) {
+        let (before, after) = rest.split_at(start);
+        kept += before;
+        let (open, close) = match &after[..1] {
+            "/" if after.starts_with("/*") => ("/*", "*/"),
+            "/" => ("/", ""),
+            quote => (quote, quote),
+        };
+        rest = after[open.len()..].split_once(close).map_or("", |(_, after)| after);
+    }
+    kept + rest
+}
+
+/// Whether the parser of declarations gives up before the last.
+fn breaks_off(declarations: &str) -> bool {
+    let n = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
+    DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
+}
+
+/// An element to simplecss, and the steps of what that asks. After too many it has no elements
+/// around.
+struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
+
+impl<'a, 'input> Matched<'a, 'input, '_> {
+    fn at(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
+        self.1.set(self.1.get() + STEPS[2]);
+        node.filter(|_| self.1.get() < 2_000_000_000).map(|node| Self(node, self.1))
+    }
+}
+
+impl Element for Matched<'_, '_, '_> {
+    fn parent_element(&self) -> Option<Self> {
+        self.at(self.0.parent_element())
+    }
+
+    fn prev_sibling_element(&self) -> Option<Self> {
+        self.at(self.0.prev_sibling_element())
+    }
+
+    fn has_local_name(&self, name: &str) -> bool {
+        self.0.tag_name().name() == name
+    }
+
+    fn attribute_matches(&self, name: &str, operator: AttributeOperator<'_>) -> bool {
+        let value = self.0.attribute(name);
+        let steps = self.0.attributes().len() + value.map_or(0, str::len) / 8;
+        self.1.set(self.1.get() + steps);
+        value.is_some_and(|value| operator.matches(value))
+    }
+
+    fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
+        matches!(class, PseudoClass::FirstChild) && self.0.prev_sibling_element().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(xml: &str) -> std::result::Result<(), String> {
+        let budget = Budget::of("a.svg", "none");
+        check_text(xml, &budget)?;
+        budget.check().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn entities_are_counted_where_they_are_put_in() {
+        let small = "<!DOCTYPE svg [<!ENTITY ns 'http://ns.adobe.com/'>]><svg a='&ns;' b='&lt;'/>";
+        check(small).unwrap();
+        // Quadratic: 120 kB that is put in 40,000 times.
+        let wide = format!(
+            "<!DOCTYPE svg [<!ENTITY a '{}'>]><svg a='{}'/>",
+            "x".repeat(120_000),
+            "&a;".repeat(40_000)
+        );
+        assert!(check(&wide).unwrap_err().contains("4577 MiB"), "{:?}", check(&wide));
+    }
+
+    #[test]
+    fn references_are_compared_with_all_entities() {
+        let many: String = (0..30_000).map(|n| format!("<!ENTITY e{n} 'x'>")).collect();
+        let used = |n| format!("<!DOCTYPE svg [{many}]><svg>{}</svg>", "&e29999;".repeat(n));
+        check(&used(100)).unwrap();
+        assert!(check(&used(20_000)).unwrap_err().contains("more work"));
+        let markup = "<!DOCTYPE svg [<!ENTITY a '<g/>'>]><svg>&a;</svg>";
+        assert!(check(markup).unwrap_err().contains("holds elements"));
+    }
+
+    #[test]
+    fn attributes_of_a_tag_are_compared_with_each_other_and_prefixes_with_namespaces() {
+        let tags = |xml: &str| check(xml).is_ok();
+        let list = |n: usize, name: &str| -> String {
+            (0..n).map(|k| format!(" {name}{k}='>'")).collect()
+        };
+        assert!(tags(&format!("<svg{}/>", list(5000, "a"))));
+        assert!(!tags(&format!("<svg{}/>", list(20_000, "a"))));
+        assert!(tags(&format!("<svg>{}</svg>", "<g a='1' b='2'/>".repeat(100_000))), "many tags");
+        let own = "<g xmlns:x='y'/>".repeat(50_000);
+        assert!(tags(&format!("<svg>{own}</svg>")), "the same prefix again and again");
+        assert!(!tags(&format!("<svg{}>{own}</svg>", list(300, "xmlns:p"))));
+    }
+}

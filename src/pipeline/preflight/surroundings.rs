@@ -1,0 +1,236 @@
+//! Checks of what a scene says of its drone and its place: base stations, estimator, weight, wind.
+
+use nalgebra::Vector3;
+
+use super::Profile;
+use super::row::{Row, Severity, stop_if, warn_if};
+use crate::scene::Scene;
+use noctograph_core::error::Result;
+use noctograph_core::geometry::bounds;
+use noctograph_plan::Plan;
+use noctograph_sim::EstimatorKind;
+use noctograph_sim::sensors::{Positioning, coverage};
+use noctograph_sim::vehicle::Gusts;
+
+/// Distance between two places at which the view of the base stations is checked.
+const COVERAGE_STEP_M: f64 = 0.1;
+
+/// Whether two base stations see the box of the whole flight.
+pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
+    let unchecked = |why| {
+        let wanted = "base stations, and a flight for them to see";
+        let advice = "name the stations: {sensors.lighthouse.stations}";
+        Ok(Row::unchecked("coverage", why, wanted, advice))
+    };
+    if scene.sensors.lighthouse.stations.is_empty() {
+        return unchecked("the scene has no base stations");
+    }
+    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
+    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
+        return unchecked("the flight has no width or no height");
+    }
+    let (mut sensors, silent) = (scene.sensors.clone(), silent_stations(plan, scene));
+    let stations = scene.sensors.lighthouse.stations.iter().enumerate();
+    let heard = stations.filter(|(station, _)| !silent.contains(station));
+    sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
+    sensors.lighthouse.silent.clear();
+    let seen_frac = match sensors.lighthouse.stations.is_empty() {
+        true => 0.0,
+        false => coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac(),
+    };
+    let names: Vec<String> = silent.iter().map(|station| (station + 1).to_string()).collect();
+    let without = match names.is_empty() {
+        true => String::new(),
+        false => format!(", without station {}, which is silent", names.join(", ")),
+    };
+    let seen = 100.0 * seen_frac;
+    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
+        format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
+        "two Lighthouse stations see every place",
+        match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
+            (false, _) => "let every station send ({sensors.lighthouse.silent})",
+            (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",
+            (true, true) => {
+                "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the \
+                 stations (see `coverage`)"
+            }
+        },
+    ))
+}
+
+/// Silence of a station in the air, in sum, from which it does not count as seen: the estimator
+/// flies through less on the other station and its gyroscope (an assumption).
+const MAX_SILENT_S: f64 = 1.0;
+
+/// Stations, from 0, that are silent for too long while a plan is in the air.
+fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
+    let in_air = || plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let start_s = in_air().next().map_or(0.0, |setpoint| setpoint.time_s);
+    let end_s = in_air().next_back().map_or(0.0, |setpoint| setpoint.time_s);
+    let lighthouse = &scene.sensors.lighthouse;
+    let silent_s = |station: usize| -> f64 {
+        let own = lighthouse.silent.iter().filter(|[number, ..]| *number == station as f64);
+        own.map(|[_, from_s, to_s]| (to_s.min(end_s) - from_s.max(start_s)).max(0.0)).sum()
+    };
+    (0..lighthouse.stations.len()).filter(|station| silent_s(*station) > MAX_SILENT_S).collect()
+}
+
+/// What of the scene no flight should be judged by, or flown in: a row for each that is not fine.
+pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
+    let rows = [
+        estimator(scene),
+        weight(scene, profile),
+        wind(scene, profile),
+        baseline(scene),
+        sunlight(scene, profile),
+    ];
+    rows.into_iter().filter(|row| row.severity != Severity::Fine).collect()
+}
+
+fn estimator(scene: &Scene) -> Row {
+    let cheats = scene.observer.kind == EstimatorKind::Truth;
+    Row::of("estimator", stop_if(cheats), None).say(
+        "the simulated drone knows its true place",
+        "an estimator that flies",
+        "judge the flight by what the drone has: {observer.kind=ekf}",
+    )
+}
+
+fn weight(scene: &Scene, profile: &Profile) -> Row {
+    let (mass_kg, most_kg) = (scene.vehicle.mass_kg, profile.mass_kg);
+    Row::of("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
+        format!("{:.0} g", 1e3 * mass_kg),
+        format!("up to {:.0} g in the profile {}", 1e3 * most_kg, profile.name),
+        "fly a lighter drone, or outdoors (--profile outdoor)",
+    )
+}
+
+/// The steady wind with gusts of two standard deviations.
+fn wind(scene: &Scene, profile: &Profile) -> Row {
+    let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
+    let gusts_m_s = match &scene.air.gusts {
+        Gusts::OrnsteinUhlenbeck(gusts) => 2.0 * Vector3::from(gusts.sigma_m_s).amax(),
+        Gusts::None | Gusts::Dryden => 0.0,
+    };
+    let (value, is_light) = (steady_m_s + gusts_m_s, scene.vehicle.mass_kg < LIGHT_KG);
+    let most = if is_light { profile.wind_m_s.min(LIGHT_WIND_M_S) } else { profile.wind_m_s };
+    Row::of("wind", stop_if(value > most), value).within(most).say(
+        format!("up to {value:.1} m/s of wind and gusts"),
+        format!("up to {most} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
+        "wait for calmer air ({air.wind_m_s}, {air.gusts})",
+    )
+}
+
+/// A drone that a light wind moves, and the wind that nobody flies it in (an assumption).
+const LIGHT_KG: f64 = 0.1;
+const LIGHT_WIND_M_S: f64 = 4.0;
+
+/// Least distance of two base stations, whose beams cross else at angles that leave the depth open
+/// (an assumption: at 10 cm a flight strays by 0.18 of the corridor's 0.2 m).
+const BASELINE_M: f64 = 1.0;
+
+/// The distance of the two base stations that are farthest from each other.
+fn baseline(scene: &Scene) -> Row {
+    let places = scene.sensors.lighthouse.stations.iter().map(|it| Vector3::from(it.position_m));
+    let places: Vec<_> = places.collect();
+    let each = |a: &Vector3<f64>| places.iter().map(|b| (a - b).norm()).fold(0.0, f64::max);
+    let widest_m = places.iter().map(each).fold(0.0, f64::max);
+    let is_near = places.len() > 1 && widest_m < BASELINE_M;
+    Row::of("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
+        format!("base stations are {widest_m:.2} m apart"),
+        format!("{BASELINE_M} m or more between two of them"),
+        "hang them in opposite corners of the room ({sensors.lighthouse.stations})",
+    )
+}
+
+fn sunlight(scene: &Scene, profile: &Profile) -> Row {
+    let is_lighthouse = match scene.sensors.positioning {
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
+        Positioning::UwbTwr | Positioning::UwbTdoa | Positioning::Gnss => false,
+    };
+    Row::of("sunlight", warn_if(is_lighthouse && profile.is_outdoors), None).say(
+        "outdoors by Lighthouse, whose infrared receivers the sun blinds",
+        "darkness, or positioning that sunlight does not reach",
+        "fly after dusk, or by {sensors.positioning=uwb-twr}",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preflight::{inspect, preflight};
+    use crate::scene::Preset;
+    use crate::shoot::Shoot;
+
+    #[test]
+    fn ordinary_scenes_have_no_row_and_bad_ones_their_own() {
+        let [indoor, _, outdoor] = Profile::all();
+        let named = |set: &[(&str, &str)], profile: &Profile| {
+            let scene = Scene::parse_with("", "scene", set).unwrap();
+            let rows = check_surroundings(&scene, profile).into_iter();
+            rows.map(|row| (row.check, row.severity)).collect::<Vec<_>>()
+        };
+        for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
+            assert_eq!(check_surroundings(&Scene::preset(preset), &indoor), [], "{preset:?}");
+        }
+        let stop = |check| [(check, Severity::Stop)];
+        let sun = ("sunlight", Severity::Warning);
+        assert_eq!(named(&[("observer.kind", "truth")], &indoor), stop("estimator"));
+        assert_eq!(named(&[("preset", "bzzz")], &indoor)[0], stop("weight")[0]);
+        assert!(named(&[("preset", "bzzz")], &outdoor).iter().all(|row| *row == sun));
+        assert_eq!(named(&[("air.wind_m_s", "[3, 0, 0]")], &indoor), stop("wind"));
+        let windy = named(&[("air.wind_m_s", "[0, 6, 0]")], &outdoor);
+        assert_eq!(windy, [("wind", Severity::Stop), sun]);
+        let mut near = Scene::preset(Preset::Cf21);
+        let stations = &mut near.sensors.lighthouse.stations;
+        let mut second = stations[0].clone();
+        second.position_m[0] += 0.1;
+        stations.splice(1.., [second]);
+        let rows = check_surroundings(&near, &indoor);
+        assert_eq!(rows[0].found, "base stations are 0.10 m apart");
+    }
+
+    #[test]
+    fn people_and_silent_stations_stop_a_flight() {
+        let verdict = |set: &[(&str, &str)], check: &str| {
+            let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
+            let shoot = Shoot::new(scene).unwrap();
+            let flights = shoot.fly(&|_, _| {}).unwrap();
+            let rows = inspect(&shoot, &flights, &Profile::indoor()).unwrap();
+            let row = rows.into_iter().map(|checked| checked.row).find(|row| row.check == check);
+            row.map(|row| row.severity)
+        };
+        let silent = |span: &str| verdict(&[("sensors.lighthouse.silent", span)], "coverage");
+        assert_eq!(silent("[[0, 0, 1000]]"), Some(Severity::Stop));
+        assert_eq!(silent("[[0, 5, 5.5]]"), Some(Severity::Fine));
+        let person = |place: &str| verdict(&[("sensors.lighthouse.people_m", place)], "people");
+        assert_eq!(person("[[0.5, -1.0, 0.25]]"), Some(Severity::Stop));
+        assert_eq!(person("[[0.5, -4.0, 0.25]]"), Some(Severity::Fine));
+        assert_eq!(person("[]"), None);
+    }
+
+    #[test]
+    fn a_picture_without_its_word_stops() {
+        let picture = |set: &[(&str, &str)]| {
+            let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
+            let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
+            let mut rows = rows.findings.into_iter().filter(|it| it.row.check == "picture");
+            // Without a room, a picture that is fine has no row.
+            rows.next().map_or_else(Default::default, |it| (it.row.severity, it.row.found))
+        };
+        assert_eq!(picture(&[]).0, Severity::Fine);
+        assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);
+        let camera = |place_m: &str, target_m: &str| {
+            let key = "camera.framing";
+            let keys = [".position_m", ".target_m"].map(|end| key.to_owned() + end);
+            let set = [(key, "fixed"), (&*keys[0], place_m), (&*keys[1], target_m)];
+            picture(&set)
+        };
+        assert_eq!(camera("[0, -4, 0.9]", "[0, 0, 0.9]").0, Severity::Fine);
+        let (severity, found) = camera("[0, -4, 0.9]", "[0, -9, 0.9]");
+        assert!(severity == Severity::Stop && found.contains("none of the light"), "{found}");
+        let (severity, found) = camera("[0, 4, 0.9]", "[0, 0, 0.9]");
+        assert!(severity == Severity::Stop && found.contains("mirrored"), "{found}");
+    }
+}

@@ -1,0 +1,82 @@
+//! The size of letters that plans write.
+//!
+//! In: a scene, its strokes, and plans. Out: the scene and its strokes in the plans' size and
+//! place, from which camera and checks take theirs.
+
+use crate::scene::Scene;
+use noctograph_core::error::Result;
+use noctograph_core::geometry::bounds;
+use noctograph_letters::{LetterOptions, Strokes};
+use noctograph_plan::Plan;
+
+/// Least change of size by which plans write another size than the scene, and how well both sides
+/// of the word have to agree on it.
+const OTHER_SIZE: f64 = 0.02;
+const SAME_SHAPE: f64 = 0.05;
+
+/// A scene with its letters as large, and where, plans of the same word write them: they may come
+/// from a room.
+pub(super) fn as_written(
+    mut scene: Scene,
+    strokes: Option<Strokes>,
+    plans: &[Plan],
+) -> Result<(Scene, Option<Strokes>)> {
+    let lit = plans.iter().flat_map(|plan| {
+        let levels = plan.lit();
+        let ends = plan.setpoints.windows(2).zip(levels).filter(|(_, level)| *level > 0.0);
+        ends.flat_map(|(ends, _)| [ends[0].position_m, ends[1].position_m]).collect::<Vec<_>>()
+    });
+    let plan_m = bounds(lit.map(|place_m| [place_m.x, place_m.z]));
+    let Some(word_m) = strokes.as_ref().map(Strokes::bounds_m) else { return Ok((scene, strokes)) };
+    let sides = |[left, bottom, right, top]: [f64; 4]| [right - left, top - bottom];
+    let ([width_m, height_m], [wide_m, high_m]) = (sides(word_m), sides(plan_m));
+    let (size_m, scale) = match width_m > height_m {
+        true => (width_m, wide_m / width_m),
+        false => (height_m, high_m / height_m),
+    };
+    let apart_m = (wide_m - scale * width_m).abs().max((high_m - scale * height_m).abs());
+    let is_other = (scale - 1.0).abs() > OTHER_SIZE && apart_m < SAME_SHAPE * scale * size_m;
+    if !is_other {
+        return Ok((scene, strokes));
+    }
+    let LetterOptions { cap_height_m, width_m, gap_m, spacing_m, line_gap_m, canvas_m, .. } =
+        &mut scene.letters;
+    let by_default = [width_m, gap_m, line_gap_m].into_iter().flatten();
+    let sizes_m = [cap_height_m, spacing_m].into_iter().chain(by_default);
+    sizes_m.chain(canvas_m.iter_mut().flatten()).for_each(|size_m| *size_m *= scale);
+    let [_, bottom_m, ..] = scene.strokes()?.bounds_m();
+    let raised_m = scene.letters.baseline_m + plan_m[1] - bottom_m;
+    scene.letters.baseline_m = raised_m.max(0.0);
+    let strokes = scene.strokes()?;
+    Ok((scene, Some(strokes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Preset;
+    use crate::shoot::Shoot;
+
+    #[test]
+    fn plans_of_another_size_and_place_are_measured() {
+        let mut scene = Scene { word: "NOOR".into(), ..Scene::preset(Preset::Cf21) };
+        scene.letters.canvas_m = Some([1.7, 2.0]);
+        scene.letters.baseline_m = 0.8;
+        let small = Shoot::new(scene.clone()).unwrap();
+        let plans: Vec<Plan> = small.plans.iter().map(|planned| planned.plan.clone()).collect();
+        let want_m = small.strokes.unwrap().bounds_m();
+        scene.letters.canvas_m = None;
+        scene.letters.baseline_m = 0.5;
+        let found_m = |word: &str| {
+            let scene = Scene { word: word.into(), ..scene.clone() };
+            let shoot = Shoot::with_plans(scene, plans.clone()).unwrap();
+            shoot.strokes.unwrap().bounds_m()
+        };
+        let (found_m, other_m) = (found_m("NOOR"), found_m("HI"));
+        for (found_m, want_m) in found_m.into_iter().zip(want_m) {
+            assert!((found_m - want_m).abs() < 0.03, "{found_m} for {want_m} m");
+        }
+        let own = Shoot::new(Scene { word: "HI".into(), ..scene.clone() }).unwrap();
+        assert_eq!(other_m, own.strokes.unwrap().bounds_m(), "a plan of another word");
+    }
+}
