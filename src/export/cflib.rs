@@ -20,8 +20,8 @@ use noctograph_core::geometry::bounds;
 use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
-use noctograph_sim::ControllerKind;
 use noctograph_sim::sensors::Positioning;
+use noctograph_sim::{ControllerKind, Law};
 
 /// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
 /// log's variables, and `@CFLIB@` in that of the oldest cflib.
@@ -221,13 +221,10 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
 
 /// Number of the controller in the firmware (`controller.h`), where the firmware has it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
-    match kind {
-        ControllerKind::Pid => Some(1),
-        ControllerKind::Geometric => Some(5),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => None,
+    match kind.law() {
+        Law::Cascade => Some(1),
+        Law::Geometric => Some(5),
+        Law::StateFeedback { .. } | Law::Own => None,
     }
 }
 
@@ -500,11 +497,9 @@ mod tests {
 
     #[test]
     fn every_controller_of_the_firmware_has_its_number_there() {
-        let number = |kind: ControllerKind| (kind.name(), firmware_controller(kind));
-        let numbers: Vec<_> = ControllerKind::ALL.iter().copied().map(number).collect();
-        let own = ["lqr", "lqr-feedforward", "lqr-integral"].map(|name| (name, None));
-        let all = [&own[..], &[("pid", Some(1)), ("geometric", Some(5)), ("altitude", None)]];
-        assert_eq!(numbers, all.concat(), "`controller.h`; a new kind is said here");
+        let number = |kind: &ControllerKind| Some((kind.name(), firmware_controller(*kind)?));
+        let numbers: Vec<_> = ControllerKind::ALL.iter().filter_map(number).collect();
+        assert_eq!(numbers, [("pid", 1), ("geometric", 5)], "`controller.h`");
     }
 
     #[test]
