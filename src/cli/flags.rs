@@ -49,8 +49,9 @@ pub(super) struct SetFlag {
 /// The scene.
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
-    /// Scene: a file (TOML), a photo of this program (PNG), a preset, team, pid, geometric, tuned,
-    /// or a folder with scene.toml
+    /// Scene: a file (TOML), a photo of this program (PNG), a script's log, a plan or flight with
+    /// its scene beside it, a preset, team, pid, geometric, tuned, or a folder with scene.toml
+    /// [default: that of the plans, flights or logs that are named]
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
     #[command(flatten)]

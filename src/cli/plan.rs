@@ -24,8 +24,8 @@ pub(super) struct PlanArgs {
     after: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Plan to write, a drawing of it (*.svg), or a folder for several drones [default: plan.csv,
-    /// or plans]
+    /// Plan to write, with its scene beside it, a drawing of it (*.svg), or a folder for several
+    /// drones [default: plan.csv, or plans]
     #[arg(short, long, value_name = "FILE|DIR")]
     output: Option<PathBuf>,
 }
