@@ -88,11 +88,7 @@ impl SceneFlags {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
                 message("note: ", &format!("the scene is {}", carried.file));
-                let scene = carried.scene(&borrowed(&settings))?;
-                if carried.is_in_log {
-                    self.refuse_files(&scene, &carried.file)?;
-                }
-                scene
+                carried.distrusted_scene(&borrowed(&settings))?
             }
             (None, None) => Scene::parse_with("", "scene", &borrowed(&settings))?,
         };
@@ -100,37 +96,12 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// The one scene that came with files.
+    /// The one scene that came with files; `None` of several where another is named.
     fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
-        let mut first: Option<CarriedScene> = None;
-        for path in files {
-            let Some(other) = CarriedScene::of(path)? else { continue };
-            let same = |first: &CarriedScene| {
-                let of = |carried: &CarriedScene| carried.scene(&[("seed", "0")]).ok();
-                first.toml == other.toml || of(first) == of(&other)
-            };
-            match &first {
-                Some(first) if self.scene.is_none() && !same(first) => {
-                    let hint = "name one with --scene, or the files one at a time";
-                    let found = format!("another scene than {}", first.file);
-                    return Err(Error::input(&other.file, found, "one scene of all files", hint));
-                }
-                Some(_) => {}
-                None => first = Some(other),
-            }
+        match CarriedScene::of_all(files) {
+            Err(_) if self.scene.is_some() => Ok(None),
+            carried => carried,
         }
-        Ok(first)
-    }
-
-    /// Refuses files that the scene of a log names, unless they were typed.
-    fn refuse_files(&self, scene: &Scene, file: &str) -> Result<()> {
-        let background = Some(("photo.background", &scene.photo.background));
-        let background = background.filter(|(_, path)| !path.is_empty()).map(|(key, _)| key);
-        let keys = scene.letters.files().map(|(key, _)| key).chain(background);
-        let Some(key) = keys.into_iter().find(|key| !self.sets(key)) else { return Ok(()) };
-        let wanted = "no file: the scene of a log may name any on this machine";
-        let hint = "name the log as --scene as well, if you know who made it";
-        Err(Error::input(key, "the path of a file", wanted, hint).at(file, None))
     }
 
     pub(super) fn is_given(&self) -> bool {

@@ -110,8 +110,8 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// What an exported script says of itself in its log: at the beginning, unless another program wrote
-/// the log again.
+/// What an exported script says of itself in its log: at the beginning, unless another program
+/// wrote the log again.
 fn about(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let log = json_of(log).strip_prefix(b"{")?;

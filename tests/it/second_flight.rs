@@ -87,7 +87,10 @@ fn drones_that_share_a_word_share_its_room() {
     run_json(at, &["plan", "I", "-o", "elsewhere.csv"]);
     let both = noctograph(at).args(["check", "both/plan-1.csv", "elsewhere.csv"]).assert().code(2);
     let said = String::from_utf8_lossy(&both.get_output().stderr).into_owned();
-    assert!(said.contains("one scene of all files") && said.contains("--scene"), "{said}");
+    assert!(
+        said.contains("one scene of all files") && said.contains("elsewhere.scene.toml"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -126,7 +129,7 @@ fn the_scene_of_a_log_opens_no_file_unless_the_log_is_named_as_the_scene() {
     };
     let refused = expose(&[]).code(2);
     let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-    assert!(said.contains("photo.background") && said.contains("--scene"), "{said}");
+    assert!(said.contains("photo.background") && said.contains("as the scene"), "{said}");
     expose(&["--scene", "log.json"]).success();
     expose(&["--set", "photo.background="]).success();
 }

@@ -110,14 +110,10 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
                  ({sensors.uwb.anchors_m})"
             }
             Positioning::Gnss => "fly in calmer air, or with a better receiver",
+            // A mean error can be planned for; what comes and goes cannot.
+            _ if mean_m.abs() > 0.5 * y_m.abs() => "take the mean error off ({plan.mean_error_m})",
             Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-                // A mean error can be planned for; what comes and goes cannot.
-                match mean_m.abs() > 0.5 * y_m.abs() {
-                    true => "take the mean error off ({plan.mean_error_m})",
-                    false => {
-                        "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
-                    }
-                }
+                "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
             }
         },
     )

@@ -4,15 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use super::{LIMIT, Scene};
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_logs::scene_in;
 
-/// Ending of the scene file of a plan or a flight, in the place of theirs.
-const ENDING: &str = "scene.toml";
-
-/// Name of the scene file of a folder, and beginnings of the files in it that have that scene.
-const OF_FOLDER: &str = "scene.toml";
-const FOLDERS_FILES: [&str; 2] = ["plan", "flight"];
+/// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
+/// all plans and flights in a folder.
+const SCENE: &str = "scene.toml";
 
 /// The text of a scene that came with a file.
 #[derive(Clone, Debug)]
@@ -30,7 +27,7 @@ impl CarriedScene {
     ///
     /// # Errors
     ///
-    /// [`Io`](noctograph_core::error::Error::Io) for a scene file that cannot be read.
+    /// [`Error::Io`] for a scene file that cannot be read.
     pub fn of(path: &Path) -> Result<Option<Self>> {
         // A pipe can be read once.
         if !path.is_file() {
@@ -41,21 +38,38 @@ impl CarriedScene {
             return Ok(Some(Self { toml, file, is_in_log: true }));
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let is_folders = FOLDERS_FILES.iter().any(|name| {
-            let number = stem.strip_prefix(name).map(|rest| rest.trim_start_matches('-'));
-            number.is_some_and(|number| number.bytes().all(|digit| digit.is_ascii_digit()))
-        });
-        let of_folder = is_folders.then(|| path.with_file_name(OF_FOLDER));
-        let files = std::iter::once(Self::place(path)).chain(of_folder);
-        let Some(file) = files.into_iter().find(|file| file.is_file()) else { return Ok(None) };
+        let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
+        let is_number = |text: &str| text.bytes().all(|it| it.is_ascii_digit() || it == b'-');
+        let of_folder = number.is_some_and(is_number).then(|| path.with_file_name(SCENE));
+        let mut files = std::iter::once(Self::place(path)).chain(of_folder);
+        let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = LIMIT.read_text(&file)?;
         Ok(Some(Self { toml, file: file.display().to_string(), is_in_log: false }))
+    }
+
+    /// The one scene that came with some of several files; seeds may differ.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where two came; as [`Self::of`].
+    pub fn of_all(files: &[PathBuf]) -> Result<Option<Self>> {
+        let all = files.iter().map(|path| Self::of(path)).collect::<Result<Vec<_>>>()?;
+        let all: Vec<Self> = all.into_iter().flatten().collect();
+        let unseeded = |carried: &Self| carried.scene(&[("seed", "0")]).ok();
+        let differs =
+            |other: &&Self| other.toml != all[0].toml && unseeded(other) != unseeded(&all[0]);
+        if let Some(other) = all.iter().find(differs) {
+            let hint = "name the scene, or the files one at a time";
+            let found = format!("another scene than {}", all[0].file);
+            return Err(Error::input(&other.file, found, "one scene of all files", hint));
+        }
+        Ok(all.into_iter().next())
     }
 
     /// Where the scene of a plan or a flight is written.
     #[must_use]
     pub fn place(path: &Path) -> PathBuf {
-        path.with_extension(ENDING)
+        path.with_extension(SCENE)
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
@@ -65,6 +79,25 @@ impl CarriedScene {
     /// As [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         Scene::parse_with(&self.toml, &self.file, settings)
+    }
+
+    /// The same, of a log without a file that no setting names: its author would choose what is
+    /// opened on this machine.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::scene`], and [`Error::Input`] with the key of a file.
+    pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
+        let scene = self.scene(settings)?;
+        let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
+        let unset = |key: &&str| self.is_in_log && settings.iter().all(|(set, _)| set != key);
+        let key = scene.letters.files().map(|(key, _)| key).chain(background).find(unset);
+        if let Some(key) = key {
+            let wanted = "no file: the scene of a log may name any on this machine";
+            let hint = "name the log as the scene as well, if you know who made it";
+            return Err(Error::input(key, "the path of a file", wanted, hint).at(&self.file, None));
+        }
+        Ok(scene)
     }
 }
 

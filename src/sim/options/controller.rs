@@ -218,10 +218,7 @@ impl ControllerKind {
 
     /// Whether a gain matrix feeds back the integral of the position error.
     pub(crate) fn integrates(self) -> bool {
-        match self.law() {
-            Law::StateFeedback { integrates, .. } => integrates,
-            Law::Cascade | Law::Geometric | Law::Own => false,
-        }
+        self.law() == Law::StateFeedback { integrates: true, by_thrust_map: false }
     }
 
     /// Keys of its gains and weights.

@@ -171,13 +171,9 @@ impl SimOptions {
     #[must_use]
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
-        match options.sensors.positioning {
-            Positioning::Position => {}
-            Positioning::CrossingBeams
-            | Positioning::Sweeps
-            | Positioning::UwbTwr
-            | Positioning::UwbTdoa
-            | Positioning::Gnss => options.observer.kind = EstimatorKind::Truth,
+        // The estimator of any other positioning need not take ideal positions.
+        if options.sensors.positioning != Positioning::Position {
+            options.observer.kind = EstimatorKind::Truth;
         }
         options.sensors = SensorOptions::ideal();
         options.air.gusts = Gusts::None;
