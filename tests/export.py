@@ -530,6 +530,46 @@ class RoundTrip(unittest.TestCase):
         return off_m
 
 
+class SecondFlight(unittest.TestCase):
+    """The pages' way from a room to the second flight (docs/tutorials/first-flight.md and
+    docs/how-to/log-to-photo.md), each flight on the double."""
+
+    def flown(self, script, simulated):
+        """The log of a script's flight under the double, which flies as a simulated one."""
+        script = load(script)
+
+        def fed(cf):
+            cf.values = Flown(simulated, cf)
+
+        cf, drone, ended = flight(script, "position", controller=1, begun=fed)
+        self.assertIsNone(ended)
+        low, high = script.LIMITS["fence_m"]
+        sent = [struct.unpack("<ffff", data[1:])[:3] for _, data in cf.packets(COMMANDER, POSITION)]
+        self.assertGreater(len(sent), 300)
+        for place in sent:
+            self.assertTrue(all(a < b < c for a, b, c in zip(low, place, high)), f"sent to {place}")
+        return os.path.basename(drone.log_file), [low, high]
+
+    def test_the_second_flight_is_legible_and_in_the_room_of_the_first(self):
+        room = ["--room", "4x6x2.5"]
+        noctograph("preview", "HI", *room, "--seed", "41", "--size", "640x360", "-o", "first")
+        noctograph("export", "HI", *room, "--to", "cflib", "-o", "HI.py")
+        log, fence = self.flown("HI.py", "first/flight.csv")
+        self.assertEqual(fence[1], [1.9, 2.6, 2.4])
+        photo = ["--size", "640x360", "-o", "flown.png"]
+        noctograph("expose", log, *photo)
+        self.assertTrue(noctograph("score", "flown.png")["legible"], "the first flight")
+
+        noctograph("plan", "HI", "--after", log, "-o", "HI2.csv")
+        self.assertTrue(noctograph("check", "HI2.csv")["fly"])
+        noctograph("export", "HI2.csv", "--to", "cflib", "-o", "HI2.py")
+        noctograph("preview", "HI2.csv", "--seed", "41", "--size", "640x360", "-o", "second")
+        log, again = self.flown("HI2.py", "second/flight.csv")
+        self.assertEqual(again, fence)
+        noctograph("expose", log, *photo)
+        self.assertTrue(noctograph("score", "flown.png")["legible"], "the second flight")
+
+
 class Killed(unittest.TestCase):
     def test_a_killed_export_leaves_a_whole_file_or_none(self):
         program = [os.environ["NOCTOGRAPH"], "export", "NOOR", "--style", "even", "--to", "cflib"]

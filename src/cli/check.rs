@@ -21,7 +21,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         args.profile.slow(&args.subject, scene);
         args.stand.apply(scene)
     })?;
-    let profile = args.profile.profile(&args.subject, &shoot.scene);
+    let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let json = json!({

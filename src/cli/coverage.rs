@@ -9,7 +9,7 @@ use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, t
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
-use crate::sensors::{Coverage, Positioning, coverage};
+use crate::sensors::{Coverage, coverage};
 use crate::shoot::Shoot;
 use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
 
@@ -41,11 +41,11 @@ pub(super) struct CoverageArgs {
 }
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&args.letters.settings())?;
+    let mut scene = args.scene.load(&args.letters.settings(false))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
     }
-    if matches!(scene.sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa) {
+    if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
     let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;

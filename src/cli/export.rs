@@ -12,7 +12,7 @@ use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m,
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, LED_MEMORY, PICTURE, Severity, checks, flown, of_flights, preflight,
+    Checked, LED_MEMORY, PICTURE, Profile, Severity, checks, flown, of_flights, preflight,
 };
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
@@ -63,10 +63,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
     let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
     let flies = trajectory.as_ref().unwrap_or(&shoot);
-    let profile = args.profile.profile(&args.subject, &shoot.scene);
-    if args.to.flies() && args.subject.is_plans() && profile.room_m.is_none() && !args.unchecked {
-        let hint = "name it: --room WxDxH, or the scene in which the plan was made: --scene";
-        return Err(Error::input("room", "none", "the room that the plan is flown in", hint));
+    let profile = args.profile.profile(&shoot.scene);
+    if args.to.flies() && !args.unchecked {
+        check_room(args, &profile)?;
     }
     let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
     let checks = checks(flies, &flights, &profile);
@@ -168,6 +167,17 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
     Ok(report.with_files(&paths))
+}
+
+/// Refuses plans whose room is not known: their fence would be a guess.
+fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
+    let has_walls = profile.name != Profile::outdoor().name;
+    let plans = args.subject.plans().filter(|_| has_walls && profile.room_m.is_none());
+    let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
+    let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
+                `plan` and `preview` write that beside a plan";
+    let (found, wanted) = ("a plan without a room", "the room that it is flown in");
+    Err(Error::input(plan.display(), found, wanted, hint))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
+use super::output::is_csv;
 use super::relit::{light_all_along, relit_where_dark};
 use super::{Args, Error, Result, message, named, names, warn};
 use crate::flight::Flight;
@@ -11,7 +12,7 @@ use crate::logs::{
 };
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, canvas_within, frame_within};
-use crate::scene::{NamedScene, Scene};
+use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
 use noctograph_core::files::Limit;
@@ -38,7 +39,7 @@ fn setting(text: &str) -> std::result::Result<Setting, String> {
 }
 
 /// Keys of a scene that are set on the command line.
-#[derive(Clone, Debug, Args)]
+#[derive(Debug, Args)]
 pub(super) struct SetFlag {
     /// Set a key of the scene, such as camera.iso=200; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
@@ -46,10 +47,11 @@ pub(super) struct SetFlag {
 }
 
 /// The scene.
-#[derive(Clone, Debug, Args)]
+#[derive(Debug, Args)]
 pub(super) struct SceneFlags {
-    /// Scene: a file (TOML), a photo of this program (PNG), a preset, team, pid, geometric, tuned,
-    /// or a folder with scene.toml
+    /// Scene: a file (TOML), a photo of this program (PNG), a script's log, a plan or flight with
+    /// its scene beside it, a preset, team, pid, geometric, tuned, or a folder with scene.toml
+    /// [default: that of the plans, flights or logs that are named]
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
     #[command(flatten)]
@@ -67,35 +69,43 @@ impl SceneFlags {
 
     /// The same, for a verb that uses some keys which are without effect in a flight.
     pub(super) fn load_using(&self, more: &[Setting], used: &[&str]) -> Result<Scene> {
+        self.load_from(None, more, used)
+    }
+
+    /// The same of plans, flights and logs: the scene that came with them, where none is named.
+    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+        self.load_from(self.carried(files)?.as_ref(), more, &[])
+    }
+
+    fn load_from(
+        &self,
+        carried: Option<&CarriedScene>,
+        more: &[Setting],
+        used: &[&str],
+    ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        let mut scene = match &self.scene {
-            Some(named) => find_scene(named, &settings)?.scene,
-            None => Scene::parse_with("", "scene", &borrowed(&settings))?,
+        let mut scene = match (&self.scene, carried) {
+            (Some(named), _) => find_scene(named, &settings)?.scene,
+            (None, Some(carried)) => {
+                message("note: ", &format!("the scene is {}", carried.file));
+                carried.distrusted_scene(&borrowed(&settings))?
+            }
+            (None, None) => Scene::parse_with("", "scene", &borrowed(&settings))?,
         };
         self.finish(&mut scene, used)?;
         Ok(scene)
     }
 
-    pub(super) fn is_given(&self) -> bool {
-        self.scene.is_some()
+    /// The one scene that came with files; `None` of several where another is named.
+    fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
+        match CarriedScene::of_all(files) {
+            Err(_) if self.scene.is_some() => Ok(None),
+            carried => carried,
+        }
     }
 
-    /// These, with the scene.toml in the folder of plans or flights where no scene is named: what a
-    /// preview wrote is judged in the preview's room and by its camera.
-    pub(super) fn or_beside(&self, files: &[PathBuf]) -> Self {
-        let mut folders: Vec<&Path> = files.iter().filter_map(|file| file.parent()).collect();
-        folders.dedup();
-        let beside = match folders.as_slice() {
-            [folder] if self.scene.is_none() => folder.join("scene.toml"),
-            _ => return self.clone(),
-        };
-        if !beside.is_file() {
-            return self.clone();
-        }
-        let note =
-            format!("the scene is {}, beside the file; --scene names another", beside.display());
-        message("note: ", &note);
-        Self { scene: Some(beside.display().to_string()), ..self.clone() }
+    pub(super) fn is_given(&self) -> bool {
+        self.scene.is_some()
     }
 
     pub(super) fn sets(&self, key: &str) -> bool {
@@ -175,15 +185,12 @@ pub(super) struct DesignFlags {
 impl DesignFlags {
     /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        let mut scene = self.unfitted(&self.scene, more)?;
-        self.fit(&mut scene)?;
-        Ok(scene)
+        self.load_of(&[], more)
     }
 
-    /// The same, of the scene beside a flight where none is named.
-    pub(super) fn load_beside(&self, flight: Option<&PathBuf>) -> Result<Scene> {
-        let files: Vec<PathBuf> = flight.into_iter().cloned().collect();
-        let mut scene = self.unfitted(&self.scene.or_beside(&files), &[])?;
+    /// The same of plans, flights and logs, see [`SceneFlags::load_of`].
+    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+        let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
@@ -199,8 +206,13 @@ impl DesignFlags {
         Ok(())
     }
 
-    fn unfitted(&self, named: &SceneFlags, more: &[Setting]) -> Result<Scene> {
-        let mut settings = self.letters.settings();
+    fn unfitted(
+        &self,
+        carried: Option<&CarriedScene>,
+        is_planned: bool,
+        more: &[Setting],
+    ) -> Result<Scene> {
+        let mut settings = self.letters.settings(is_planned);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
@@ -211,8 +223,13 @@ impl DesignFlags {
             let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
             canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
         }
-        let mut scene = named.load(&settings)?;
-        if let Some(room_m) = self.letters.room {
+        let mut scene = self.scene.load_from(carried, &settings, &[])?;
+        // A plan keeps its room where another scene has none.
+        if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
+            scene.expose.room_m = carried.scene(&[])?.expose.room_m;
+        }
+        let room_m = scene.expose.room_m.filter(|_| is_planned).or(self.letters.room);
+        if let Some(room_m) = room_m {
             let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
             let stations = &mut scene.sensors.lighthouse.stations;
             if *stations == usual {
@@ -240,24 +257,21 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    pub(super) fn scene(&self) -> Result<Scene> {
-        let mut scene = self.unfitted(&self.design.scene)?;
+    /// The scene of flights and logs, or of a word.
+    pub(super) fn scene_of(&self, flights: &[PathBuf]) -> Result<Scene> {
+        let carried = self.design.scene.carried(flights)?;
+        let mut scene = self.unfitted(carried.as_ref(), false)?;
         self.design.fit(&mut scene)?;
         Ok(scene)
     }
 
-    fn unfitted(&self, named: &SceneFlags) -> Result<Scene> {
-        let mut scene = self.design.unfitted(named, &[])?;
+    fn unfitted(&self, carried: Option<&CarriedScene>, is_planned: bool) -> Result<Scene> {
+        let mut scene = self.design.unfitted(carried, is_planned, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut scene, word)?;
         }
         Ok(scene)
-    }
-
-    /// Whether plans were named.
-    pub(super) fn is_plans(&self) -> bool {
-        self.inputs.iter().any(|input| input.ends_with(".csv"))
     }
 
     /// The word that was typed, in either way.
@@ -267,7 +281,7 @@ impl SubjectFlags {
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        let mut scene = self.unfitted(&self.design.scene)?;
+        let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
             [] => {}
@@ -285,20 +299,27 @@ impl SubjectFlags {
             }
         }
         self.design.fit(&mut scene)?;
-        if let Some(room_m) = self.design.letters.room {
-            frame_within(&mut scene, room_m)?;
-        }
+        frame(&mut scene)?;
         Ok(scene)
+    }
+
+    /// The plans that are named; `None` of a word.
+    pub(super) fn plans(&self) -> Option<Vec<PathBuf>> {
+        let plans: Vec<PathBuf> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
+        let are_plans = plans.iter().all(|path| is_csv(path));
+        Some(plans).filter(|plans| are_plans && !plans.is_empty())
     }
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let plans: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
-        let is_plan = |input: &String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        if !plans.is_empty() && plans.iter().all(is_plan) {
-            let files: Vec<PathBuf> = plans.iter().map(PathBuf::from).collect();
-            let mut scene = self.unfitted(&self.design.scene.or_beside(&files))?;
+        if let Some(plans) = self.plans() {
+            let carried = self.design.scene.carried(&plans)?;
+            let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
+            if carried.is_none() {
+                self.design.fit(&mut scene)?;
+            }
             change(&mut scene)?;
+            frame(&mut scene)?;
             return Shoot::with_plans(scene, read_plans(&plans)?);
         }
         let shoot = Shoot::new(self.ready(change)?)?;
@@ -310,9 +331,16 @@ impl SubjectFlags {
     }
 }
 
-pub(super) fn read_plans(paths: &[impl AsRef<Path>]) -> Result<Vec<Plan>> {
-    let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().to_owned()).collect();
-    PLANS.check_all(&paths)?;
+/// Frames a word from within the room of its scene.
+pub(super) fn frame(scene: &mut Scene) -> Result<()> {
+    match scene.expose.room_m.filter(|_| scene.has_strokes()) {
+        Some(room_m) => frame_within(scene, room_m),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn read_plans(paths: &[PathBuf]) -> Result<Vec<Plan>> {
+    PLANS.check_all(paths)?;
     paths.iter().map(|path| Plan::read_csv(path)).collect()
 }
 
@@ -339,10 +367,10 @@ impl ProfileFlags {
         profile.expect("the parser knows the names")
     }
 
-    /// The profile, within the room that was typed, or else the scene's.
-    pub(super) fn profile(&self, subject: &SubjectFlags, scene: &Scene) -> Profile {
+    /// The profile, within the room of a scene.
+    pub(super) fn profile(&self, scene: &Scene) -> Profile {
         let profile = self.named();
-        match subject.design.letters.room.or(scene.expose.room_m) {
+        match scene.expose.room_m {
             Some(room_m) => profile.in_room(room_m),
             None => profile,
         }
@@ -350,11 +378,10 @@ impl ProfileFlags {
 }
 
 /// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
-fn plans_in(input: &str) -> Vec<String> {
+fn plans_in(input: &str) -> Vec<PathBuf> {
     let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
-    let plans = numbered.take_while(|path| path.is_file());
-    let paths: Vec<String> = plans.map(|path| path.display().to_string()).collect();
-    if paths.is_empty() { vec![input.to_owned()] } else { paths }
+    let paths: Vec<PathBuf> = numbered.take_while(|path| path.is_file()).collect();
+    if paths.is_empty() { vec![input.into()] } else { paths }
 }
 
 /// Flights from files: flights of ours, or logs of real ones.

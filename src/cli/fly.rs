@@ -34,7 +34,8 @@ pub(super) struct FlyArgs {
 }
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
-    let scene = args.scene.load(&args.seed.settings())?;
+    let files = [&args.plans[..], &args.setpoints].concat();
+    let scene = args.scene.load_of(&files, &args.seed.settings())?;
     let mut plans = read_plans(&args.plans)?;
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
@@ -53,7 +54,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
     let flights = shoot.fly(&watch())?;
     flights.iter().for_each(|flight| warn(&flight.warnings));
-    let files = outputs.keep(&flights, |flight, mut out| flight.write_csv(&mut out))?;
+    let scene = Some(&shoot.scene);
+    let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
     let told = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
     let told: Vec<Report> = told.collect();
     let json = match told.as_slice() {

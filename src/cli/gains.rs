@@ -2,11 +2,11 @@
 
 use nalgebra::{Complex, DMatrix};
 
-use super::{Args, Report, Result, SceneFlags, Value, json, table, warn, wrapped};
+use super::{Args, Report, Result, SceneFlags, Value, json, line, table, warn, wrapped};
 use crate::control::Margins;
 use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
-use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
+use crate::sim::{EstimatorKind, Law, SimOptions};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {
@@ -41,10 +41,10 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
 /// derivative gain, and the unit of the first.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// The gains of the scene's cascade or geometric controller; nothing for a regulator.
+/// The gains of the scene's cascade or geometric controller; nothing of another.
 fn gains(sim: &SimOptions) -> LoopGains {
-    match sim.controller.kind {
-        ControllerKind::Pid => {
+    match sim.controller.kind.law() {
+        Law::Cascade => {
             let names = [
                 ["position x", "position y", "position z"],
                 ["velocity x", "velocity y", "velocity z"],
@@ -59,7 +59,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
             });
             named.collect()
         }
-        ControllerKind::Geometric => {
+        Law::Geometric => {
             let k = &sim.controller.geometric;
             let position = [k.k_position, k.k_position_integral, k.k_velocity];
             let attitude = ["attitude x", "attitude y", "attitude z"].into_iter().enumerate();
@@ -69,7 +69,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
             });
             std::iter::once(("position x y z", position, "m/s2 per m")).chain(attitude).collect()
         }
-        _ => Vec::new(),
+        Law::StateFeedback { .. } | Law::Own => Vec::new(),
     }
 }
 
@@ -94,6 +94,8 @@ fn tell(report: &mut Report, design: &Design, scene: &Scene, gains: &LoopGains) 
     if let Some(k) = &design.k {
         *text += "\nK         u = u_hover - K (x - x_des), transposed\n";
         *text += &matrix(&k.transpose(), &design.states, &INPUTS);
+    } else if gains.is_empty() {
+        *text += &line("gains", &format!("its own: {}", scene.controller.kind.keys()));
     } else {
         let row = |(name, [p, i, d], unit): &(&str, [f64; 3], &str)| {
             format!("{name}\t{p}\t{i}\t{d}\t   {unit}")

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use super::relit::relit_where_dark;
 use super::show::flight_report;
 use super::{
-    Args, Error, FlightFlags, Output, Report, Result, SceneFlags, evening, set_word, warn,
+    Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, set_word, warn,
 };
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};
+use crate::scene::CarriedScene;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
@@ -44,8 +45,10 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
-    let mut scene = args.scene.load(&[])?;
-    let output = Output::create(args.output.as_deref().unwrap_or(Path::new("flight.csv")))?;
+    let log = std::slice::from_ref(&args.log);
+    let mut scene = args.scene.load_of(log, &[])?;
+    let is_known = args.scene.is_given() || CarriedScene::of(&args.log)?.is_some();
+    let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
@@ -57,7 +60,9 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
             ]);
         }
     }
-    let path = output.keep(|out| flight.write_csv(out))?;
+    let scene = Some(&scene).filter(|_| is_known);
+    let flights = std::slice::from_ref(&flight);
+    let files = outputs.keep(flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
     let air_s = airborne(&flight).map(|air| {
         let air = &flight.samples[air];
         [air[0].time_s, air[air.len() - 1].time_s]
@@ -77,5 +82,5 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let figures = flight_report(&flight, &flight.sha256(), None);
     report.value("flight", figures.json);
     report.text += &figures.text;
-    Ok(report.with_files(&[path]))
+    Ok(report.with_files(&files))
 }

@@ -107,8 +107,8 @@ fn room(text: &str) -> Result<[f64; 3], String> {
 }
 
 impl LetterFlags {
-    /// The keys of the scene that were typed.
-    pub(super) fn settings(&self) -> Vec<Setting> {
+    /// The keys of the scene that were typed. A room does not change letters that are planned.
+    pub(super) fn settings(&self, is_planned: bool) -> Vec<Setting> {
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));
@@ -136,6 +136,8 @@ impl LetterFlags {
         }
         if let Some(room_m) = self.room {
             set("expose.room_m", &format!("{room_m:?}"));
+        }
+        if let Some(room_m) = self.room.filter(|_| !is_planned) {
             let [low, high] = Profile::indoor().in_room(room_m).volume_m;
             let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
             // A low room has the word nearer to its floor.

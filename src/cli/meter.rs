@@ -36,7 +36,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let shoot = match args.flight.as_slice() {
         [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
         paths => {
-            let mut scene = args.subject.scene()?;
+            let mut scene = args.subject.scene_of(paths)?;
             args.picture.apply(&mut scene)?;
             args.flights.shoot(scene, args.subject.typed_word(), paths, false)?
         }

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 // What most verbs name is named here once.
 use flags::{
     DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
-    SubjectFlags, find_scene, read_plans, set_word, warn_of, warn_of_fewer_drones,
+    SubjectFlags, find_scene, frame, read_plans, set_word, warn_of, warn_of_fewer_drones,
     warn_of_idle_keys,
 };
 use names::{Corners, named, names, numbers};

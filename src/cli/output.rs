@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{Error, Result};
+use crate::scene::{CarriedScene, Scene};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
@@ -11,17 +12,26 @@ pub(super) fn is_svg(path: &Path) -> bool {
     path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"))
 }
 
-/// Files of one kind, one for each drone: a file, or numbered files in a folder.
+/// Name of the scene file in a folder.
+pub(super) const SCENE: &str = "scene.toml";
+
+/// Whether a path names a plan or a flight.
+pub(super) fn is_csv(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "csv")
+}
+
+/// Files of one kind, one for each drone, with their scene: a file and its scene's, or numbered
+/// files in a folder.
 #[derive(Debug)]
 pub(super) enum Outputs {
-    One(Output),
+    One(Output, Option<Output>),
     Several(OutputFolder, &'static str),
 }
 
 impl Outputs {
     /// Opens `path`, or by default `kind.csv` or the folder `kinds`.
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
-        let named = path.filter(|path| n > 1 && path.extension().is_some_and(|e| e == "csv"));
+        let named = path.filter(|path| n > 1 && is_csv(path));
         if let Some(path) = named.filter(|path| !path.is_dir()) {
             let (found, hint) = (format!("a file for {n} drones"), "leave out .csv");
             let place = path.display().to_string();
@@ -29,7 +39,13 @@ impl Outputs {
         }
         let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         Ok(match n {
-            1 => Self::One(Output::create(&path(format!("{kind}.csv")))?),
+            1 => {
+                let path = path(format!("{kind}.csv"));
+                let file = Output::create(&path)?;
+                // Nothing stands beside a device or a pipe.
+                let scene = file.is_staged().then(|| Output::create(&CarriedScene::place(&path)));
+                Self::One(file, scene.transpose()?)
+            }
             _ => Self::Several(OutputFolder::create(&path(format!("{kind}s")))?, kind),
         })
     }
@@ -37,18 +53,38 @@ impl Outputs {
     pub(super) fn keep<T>(
         self,
         items: &[T],
+        scene: Option<&Scene>,
         write: impl Fn(&T, &mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Vec<PathBuf>> {
         match self {
-            Self::One(file) => Ok(vec![file.keep(|out| write(&items[0], out))?]),
+            Self::One(file, beside) => {
+                let mut files = vec![file.keep(|out| write(&items[0], out))?];
+                match (beside, scene) {
+                    (Some(beside), Some(scene)) => {
+                        files.push(beside.keep(|out| out.write_all(scene.to_toml().as_bytes()))?);
+                    }
+                    (Some(_), None) => forget_scene(&files[0]),
+                    (None, _) => {}
+                }
+                Ok(files)
+            }
             Self::Several(folder, kind) => {
                 let names = (1..=items.len()).map(|n| format!("{kind}-{n}.csv"));
-                let names: Vec<String> = names.collect();
+                let mut names: Vec<String> = names.collect();
                 for (item, name) in items.iter().zip(&names) {
                     folder.write(name, |out| write(item, out))?;
+                }
+                if let Some(scene) = scene {
+                    folder.write(SCENE, |out| out.write_all(scene.to_toml().as_bytes()))?;
+                    names.push(SCENE.to_owned());
                 }
                 folder.keep(&names)
             }
         }
     }
+}
+
+/// Removes the scene of a flight or plan that is written anew in another one.
+pub(super) fn forget_scene(path: &Path) {
+    let _ = std::fs::remove_file(CarriedScene::place(path));
 }

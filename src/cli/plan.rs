@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::{
-    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, is_svg, json, set_word, show,
-    warn, warn_of_fewer_drones,
+    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, frame, is_svg, json, set_word,
+    show, warn, warn_of_fewer_drones,
 };
 use crate::flight::Flight;
 use crate::plan::Plan;
@@ -24,14 +24,14 @@ pub(super) struct PlanArgs {
     after: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Plan to write, a drawing of it (*.svg), or a folder for several drones [default: plan.csv,
-    /// or plans]
+    /// Plan to write, with its scene beside it, a drawing of it (*.svg), or a folder for several
+    /// drones [default: plan.csv, or plans]
     #[arg(short, long, value_name = "FILE|DIR")]
     output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let mut scene = args.design.load_beside(args.after.as_ref())?;
+    let mut scene = args.design.load_of(args.after.as_slice(), &[])?;
     if let Some(path) = &args.after {
         let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
         let earlier = track(&flight, Part::from_flight(&flight))?;
@@ -41,10 +41,11 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
     }
+    frame(&mut scene)?;
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
     let outputs = match svg {
-        Some(path) => Outputs::One(Output::create(path)?),
+        Some(path) => Outputs::One(Output::create(path)?, None),
         None => {
             let n = scene.plan.drones as usize;
             Outputs::create(args.output.as_deref(), "plan", n)?
@@ -54,7 +55,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     warn_of_fewer_drones(&shoot);
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
-    let files = outputs.keep(&plans, |plan, mut out| match svg {
+    let files = outputs.keep(&plans, Some(&shoot.scene), |plan, mut out| match svg {
         Some(_) => out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes()),
         None => plan.write_csv(&mut out),
     })?;

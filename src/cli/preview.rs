@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
+use super::output::{SCENE, forget_scene, is_csv};
 use super::spread::SpreadFlags;
 use super::{
     Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
@@ -46,7 +47,7 @@ pub(super) struct PreviewArgs {
 
 impl PreviewArgs {
     pub(super) fn scene(&self) -> Result<Scene> {
-        self.subject.scene()
+        self.subject.scene_of(&[])
     }
 
     /// The word or the plans, ready to fly.
@@ -66,7 +67,7 @@ impl PreviewArgs {
     }
 
     pub(super) fn profile(&self, scene: &Scene) -> Profile {
-        self.profile.profile(&self.subject, scene)
+        self.profile.profile(scene)
     }
 }
 
@@ -167,6 +168,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         names.push(REPORT.to_owned());
     }
     let files = folder.keep(&names)?;
+    files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),
@@ -186,8 +188,8 @@ fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<Stri
         folder.write(&sent, |out| planned.plan.write_csv(out))?;
         names.extend([flown, sent]);
     }
-    folder.write("scene.toml", |out| out.write_all(shot.scene.to_toml().as_bytes()))?;
-    names.push("scene.toml".to_owned());
+    folder.write(SCENE, |out| out.write_all(shot.scene.to_toml().as_bytes()))?;
+    names.push(SCENE.to_owned());
     if shot.verdict.is_some() {
         folder.write("verdict.json", |out| writeln!(out, "{verdict:#}"))?;
         names.push("verdict.json".to_owned());

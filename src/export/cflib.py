@@ -94,7 +94,7 @@ class Drone:
     def __init__(self, cf, log_file, connect=None):
         self.cf, self.log_file, self.connect = cf, log_file, connect
         self.columns, self.blocks, self.changed = {}, [], {}
-        self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["digests"]}
+        self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["origin"]}
         self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
         self.stamp_ms, self.stamped_s = None, 0.0

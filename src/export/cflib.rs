@@ -20,8 +20,8 @@ use noctograph_core::geometry::bounds;
 use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
-use noctograph_sim::ControllerKind;
 use noctograph_sim::sensors::Positioning;
+use noctograph_sim::{ControllerKind, Law};
 
 /// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
 /// log's variables, and `@CFLIB@` in that of the oldest cflib.
@@ -122,7 +122,11 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     parameters.extend(lamps);
     Ok(json!({
         "word": job.word,
-        "digests": { "scene_sha256": job.checks.scene_sha256, "plan_sha256": sha256(&csv) },
+        "origin": {
+            "scene_sha256": job.checks.scene_sha256,
+            "plan_sha256": sha256(&csv),
+            "scene": job.checks.scene_toml,
+        },
         "limits": limits(job, drone),
         "room_m": job.checks.room_m,
         "corners_m": corners_m(job.plans),
@@ -217,13 +221,10 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
 
 /// Number of the controller in the firmware (`controller.h`), where the firmware has it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
-    match kind {
-        ControllerKind::Pid => Some(1),
-        ControllerKind::Geometric => Some(5),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => None,
+    match kind.law() {
+        Law::Cascade => Some(1),
+        Law::Geometric => Some(5),
+        Law::StateFeedback { .. } | Law::Own => None,
     }
 }
 
@@ -346,6 +347,7 @@ mod tests {
             room_m: None,
             batteries: Vec::new(),
             scene_sha256: String::new(),
+            scene_toml: "word = \"NO\"\n".to_owned(),
         }
     }
 
@@ -370,7 +372,7 @@ mod tests {
         assert_eq!(data["room_m"], json!([4.0, 3.0, 2.5]));
         let mut csv = Vec::new();
         plan.write_csv(&mut csv).unwrap();
-        assert_eq!(data["digests"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
+        assert_eq!(data["origin"]["plan_sha256"], sha256(&csv), "as sha256sum tells of plan.csv");
         let full =
             Checks { batteries: vec![Some(Battery { least_rest_v: None, ..battery })], ..checks };
         assert_eq!(exported("NO", &full).2["limits"]["rest_v"], Value::Null, "no charge is enough");
@@ -495,11 +497,9 @@ mod tests {
 
     #[test]
     fn every_controller_of_the_firmware_has_its_number_there() {
-        let number = |kind: ControllerKind| (kind.name(), firmware_controller(kind));
-        let numbers: Vec<_> = ControllerKind::ALL.iter().copied().map(number).collect();
-        let own = ["lqr", "lqr-feedforward", "lqr-integral"].map(|name| (name, None));
-        let all = [&own[..], &[("pid", Some(1)), ("geometric", Some(5)), ("altitude", None)]];
-        assert_eq!(numbers, all.concat(), "`controller.h`; a new kind is said here");
+        let number = |kind: &ControllerKind| Some((kind.name(), firmware_controller(*kind)?));
+        let numbers: Vec<_> = ControllerKind::ALL.iter().filter_map(number).collect();
+        assert_eq!(numbers, [("pid", 1), ("geometric", 5)], "`controller.h`");
     }
 
     #[test]

@@ -16,20 +16,17 @@ use serde_json::{Map, json};
 use super::File;
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use noctograph_sim::{ControllerKind, SimOptions};
+use noctograph_sim::{Law, SimOptions};
 
 /// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;
 
 /// Firmware parameters of the scene's controller.
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
-    match sim.controller.kind {
-        ControllerKind::Geometric => lee(sim),
-        ControllerKind::Pid => pid(sim),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => Vec::new(),
+    match sim.controller.kind.law() {
+        Law::Geometric => lee(sim),
+        Law::Cascade => pid(sim),
+        Law::StateFeedback { .. } | Law::Own => Vec::new(),
     }
 }
 
@@ -113,22 +110,23 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let object = |parameters: Parameters| -> Map<String, serde_json::Value> {
         parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
     };
-    let json = match sim.controller.kind {
-        ControllerKind::Geometric => json!({
+    let kind = sim.controller.kind;
+    let json = match kind.law() {
+        Law::Geometric => json!({
             "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
-        ControllerKind::Pid => json!({
+        Law::Cascade => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+        Law::StateFeedback { by_thrust_map: false, .. } => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
         }
-        ControllerKind::Altitude => {
+        Law::StateFeedback { by_thrust_map: true, .. } | Law::Own => {
             let wanted = "a controller with a gain matrix (lqr, lqr-feedforward, lqr-integral), or \
                           one of the firmware's (pid, geometric)";
-            let hint = "its thrust follows an estimated map, which no table of gains holds";
-            return Err(Error::input("controller.kind", "altitude", wanted, hint));
+            let hint = "no table of gains holds what it does";
+            return Err(Error::input("controller.kind", kind.name(), wanted, hint));
         }
     };
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
@@ -165,6 +163,7 @@ fn table(name: &str, matrix: &DMatrix<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_sim::ControllerKind;
 
     #[test]
     fn lees_attitude_gains_are_torques() {
@@ -224,13 +223,11 @@ mod tests {
                 .collect();
             let groups: Vec<&str> = groups.iter().map(String::as_str).collect();
             let pid = ["pid_attitude", "pid_rate", "posCtlPid", "velCtlPid"];
-            let (name, own): (_, &[&str]) = match kind {
-                ControllerKind::Lqr
-                | ControllerKind::LqrFeedforward
-                | ControllerKind::LqrIntegral => (Ok("gains.h"), &[]),
-                ControllerKind::Pid => (Ok("gains.json"), &pid),
-                ControllerKind::Geometric => (Ok("gains.json"), &["ctrlLee"]),
-                ControllerKind::Altitude => (Err("controller.kind"), &[]),
+            let (name, own): (_, &[&str]) = match kind.name() {
+                "lqr" | "lqr-feedforward" | "lqr-integral" => (Ok("gains.h"), &[]),
+                "pid" => (Ok("gains.json"), &pid),
+                "geometric" => (Ok("gains.json"), &["ctrlLee"]),
+                _without_a_table => (Err("controller.kind"), &[]),
             };
             assert_eq!(groups, own, "{}", kind.name());
             match (files(&sim), name) {

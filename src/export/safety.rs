@@ -202,6 +202,8 @@ pub struct Checks {
     pub batteries: Vec<Option<Battery>>,
     /// SHA-256 of the scene as it is printed.
     pub scene_sha256: String,
+    /// The scene (TOML), which goes with the log.
+    pub scene_toml: String,
 }
 
 /// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the

@@ -95,16 +95,36 @@ impl GatheredLog {
     }
 }
 
-/// The drone that an exported script names at the beginning of its log.
+/// The drone that an exported script names in its log.
 fn named_drone(path: &Path) -> Option<String> {
-    let head = LIMIT.beginning(path, HEAD_BYTES).ok()?;
-    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head).trim_ascii_start();
-    let key = head.strip_prefix(b"{")?.trim_ascii_start().strip_prefix(b"\"noctograph\"")?;
-    let about = key.trim_ascii_start().strip_prefix(b":")?;
-    let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
-    let about = values.next()?.ok()?;
+    let about = about(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let text = |key| about.get(key).and_then(serde_json::Value::as_str);
     text("serial").map(str::to_owned).or_else(|| text("uri").map(address))
+}
+
+/// The scene (TOML) that an exported script keeps in its log.
+#[must_use]
+pub fn scene_in(log: &Path) -> Option<String> {
+    let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
+    let is_json = json_of(&head).starts_with(b"{");
+    let about = is_json.then(|| about(&LIMIT.read(log).ok()?)).flatten()?;
+    Some(about.get("scene")?.as_str()?.to_owned())
+}
+
+/// What an exported script says of itself in its log: at the beginning, unless another program
+/// wrote the log again.
+fn about(log: &[u8]) -> Option<serde_json::Value> {
+    const KEY: &[u8] = b"\"noctograph\"";
+    let log = json_of(log).strip_prefix(b"{")?;
+    let mut values = (0..log.len()).filter_map(|place| log[place..].strip_prefix(KEY));
+    let about = values.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
+    let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
+    values.next()?.ok()
+}
+
+/// A text from its first character on.
+fn json_of(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text).trim_ascii_start()
 }
 
 /// Address of a drone that was given none of its own.

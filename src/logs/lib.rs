@@ -68,7 +68,7 @@ mod tests;
 mod titles;
 mod usd;
 
-pub use gathered::{GatheredLog, is_one_log, logs_in};
+pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
 use recording::Recording;
 
 /// Largest log that is read: ten minutes of 200 columns at 100 Hz.

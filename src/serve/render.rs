@@ -195,12 +195,8 @@ fn taken(shoot: &Shoot, judging: Judging, format: Option<Format>, stop: &Stop) -
 ///
 /// [`Error::Io`] where one cannot be brought.
 pub fn bring_files(scene: &mut Scene) -> Result<()> {
-    let letters = &mut scene.letters;
-    let fonts = std::iter::once(&mut letters.font).chain(&mut letters.fallback);
-    for file in fonts.chain([&mut letters.drawing, &mut scene.photo.background]) {
-        if Path::new(file).is_absolute() {
-            *file = brought_here(file.as_ref())?;
-        }
+    for file in scene.files_mut().filter(|file| Path::new(file).is_absolute()) {
+        *file = brought_here(file.as_ref())?;
     }
     Ok(())
 }

@@ -344,14 +344,6 @@ fn level_out(estimate: &mut State, reference: &mut Reference) {
 
 /// Keys of the gains and weights of the controller and the estimator that fly.
 fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String {
-    let controller = match controller {
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
-            "controller.lqr"
-        }
-        ControllerKind::Pid => "controller.pid",
-        ControllerKind::Geometric => "controller.geometric",
-        ControllerKind::Altitude => "controller.lqr and controller.altitude",
-    };
     let estimator = match estimator {
         EstimatorKind::Luenberger => " and observer.luenberger",
         EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
@@ -360,7 +352,7 @@ fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String 
         EstimatorKind::Altitude => " and observer.altitude",
         EstimatorKind::Truth => "",
     };
-    format!("{controller}{estimator}")
+    format!("{}{estimator}", controller.keys())
 }
 
 /// How a drone, or the belief of its estimator, is lost.

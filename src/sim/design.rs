@@ -16,7 +16,7 @@ use serde::{Serialize, Serializer};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::estimator::{hover_model, observer_gain, without_yaw};
-use super::options::{ControllerKind, SimOptions};
+use super::options::{ControllerKind, Law, SimOptions};
 use crate::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
     unobservable_states, with_input_lag,
@@ -125,13 +125,14 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let real = a + drag(&options.vehicle);
-    let is_regulator =
-        !matches!(options.controller.kind, ControllerKind::Pid | ControllerKind::Geometric);
-    let (feedback, states) = if is_regulator {
-        let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
-        regulator(&with_integrals(options, &real, &b), &gain, modeled_lag_s(options))
-    } else {
-        (loops(&dynamic(&real), &dynamic(&b), &LinearController::new(options)), Vec::new())
+    let (feedback, states) = match options.controller.kind.law() {
+        Law::StateFeedback { .. } => {
+            let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
+            regulator(&with_integrals(options, &real, &b), &gain, modeled_lag_s(options))
+        }
+        Law::Cascade | Law::Geometric | Law::Own => {
+            (loops(&dynamic(&real), &dynamic(&b), &LinearController::new(options)?), Vec::new())
+        }
     };
     let [fed_a, fed_b, k] = &feedback;
     let lagging = |lag_s: f64| {
@@ -155,6 +156,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     Ok(Design {
         a: dynamic(&real),
         b: dynamic(&b),
+        k: (!states.is_empty()).then(|| k.clone()),
         states,
         n_controller_states: fed_a.nrows() - 12,
         controllability_rank: observability_rank(
@@ -177,7 +179,6 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         longest_lag_s,
         largest_inputs,
         bryson_r: largest_inputs.map(|largest| 1.0 / (largest * largest)),
-        k: is_regulator.then(|| k.clone()),
     })
 }
 

@@ -49,7 +49,7 @@ pub use estimator::{
 pub use fly::{fly, fly_fleet, fly_watched};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
-    Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce,
+    Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, Law,
     LqrOptions, LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions,
     RateOptions, SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
 };

@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn the_usual_knobs_fit_every_controller() {
-        for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+        for &kind in ControllerKind::ALL {
             let mut scene = Scene::preset(Preset::Ae4832022);
             scene.controller.kind = kind;
             let knobs = Knob::usual(&scene);
@@ -255,7 +255,7 @@ mod tests {
         let scene = Scene::preset(Preset::Ae4832022);
         assert!(keys(&scene).any(|key| key == "controller.lqr.q_integral[0]"));
         for &preset in Preset::ALL {
-            for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+            for &kind in ControllerKind::ALL {
                 let mut scene = Scene::preset(preset);
                 scene.controller.kind = kind;
                 assert_eq!(without_effect(&scene, &Knob::usual(&scene)), [], "{preset:?} {kind:?}");

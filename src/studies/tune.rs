@@ -21,7 +21,7 @@ use noctograph_core::input_error;
 use noctograph_pipeline::scene::{NamedScene, Scene};
 use noctograph_pipeline::shoot::Stop;
 use noctograph_plan::tracking::CORRIDOR_M;
-use noctograph_sim::ControllerKind;
+use noctograph_sim::Law;
 use noctograph_sim::design::{MOTOR_LAG_S, design};
 
 /// Candidates that fly again at the end.
@@ -303,8 +303,9 @@ impl Tuning<'_> {
 
 /// How much of the motor lag that a regulator must stand on paper, a Crazyflie's, it does not.
 fn margin_broken(scene: &Scene) -> f64 {
-    if matches!(scene.controller.kind, ControllerKind::Pid | ControllerKind::Geometric) {
-        return 0.0;
+    match scene.controller.kind.law() {
+        Law::StateFeedback { .. } => {}
+        Law::Cascade | Law::Geometric | Law::Own => return 0.0,
     }
     let stood_s = match design(&scene.sim(), MOTOR_LAG_S) {
         Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),

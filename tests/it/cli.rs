@@ -16,6 +16,21 @@ pub(crate) fn json(output: &[u8]) -> serde_json::Value {
     serde_json::from_slice(output).expect("one JSON object on stdout")
 }
 
+/// All verbs, in the order of the help.
+pub(crate) fn verbs() -> Vec<String> {
+    let help = noctograph(Path::new(".")).arg("--help").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let (_, groups) = help.split_once("\n\nBegin with:\n").unwrap();
+    let (first, rest) = groups.split_once("\n\nFurther verbs").unwrap();
+    let (rest, _) = rest.split_once("\n\n").unwrap();
+    let first = first.lines().filter_map(|line| line.split_whitespace().next());
+    let rest = rest.lines().skip(1).filter_map(|line| line.rsplit_once("  "));
+    let rest = rest.flat_map(|(_, verbs)| verbs.split(", "));
+    let verbs: Vec<String> = first.chain(rest).map(|verb| verb.trim().to_owned()).collect();
+    assert!(verbs.len() >= 20, "{verbs:?}");
+    verbs
+}
+
 pub(crate) fn names_in(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
@@ -139,10 +154,9 @@ fn keys_of_the_scene_are_set_on_the_command_line() {
 #[test]
 fn lines_are_at_most_80_columns_wide() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs = "preview plan fly expose score read check meter coverage import compare \
-                 compare-photo identify locate gains rank tune scene";
+    let verbs = verbs();
     let mut commands: Vec<Vec<&str>> = vec![vec!["--help"], vec!["-h"]];
-    for verb in verbs.split_whitespace() {
+    for verb in &verbs {
         commands.extend([vec![verb, "--help"], vec![verb, "-h"]]);
     }
     for command in [

@@ -47,7 +47,8 @@ fn a_word_in_a_typeface_and_in_two_lines_is_planned() {
     let run =
         noctograph(folder.path()).args(["plan", "Hi", "--font", "broken.ttf"]).assert().code(2);
     run.stderr(predicate::str::contains("broken.ttf"));
-    assert_eq!(names_in(folder.path()), ["broken.ttf", "plan.csv"], "no plan of the broken one");
+    let names = ["broken.ttf", "plan.csv", "plan.scene.toml"];
+    assert_eq!(names_in(folder.path()), names, "no plan of the broken one");
 }
 
 #[test]

@@ -146,6 +146,7 @@ fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
     let run = |arguments: &[&str]| noctograph(folder.path()).args(arguments).assert();
     run(&["plan", "I"]).success();
     run(&["fly", "plan.csv"]).success();
+    std::fs::remove_file(folder.path().join("flight.scene.toml")).unwrap();
     let small = ["--backend", "cpu", "--size", "192x108"];
     let nameless = run(&[&["expose", "flight.csv", "-o", "a.png"], &small[..]].concat());
     nameless.success().stderr(predicate::str::contains("names no word"));

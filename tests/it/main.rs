@@ -33,6 +33,7 @@ mod reference_flight;
 mod report;
 mod road;
 mod safety;
+mod second_flight;
 mod serve;
 mod study;
 mod team_data;

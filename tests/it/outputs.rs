@@ -32,7 +32,7 @@ fn standard_output_takes_a_file_and_the_table_goes_beside_it() {
         assert!(output.stdout == wanted.as_bytes(), "{name}: the plan and nothing else");
         assert!(String::from_utf8_lossy(&output.stderr).contains("setpoints"), "{name}");
     }
-    assert_eq!(names_in(folder.path()), ["plan.csv"]);
+    assert_eq!(names_in(folder.path()), ["plan.csv", "plan.scene.toml"]);
     let run = noctograph(folder.path()).args(["preview", "I", "-o", "-"]).assert().code(2);
     assert!(String::from_utf8_lossy(&run.get_output().stderr).contains("a folder"));
 }
@@ -50,13 +50,13 @@ fn what_is_refused_leaves_nothing_and_names_stay_in_their_folder() {
         let run = noctograph(folder.path()).args(command).args(more).assert().code(2);
         let error = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(error.contains(wanted), "{command:?}: {error}");
-        assert_eq!(names_in(folder.path()), ["plan.csv"], "{command:?}");
+        assert_eq!(names_in(folder.path()), ["plan.csv", "plan.scene.toml"], "{command:?}");
     }
     let export = ["export", "../X", "--to", "crazyswarm2", "--unchecked"];
     noctograph(folder.path()).args(export).assert().success();
     let hold = ["hold", "--runs", "1", "--model", "scalar", "--scenario", "step,step"];
     noctograph(folder.path()).args(hold).output().unwrap();
-    let names = ["X-export", "noctograph-hold", "plan.csv"];
+    let names = ["X-export", "noctograph-hold", "plan.csv", "plan.scene.toml"];
     assert_eq!(names_in(folder.path()), names);
     let held = names_in(&folder.path().join("noctograph-hold"));
     assert_eq!(held, ["hold.html", "hold.json", "step-scalar.csv", "step-scalar.svg"]);
@@ -134,7 +134,8 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
         assert!(error.contains("File too large") && error.contains("hint: "), "{error}");
     }
     assert!(files.iter().all(|name| text(&folder.path().join(name)) == "old"));
-    assert_eq!(names_in(folder.path()), ["flight.csv", "out", "plan.csv"], "nothing half-written");
+    let names = ["flight.csv", "out", "plan.csv", "plan.scene.toml"];
+    assert_eq!(names_in(folder.path()), names, "nothing half-written");
     assert_eq!(names_in(&out), ["photo.png", "scene.toml"], "nothing half-written");
 }
 

@@ -43,14 +43,20 @@ impl Release {
     /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
     #[must_use]
     pub fn resets_loops(self) -> bool {
-        self != Self::R2026_04
+        match self {
+            Self::R2026_04 => false,
+            Self::R2026_08 | Self::After2026_08 => true,
+        }
     }
 
     /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
     /// seconds a second.
     #[must_use]
     pub fn clock(self) -> f64 {
-        if self == Self::After2026_08 { 1.0 } else { SLOW_CLOCK }
+        match self {
+            Self::R2026_04 | Self::R2026_08 => SLOW_CLOCK,
+            Self::After2026_08 => 1.0,
+        }
     }
 }
 

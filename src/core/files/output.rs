@@ -52,6 +52,12 @@ impl Output {
         Ok(Self { path: path.to_owned(), sink })
     }
 
+    /// Whether it is a file, and no device, pipe or standard output.
+    #[must_use]
+    pub fn is_staged(&self) -> bool {
+        matches!(self.sink, Sink::Staged { .. })
+    }
+
     /// Writes the content and gives the file its name.
     ///
     /// # Errors

@@ -132,7 +132,15 @@ impl Fixture {
             (Drive::Ring(led), _) if *led >= RING_LEDS => (led.to_string(), "an LED from 0 to 11"),
             (Drive::Ring(_), n) if n != 3 => (n.to_string(), "3 dies: red, green, blue"),
             (Drive::ColorLed, n) if n != 4 => (n.to_string(), "4 dies: white, red, green, blue"),
-            _ => return Ok(()),
+            (
+                Drive::Ring(_)
+                | Drive::ColorLed
+                | Drive::Command(_)
+                | Drive::Always
+                | Drive::Blink { .. }
+                | Drive::Flicker { .. },
+                _,
+            ) => return Ok(()),
         };
         let hint = "the printed scene has the rows of every known deck";
         Err(Error::input(place("drive and dies"), found, wanted, hint))

@@ -112,7 +112,9 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
             Positioning::Gnss => "fly in calmer air, or with a better receiver",
             // A mean error can be planned for; what comes and goes cannot.
             _ if mean_m.abs() > 0.5 * y_m.abs() => "take the mean error off ({plan.mean_error_m})",
-            _ => "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places",
+            Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+                "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
+            }
         },
     )
 }

@@ -191,7 +191,9 @@ pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
             ("anchor", scene.sensors.uwb.anchors_m.clone())
         }
         Positioning::Gnss => ("", Vec::new()),
-        _ => ("station", stations.iter().map(|station| station.position_m).collect()),
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+            ("station", stations.iter().map(|station| station.position_m).collect())
+        }
     }
 }
 

@@ -26,12 +26,14 @@ use noctograph_sim::{
 };
 
 mod advice;
+mod carried;
 mod idle;
 mod named;
 mod preset;
 mod text;
 
 pub use advice::{Change, SceneAdvice};
+pub use carried::CarriedScene;
 pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
@@ -95,15 +97,24 @@ impl Scene {
         Self::read_with(path, &[])
     }
 
-    /// Reads a scene file, or the scene in a photo (PNG), and lays single settings over it, as
-    /// [`Self::parse_with`].
+    /// Reads a scene file, the scene in a photo (PNG), or that of a log, a plan or a flight
+    /// ([`CarriedScene`]), and lays single settings over it, as [`Self::parse_with`].
     ///
     /// # Errors
     ///
-    /// As [`Self::read`], and [`Error::Input`] for a photo without a scene.
+    /// As [`Self::read`], and [`Error::Input`] for a photo or a flight without a scene.
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let file = path.display().to_string();
-        if !path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png")) {
+        let ends_in = |ending| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(ending));
+        if ends_in("csv") || ends_in("json") {
+            let Some(carried) = CarriedScene::of(path)? else {
+                let wanted = "the log of an exported script, or a plan or flight beside its scene";
+                let hint = "name the scene's own file";
+                return Err(Error::input(file, "a file without a scene", wanted, hint));
+            };
+            return carried.scene(settings);
+        }
+        if !ends_in("png") {
             let text = LIMIT.read_text(path)?;
             if text.trim().is_empty() {
                 let hint = "what printed it may have failed: print it again";
@@ -190,6 +201,25 @@ impl Scene {
         text::document(self)
     }
 
+    /// The same without documentation, its files by their names alone: for what others are given.
+    #[must_use]
+    pub fn to_portable_toml(&self) -> String {
+        let mut scene = self.clone();
+        for path in scene.files_mut() {
+            if let Some(name) = Path::new(path).file_name() {
+                *path = name.to_string_lossy().into_owned();
+            }
+        }
+        toml::to_string(&scene).expect("a checked scene is a TOML table")
+    }
+
+    /// Its fonts by name or file, its drawing and its background.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let letters = &mut self.letters;
+        let fonts = std::iter::once(&mut letters.font).chain(&mut letters.fallback);
+        fonts.chain([&mut letters.drawing, &mut self.photo.background])
+    }
+
     /// Keys whose values differ from those of its preset: key, value, the preset's value.
     #[must_use]
     pub fn changes(&self) -> Vec<[String; 3]> {
@@ -222,9 +252,7 @@ impl Scene {
     ///
     /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
     pub fn settle_files(&mut self) -> Result<()> {
-        let fonts = std::iter::once(&mut self.letters.font).chain(&mut self.letters.fallback);
-        let fonts = fonts.filter(|name| name.contains('.'));
-        for path in fonts.chain([&mut self.letters.drawing, &mut self.photo.background]) {
+        for path in self.files_mut().filter(|name| name.contains('.')) {
             if let Ok(absolute) = std::path::absolute(&*path)
                 && absolute.exists()
             {

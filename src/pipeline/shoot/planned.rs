@@ -338,12 +338,7 @@ mod tests {
 
     #[test]
     fn with_feed_forward_the_letters_are_flown_within_fifteen_millimeters() {
-        for kind in [
-            ControllerKind::LqrFeedforward,
-            ControllerKind::LqrIntegral,
-            ControllerKind::Geometric,
-            ControllerKind::Pid,
-        ] {
+        for &kind in ControllerKind::ALL {
             let (contour_m, streak_m) = flown(&scene(PlanOptions::even(), kind));
             assert!(contour_m <= 0.015, "{kind:?}: {contour_m} m");
             assert!(streak_m <= 0.01, "{kind:?}: {streak_m} m");

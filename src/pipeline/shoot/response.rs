@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn every_controller_comes_to_its_setpoint() {
-        for kind in [ControllerKind::Pid, ControllerKind::LqrIntegral, ControllerKind::Geometric] {
+        for &kind in ControllerKind::ALL {
             let mut options = SimOptions::default();
             options.controller.kind = kind;
             for response in step_responses(&options).unwrap() {

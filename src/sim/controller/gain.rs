@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
 use crate::control::{dynamic, lqr, with_input_lag};
-use crate::options::{ControllerKind, LqrOptions, MotorLag, SimOptions};
+use crate::options::{LqrOptions, MotorLag, SimOptions};
 use noctograph_core::error::{Error, Result};
 
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
@@ -62,7 +62,7 @@ pub(crate) fn with_integrals(
     a: &SMatrix<f64, 12, 12>,
     b: &SMatrix<f64, 12, 4>,
 ) -> [DMatrix<f64>; 2] {
-    if options.controller.kind != ControllerKind::LqrIntegral {
+    if !options.controller.kind.integrates() {
         return [dynamic(a), dynamic(b)];
     }
     let mut a = a.fixed_resize::<15, 15>(0.0);

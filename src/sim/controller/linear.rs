@@ -11,11 +11,10 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::geometric::Geometric;
-use super::pid::PidCascade;
-use super::{Controller, Reference};
-use crate::options::{ControllerKind, SimOptions};
+use super::{Reference, controller};
+use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State};
+use noctograph_core::error::Result;
 
 /// Step of the differences: 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the units of the
 /// memory. No loop saturates, and rounding stays below 1e-9 of a gain.
@@ -32,41 +31,38 @@ pub(crate) struct LinearController {
 }
 
 impl LinearController {
-    /// Linearizes the cascade or the geometric controller of the options.
-    pub(crate) fn new(options: &SimOptions) -> Self {
+    /// Linearizes the controller of the options.
+    ///
+    /// # Errors
+    ///
+    /// As [`controller`].
+    pub(crate) fn new(options: &SimOptions) -> Result<Self> {
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         let mixer = Mixer::new(&options.vehicle);
-        if options.controller.kind == ControllerKind::Geometric {
-            Self::of(&Geometric::new(&options), &mixer, tick_s)
-        } else {
-            Self::of(&PidCascade::new(&options), &mixer, tick_s)
-        }
-    }
-
-    fn of<C: Controller + Clone>(controller: &C, mixer: &Mixer, tick_s: f64) -> Self {
         let at_rest = Reference::holding(Vector3::zeros());
-        let n = controller.clone().memory().len();
+        let n = controller(&options)?.memory().len();
         // Wrench and next memory, for the deviation of one state or one value of the memory.
-        let tick = |index: usize, step: f64| {
+        let tick = |index: usize, step: f64| -> Result<DVector<f64>> {
             let mut deviation = vec![0.0; 12 + n];
             deviation[index] = step;
-            let mut controller = controller.clone();
+            let mut controller = controller(&options)?;
             controller.rest(&State::zeros());
             let memory = controller.memory().into_iter();
             memory.zip(&deviation[12..]).for_each(|(to, from)| *to = *from);
             let state = State::from_column_slice(&deviation[..12]);
             let wrench = mixer.wrench(&controller.command(&state, &at_rest).motors);
             let next = controller.memory().into_iter().map(|value| *value);
-            DVector::from_iterator(4 + n, wrench.iter().copied().chain(next))
+            Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
         };
-        let slopes: Vec<_> =
-            (0..12 + n).map(|i| (tick(i, STEP) - tick(i, -STEP)) / (2.0 * STEP)).collect();
+        let slope = |i: usize| Ok((tick(i, STEP)? - tick(i, -STEP)?) / (2.0 * STEP));
+        let slopes = (0..12 + n).map(slope).collect::<Result<Vec<_>>>()?;
         let slopes = DMatrix::from_columns(&slopes);
         let part = |at, size| slopes.view(at, size).into_owned();
         let (k, h) = (part((0, 0), (4, 12)), part((0, 12), (4, n)));
-        Self { k, h, f: part((4, 12), (n, n)), g: part((4, 0), (n, 12)) }.continuous(tick_s)
+        let (f, g) = (part((4, 12), (n, n)), part((4, 0), (n, 12)));
+        Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
     /// The continuous system whose transform by Tustin, `s = 2 (z − 1) / (T (z + 1))`, is this.
@@ -86,10 +82,9 @@ impl LinearController {
 mod tests {
     use std::collections::VecDeque;
 
-    use super::super::controller;
     use super::*;
     use crate::design::design;
-    use crate::options::PidOptions;
+    use crate::options::{ControllerKind, Law, PidOptions};
     use crate::vehicle::Vehicle;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
 
@@ -97,7 +92,7 @@ mod tests {
     fn the_geometric_law_is_linearized_to_its_own_gains() {
         let mut options = SimOptions::default();
         options.controller.kind = ControllerKind::Geometric;
-        let found = LinearController::new(&options);
+        let found = LinearController::new(&options).unwrap();
         let (gains, vehicle) = (&options.controller.geometric, &options.vehicle);
         let [_, j_y, _] = vehicle.inertia_kg_m2;
         let near = |found: f64, want: f64, what: &str| {
@@ -119,7 +114,7 @@ mod tests {
     fn the_cascades_memory_is_what_its_gains_use() {
         let mut options = SimOptions::cf21();
         options.controller.kind = ControllerKind::Pid;
-        let of = |options: &SimOptions| LinearController::new(options).f.nrows();
+        let of = |options: &SimOptions| LinearController::new(options).unwrap().f.nrows();
         assert_eq!(of(&options), 13, "ten integrals, three derivatives");
         let pid = &mut options.controller.pid;
         (pid.roll_rate[1], pid.pitch_rate[1]) = (0.0, 0.0);
@@ -167,7 +162,8 @@ mod tests {
 
     #[test]
     fn the_delay_that_the_margins_allow_is_that_of_the_simulated_drone() {
-        for kind in [ControllerKind::Pid, ControllerKind::Geometric] {
+        let is_feedback = |kind: &&ControllerKind| matches!(kind.law(), Law::StateFeedback { .. });
+        for &kind in ControllerKind::ALL.iter().filter(|kind| !is_feedback(kind)) {
             let mut options = SimOptions::cf21();
             options.controller.kind = kind;
             let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);

@@ -6,7 +6,7 @@ use nalgebra::{Matrix4, SMatrix, Vector3};
 use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
 use crate::control::linearize;
-use crate::options::{ControllerKind, SimOptions};
+use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
 use noctograph_core::error::Result;
 
@@ -54,8 +54,7 @@ impl Lqr {
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
         let kind = options.controller.kind;
         let Gain { k, k_rotor } = Gain::new(options, &with_integrals(options, &a, &b))?;
-        let is_integral = kind == ControllerKind::LqrIntegral;
-        let k_integral = is_integral.then(|| k.fixed_view::<4, 3>(0, 12).into_owned());
+        let k_integral = kind.integrates().then(|| k.fixed_view::<4, 3>(0, 12).into_owned());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         Ok(Self {
             k: k.fixed_view::<4, 12>(0, 0).into_owned(),
@@ -130,6 +129,7 @@ impl Controller for Lqr {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::ControllerKind;
 
     fn regulator(kind: ControllerKind) -> Lqr {
         let mut options = SimOptions::default();

@@ -15,14 +15,6 @@ use noctograph_plan::{Extent, Plan, PlanOptions, Setpoint};
 
 const PLACE_M: [f64; 3] = [0.2, -0.1, 0.8];
 
-const KINDS: [ControllerKind; 5] = [
-    ControllerKind::Lqr,
-    ControllerKind::LqrFeedforward,
-    ControllerKind::LqrIntegral,
-    ControllerKind::Pid,
-    ControllerKind::Geometric,
-];
-
 fn word(text: &str, extent: Extent) -> Plan {
     written(text, &PlanOptions { extent, ..Default::default() })
 }
@@ -185,7 +177,7 @@ fn a_figure_of_eight_is_followed_within_a_centimeter() {
 #[test]
 fn every_controller_flies_the_word_from_floor_to_floor() {
     let noor = word("NOOR", Extent::Whole);
-    for kind in KINDS {
+    for &kind in ControllerKind::ALL {
         for seed in 0..5 {
             let flight = flown(&noor, &with(kind), seed)
                 .unwrap_or_else(|error| panic!("{kind:?}, seed {seed}: {error}"));
@@ -204,7 +196,7 @@ fn every_controller_survives_a_climb_that_saturates_its_motors() {
     climb.setpoints.insert(1, Setpoint { time_s: 2.0, ..climb.setpoints[1] });
     climb.setpoints[1].position_m.z = 1.7;
     climb.setpoints[2].position_m.z = 1.7;
-    for kind in KINDS {
+    for &kind in ControllerKind::ALL {
         let flight = flown(&climb, &undisturbed(kind), 0)
             .unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         let highest_m = flight.samples.iter().map(|s| s.position_m.z).fold(0.0, f64::max);
@@ -217,7 +209,7 @@ fn every_controller_survives_a_climb_that_saturates_its_motors() {
 #[test]
 fn the_firmwares_rates_fly_every_controller() {
     let noor = word("N", Extent::Letters);
-    for kind in KINDS {
+    for &kind in ControllerKind::ALL {
         let mut options = with(kind);
         let slow = track(&flown(&noor, &options, 0).unwrap(), Part::Letters).unwrap().rmse_m;
         options.rates.control_hz = 1000;

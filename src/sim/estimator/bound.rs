@@ -110,11 +110,16 @@ struct Fleet<'a> {
 
 impl<'a> Fleet<'a> {
     fn new(n_drones: usize, options: &'a SimOptions) -> Self {
-        let start = match (options.observer.kind, &options.observer.cooperative) {
-            (EstimatorKind::Cooperative, start) => {
+        let start = match options.observer.kind {
+            EstimatorKind::Cooperative => {
+                let start = &options.observer.cooperative;
                 [start.start_sigma_m, START[1], start.start_tilt_rad]
             }
-            _ => START,
+            EstimatorKind::Luenberger
+            | EstimatorKind::Ekf
+            | EstimatorKind::EkfImproved
+            | EstimatorKind::Altitude
+            | EstimatorKind::Truth => START,
         };
         Self {
             sensors: &options.sensors,

@@ -10,7 +10,8 @@ settings! {
         /// The controller that flies.
         kind: ControllerKind = ControllerKind::Lqr;
         /// Linear-quadratic regulators.
-        lqr: LqrOptions = LqrOptions::default(), unless "controller.kind" = "pid" | "geometric";
+        lqr: LqrOptions = LqrOptions::default(),
+            for "controller.kind" = "lqr" | "lqr-feedforward" | "lqr-integral" | "altitude";
         /// The geometric controller.
         geometric: GeometricOptions = GeometricOptions::default(),
             for "controller.kind" = "geometric";
@@ -158,7 +159,7 @@ impl ControllerOptions {
     /// Checks that a given gain has a row for each input and a column for each state.
     pub(super) fn check_gain(&self) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
-        let n_states = if kind == ControllerKind::LqrIntegral { 15 } else { 12 };
+        let n_states = if kind.integrates() { 15 } else { 12 };
         if k.len() == 4 && k.iter().all(|row| row.len() == n_states) {
             return Ok(());
         }
@@ -183,7 +184,54 @@ impl PidOptions {
     }
 }
 
+/// How a controller makes its commands: what analysis, tuning and exports ask of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// A gain matrix, designed by weights or given (`controller.lqr`).
+    StateFeedback {
+        /// Whether it integrates the position error.
+        integrates: bool,
+        /// Whether its thrust follows an estimated map instead.
+        by_thrust_map: bool,
+    },
+    /// The firmware's cascade of PID loops.
+    Cascade,
+    /// The firmware's geometric controller.
+    Geometric,
+    /// One that is in no firmware and has gains of its own.
+    Own,
+}
+
 impl ControllerKind {
+    /// Its law.
+    #[must_use]
+    pub fn law(self) -> Law {
+        let feedback = |integrates| Law::StateFeedback { integrates, by_thrust_map: false };
+        match self {
+            Self::Lqr | Self::LqrFeedforward => feedback(false),
+            Self::LqrIntegral => feedback(true),
+            Self::Altitude => Law::StateFeedback { integrates: false, by_thrust_map: true },
+            Self::Pid => Law::Cascade,
+            Self::Geometric => Law::Geometric,
+        }
+    }
+
+    /// Whether a gain matrix feeds back the integral of the position error.
+    pub(crate) fn integrates(self) -> bool {
+        self.law() == Law::StateFeedback { integrates: true, by_thrust_map: false }
+    }
+
+    /// Keys of its gains and weights.
+    #[must_use]
+    pub fn keys(self) -> &'static str {
+        match self {
+            Self::Lqr | Self::LqrFeedforward | Self::LqrIntegral => "controller.lqr",
+            Self::Pid => "controller.pid",
+            Self::Geometric => "controller.geometric",
+            Self::Altitude => "controller.lqr and controller.altitude",
+        }
+    }
+
     /// Whether the controller follows the design's velocity and acceleration, and not held
     /// positions.
     pub fn follows_design(self) -> bool {

@@ -7,8 +7,8 @@ mod drones;
 mod observer;
 
 pub use self::controller::{
-    AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
-    PidOptions, SetpointKind,
+    AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, Law, LqrOptions,
+    MotorLag, PidOptions, SetpointKind,
 };
 pub use self::observer::{
     AltitudeOptions, CooperativeOptions, EkfOptions, EstimatorKind, FirmwareOptions,
@@ -171,6 +171,7 @@ impl SimOptions {
     #[must_use]
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
+        // The estimator of any other positioning need not take ideal positions.
         if options.sensors.positioning != Positioning::Position {
             options.observer.kind = EstimatorKind::Truth;
         }
@@ -188,8 +189,7 @@ impl SimOptions {
     #[must_use]
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;
-        let by_light = matches!(positioning, Positioning::Sweeps | Positioning::CrossingBeams);
-        (by_light && self.observer.kind == EstimatorKind::Ekf).then(|| {
+        (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {
             let mut options = self.rehearsal();
             options.observer.kind = EstimatorKind::Ekf;
             options.sensors.positioning = positioning;

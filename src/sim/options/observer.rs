@@ -211,7 +211,12 @@ impl ObserverOptions {
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
                 ("cooperative, which takes ranges to anchors and drones, without uwb-twr", "ekf")
             }
-            _ => return Ok(()),
+            EstimatorKind::Altitude
+            | EstimatorKind::Luenberger
+            | EstimatorKind::Cooperative
+            | EstimatorKind::Ekf
+            | EstimatorKind::EkfImproved
+            | EstimatorKind::Truth => return Ok(()),
         };
         Err(Error::input(
             "observer.kind",

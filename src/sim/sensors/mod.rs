@@ -187,7 +187,10 @@ impl Sensors {
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
-            _ => position_m,
+            Locator::CrossingBeams(..)
+            | Locator::Sweeps(_)
+            | Locator::Uwb(_)
+            | Locator::Gnss(_) => position_m,
         }
     }
 

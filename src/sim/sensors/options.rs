@@ -316,13 +316,28 @@ impl Described for Station {
 
 impl Positioning {
     /// Whether it is by ultra-wideband ranges.
-    pub(crate) fn is_by_ranges(self) -> bool {
-        matches!(self, Self::UwbTwr | Self::UwbTdoa)
+    #[must_use]
+    pub fn is_by_ranges(self) -> bool {
+        match self {
+            Self::UwbTwr | Self::UwbTdoa => true,
+            Self::Position | Self::CrossingBeams | Self::Sweeps | Self::Gnss => false,
+        }
+    }
+
+    /// Whether it is by the angles of a Lighthouse's beams.
+    pub(crate) fn is_by_light(self) -> bool {
+        match self {
+            Self::CrossingBeams | Self::Sweeps => true,
+            Self::Position | Self::UwbTwr | Self::UwbTdoa | Self::Gnss => false,
+        }
     }
 
     /// Whether it gives positions, rather than angles or distances.
     pub(crate) fn gives_positions(self) -> bool {
-        matches!(self, Self::Position | Self::CrossingBeams | Self::Gnss)
+        match self {
+            Self::Position | Self::CrossingBeams | Self::Gnss => true,
+            Self::Sweeps | Self::UwbTwr | Self::UwbTdoa => false,
+        }
     }
 }
 

@@ -62,7 +62,9 @@ pub(super) fn hold(
 fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     match sensor {
         AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
-        _ => sensors.heights.iter().any(|height| AltitudeSensor::of(*height) == sensor),
+        AltitudeSensor::TimeOfFlight | AltitudeSensor::Barometer => {
+            sensors.heights.iter().any(|height| AltitudeSensor::of(*height) == sensor)
+        }
     }
 }
 
