@@ -590,12 +590,12 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         state = kept(page)
         assert state["word"] == "" and state["visitor"] != visitor, "the next visitor is another one"
         # What one left behind is not said to the next.
-        page.mouse.click(300, 300)
+        start.click()
         page.fill("#word", "A" * 60)
         page.select_option("#language", "de")
         page.clock.run_for(62_000)
         page.wait_for_selector("#start:not([hidden])")
-        page.mouse.click(300, 300)
+        start.click()
         assert page.get_attribute("html", "lang") == "en" and page.input_value("#language") == "en"
         assert page.inner_text("#verdict").startswith("A drone will write it"), page.inner_text("#verdict")
         leads = page.evaluate("[...document.querySelectorAll('a[href]')].map(a => a.href)")

@@ -79,10 +79,7 @@ const FLAGS: [(&str, &str, &str); 19] = [
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let path = match error {
         Error::Letter { .. } => "a letter of the word",
-        Error::Input { place, .. } => {
-            let key = place.key.rsplit(": ").next().unwrap_or_default();
-            key.split('[').next().unwrap_or_default()
-        }
+        Error::Input { place, .. } => place.key(),
         _ => return Vec::new(),
     };
     let has = |typed: &str| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::message;
+use super::{Error, Result, message};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
@@ -19,18 +19,28 @@ const UNTRIED: &str = "cannot be tried in a process of its own";
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
-const VARIABLES: [&str; 4] =
-    ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES", "VK_LOADER_DRIVERS_SELECT"];
+const VARIABLES: [&str; 5] = [
+    "VK_DRIVER_FILES",
+    "VK_ICD_FILENAMES",
+    "VK_ADD_DRIVER_FILES",
+    "VK_LOADER_DRIVERS_SELECT",
+    "LD_LIBRARY_PATH",
+];
 
 /// Folders of the lists of drivers.
 const FOLDERS: [&str; 3] =
     ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
 
-/// The backend to expose on: the processor in place of a driver that hangs or crashes.
+/// The backend to expose on: with [`BackendChoice::Auto`], the processor in place of a driver that
+/// hangs or crashes.
+///
+/// # Errors
+///
+/// [`Error::Gpu`] where such a driver was chosen by name.
 #[expect(clippy::disallowed_methods, reason = "what this program remembers in its own folder")]
-pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
-    if choice != BackendChoice::Auto {
-        return choice;
+pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
+    if choice == BackendChoice::Cpu {
+        return Ok(choice);
     }
     let memory = memory();
     let known = memory.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
@@ -45,15 +55,20 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
         }
         fault.to_owned()
     });
-    if fault.is_empty() {
-        return choice;
+    let is_chosen = choice == BackendChoice::Wgpu;
+    if fault.is_empty() || is_chosen && fault == UNTRIED {
+        return Ok(choice);
     }
     let again = memory
         .filter(|_| fault != UNTRIED)
         .map_or_else(String::new, |path| format!("; remove {} to try again", path.display()));
+    if is_chosen {
+        let hint = format!("choose the processor, which makes the same bits{again}");
+        return Err(Error::Gpu { what: format!("its driver {fault}"), hint });
+    }
     let text = format!("the graphics driver {fault}: the processor exposes, with the same bits");
     message("note: ", &(text + &again));
-    BackendChoice::Cpu
+    Ok(BackendChoice::Cpu)
 }
 
 /// What is wrong with a driver, seen from outside; a driver that is missing or says what it lacks
@@ -116,8 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_chosen_by_name_is_not_tried() {
-        assert_eq!(tried(BackendChoice::Cpu), BackendChoice::Cpu);
-        assert_eq!(tried(BackendChoice::Wgpu), BackendChoice::Wgpu);
+    fn the_processor_is_not_tried() {
+        assert_eq!(tried(BackendChoice::Cpu).unwrap(), BackendChoice::Cpu);
     }
 }

@@ -47,7 +47,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
-    let backend = tried(args.picture.backend);
+    let backend = tried(args.picture.backend)?;
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;

@@ -84,7 +84,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let conditions = args.spread.conditions()?;
     let folder = OutputFolder::create(&args.output)?;
     let before = shoot.clone();
-    let backend = tried(args.picture.backend);
+    let backend = tried(args.picture.backend)?;
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
     let sentence = |problem: &Problem| problem.sentence(mentioned);

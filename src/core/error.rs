@@ -8,22 +8,80 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// Characters of a value that are printed: more than any digest or name that is a value.
 const LONGEST_FOUND: usize = 160;
 
-/// Where a value stands, as it is printed: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7`.
+/// Place of a value, from the outside in. Printed: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7`,
+/// `scene.toml:40: light.fixtures[2].name`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
-    /// The file, as it was named; empty of a value in no file.
-    pub file: String,
-    /// The line, from 1.
-    pub line: Option<u64>,
-    /// The key, the column, or the file as a whole.
-    pub key: String,
+pub struct Place(pub Vec<Segment>);
+
+/// One step on the way to a value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Segment {
+    /// A file, as it was named, or a part of one.
+    File(String),
+    /// A line of the file, from 1.
+    Line(u64),
+    /// A key, dotted where it is one of a table, a column or a flag.
+    Key(String),
+    /// An index of a list, from 0.
+    Index(usize),
+}
+
+impl Place {
+    /// A file as a whole.
+    pub fn file(name: impl std::fmt::Display) -> Self {
+        Self(vec![Segment::File(name.to_string())])
+    }
+
+    /// The key in the innermost file, without indices and what follows them.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        let is_file = |it: &Segment| matches!(it, Segment::File(_) | Segment::Line(_));
+        match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
+            [Segment::Key(key), ..] => key,
+            _ => "",
+        }
+    }
 }
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let line = self.line.map(|line| format!(":{line}")).unwrap_or_default();
-        let colon = if self.key.is_empty() || self.file.is_empty() { "" } else { ": " };
-        write!(f, "{}{line}{colon}{}", self.file, self.key)
+        let mut outer: Option<&Segment> = None;
+        for segment in &self.0 {
+            match segment {
+                Segment::Line(line) => write!(f, ":{line}")?,
+                Segment::Index(index) => write!(f, "[{index}]")?,
+                Segment::File(name) | Segment::Key(name) => {
+                    let is_nested = matches!(segment, Segment::Key(_));
+                    let gap = match outer {
+                        None => "",
+                        Some(Segment::Key(_) | Segment::Index(_)) if is_nested => ".",
+                        Some(_) => ": ",
+                    };
+                    write!(f, "{gap}{name}")?;
+                }
+            }
+            outer = Some(segment);
+        }
+        Ok(())
+    }
+}
+
+impl From<String> for Place {
+    /// A key; no place at all where it is empty.
+    fn from(key: String) -> Self {
+        Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
+    }
+}
+
+impl From<&str> for Place {
+    fn from(key: &str) -> Self {
+        key.to_owned().into()
+    }
+}
+
+impl From<std::path::Display<'_>> for Place {
+    fn from(file: std::path::Display<'_>) -> Self {
+        Self::file(file)
     }
 }
 
@@ -105,9 +163,21 @@ impl Error {
     /// The same error in a file, and in its line where that is known. A file that it names already
     /// is a part of this one.
     #[must_use]
-    pub fn at(mut self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
+    pub fn at(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
+        let file = Segment::File(file.to_string());
+        self.inside([file].into_iter().chain(line.into().map(Segment::Line)))
+    }
+
+    /// The same error of an item of a list.
+    #[must_use]
+    pub fn of_item(self, list: &str, index: usize) -> Self {
+        let list = Place::from(list).0;
+        self.inside(list.into_iter().chain([Segment::Index(index)]))
+    }
+
+    fn inside(mut self, outer: impl IntoIterator<Item = Segment>) -> Self {
         if let Self::Input { place, .. } = &mut self {
-            **place = Place { file: file.to_string(), line: line.into(), key: place.to_string() };
+            place.0.splice(..0, outer);
         }
         self
     }
@@ -132,13 +202,13 @@ impl Error {
 
     /// A value that cannot be used.
     pub fn input(
-        place: impl std::fmt::Display,
+        place: impl Into<Place>,
         found: impl std::fmt::Display,
         wanted: impl Into<String>,
         hint: impl Into<String>,
     ) -> Self {
         Self::Input {
-            place: Box::new(Place { key: place.to_string(), ..Place::default() }),
+            place: Box::new(place.into()),
             found: shortened(found.to_string()),
             wanted: wanted.into(),
             hint: hint.into(),

@@ -238,7 +238,9 @@ impl<T: Described> Described for Vec<T> {
 
     fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
         let mut values = self.iter().enumerate();
-        values.try_for_each(|(i, value)| value.check(&format!("{place}[{i}]"), range))
+        values.try_for_each(|(i, value)| {
+            value.check("", range).map_err(|error| error.of_item(place, i))
+        })
     }
 }
 
@@ -247,7 +249,9 @@ impl<T: Described, const N: usize> Described for [T; N] {
 
     fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
         let mut values = self.iter().enumerate();
-        values.try_for_each(|(i, value)| value.check(&format!("{place}[{i}]"), range))
+        values.try_for_each(|(i, value)| {
+            value.check("", range).map_err(|error| error.of_item(place, i))
+        })
     }
 }
 

@@ -18,7 +18,7 @@ use super::cfclient_csv::WRAP_S;
 use super::json_tree::{self, List, Node, is_indexed, joined};
 use super::recording::{Block, Clock, Column, Recording, shortened};
 use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::statistics::median;
@@ -48,8 +48,10 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         value => value,
     };
     let value = value.map_err(|source| {
-        let place = format_args!("{file}:{}:{}", source.line(), source.column());
-        budget.check().err().unwrap_or_else(|| Error::input(place, &source, "JSON", HINT))
+        budget.check().err().unwrap_or_else(|| {
+            let place = format!("column {}", source.column());
+            Error::input(place, &source, "JSON", HINT).at(file, source.line() as u64)
+        })
     })?;
     drop(text);
     let mut reader = Reader { budget, log, skipped: Vec::new(), in_seconds: false };
@@ -271,7 +273,12 @@ impl Reader<'_> {
         let n = self.log.blocks.iter().map(|block| block.columns.len().max(1)).sum::<usize>();
         if n > MAX_VARIABLES {
             let wanted = format!("at most {MAX_VARIABLES}");
-            return Err(Error::input(&self.log.file, "too many variables", wanted, HINT));
+            return Err(Error::input(
+                Place::file(&self.log.file),
+                "too many variables",
+                wanted,
+                HINT,
+            ));
         }
         Ok(())
     }
@@ -406,15 +413,15 @@ impl Reader<'_> {
     }
 
     fn numbers(&self, name: &str, value: Option<Node>) -> Result<Vec<f64>> {
-        let (place, found) = match value {
+        let refused = |key, found| Error::input(key, found, "a list of numbers", HINT);
+        let error = match value {
             Some(Node::List(List { odd: Some((index, found)), .. })) => {
-                (format!("{name}[{index}]"), found)
+                refused("", found).of_item(name, index)
             }
             Some(Node::List(list)) => return Ok(list.numbers),
-            other => (name.to_owned(), other.map_or_else(String::new, |node| node.text())),
+            other => refused(name, other.map_or_else(String::new, |node| node.text())),
         };
-        let place = format_args!("{}: {place}", self.log.file);
-        Err(Error::input(place, found, "a list of numbers", HINT))
+        Err(error.at(&self.log.file, None))
     }
 }
 
@@ -545,7 +552,7 @@ mod tests {
     #[test]
     fn broken_json_is_named_by_line_and_column_and_a_wrong_value_by_its_key() {
         let error = read(b"{\"a\": {\"time\": [1],\n \"data\": [x]}}", "log.json").unwrap_err();
-        assert!(error.to_string().contains("log.json:2:11"), "{error}");
+        assert!(error.to_string().contains("log.json:2: column 11"), "{error}");
         let error = read(br#"{"a": {"time": [1, "q"], "data": [1, 2]}}"#, "log.json").unwrap_err();
         assert!(error.to_string().contains("a.time[1]"), "{error}");
     }

@@ -27,7 +27,7 @@ pub(super) fn read_rows(
         Some(value)
     })?;
     if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
-        let place = format_args!("column {}", column.title);
+        let place = format!("column {}", column.title);
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.at(file, line as u64));
     }

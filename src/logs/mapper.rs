@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, quantities};
 use super::{ImportOptions, PositionSource, speed};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
@@ -35,7 +35,7 @@ pub(super) fn flight(
     }
     if unlogged.contains(&Quantity::Position) && options.position != PositionSource::Best {
         return Err(Error::input(
-            &recording.file,
+            Place::file(&recording.file),
             format_args!("no position from {}", options.position.name()),
             "its three columns, not all zero",
             "choose another source of position, or the best",
@@ -77,7 +77,7 @@ fn nothing_known(recording: &Recording) -> Error {
         format!("columns {}", shortened(&names))
     };
     Error::input(
-        &recording.file,
+        Place::file(&recording.file),
         found,
         "a position (stateEstimate.x, ae483log.o_x, ae483log.p_x, mocap.x, lighthouse.x, x …), an \
          attitude, motors, or ranges (ranging.distance0 …)",
@@ -144,7 +144,7 @@ impl Mapper<'_> {
             };
             let wanted = format!("a flight of up to {MAX_SAMPLES:.0} samples");
             let hint = "cut the log to one flight, or lower the sample rate";
-            return Err(Error::input(&recording.file, found, wanted, hint));
+            return Err(Error::input(Place::file(&recording.file), found, wanted, hint));
         }
         #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
         let steps = steps as u32;
@@ -231,7 +231,7 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     }
     let found = format_args!("{span_s:.0} s of log");
     let wanted = format!("a flight of up to {MAX_DURATION_S} s");
-    Err(Error::input(&recording.file, found, wanted, MILLISECONDS_HINT))
+    Err(Error::input(Place::file(&recording.file), found, wanted, MILLISECONDS_HINT))
 }
 
 /// Refuses numbers beyond a drone's world.
@@ -243,7 +243,7 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
                 // Not a number is beyond as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
                     let error = input_error!(
-                        format_args!("{name} at {:.3} s of the flight", sample.time_s),
+                        format!("{name} at {:.3} s of the flight", sample.time_s),
                         "{value:e}",
                         "a number within ±{MAX_QUANTITY:e}",
                         "cut the broken part out of the log, or correct the column's unit",

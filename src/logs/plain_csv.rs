@@ -96,8 +96,7 @@ pub(super) fn read(
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
             let hint = "name the column of times t, or give the period of the rows";
-            let place = format_args!("{file}:1: times");
-            return Err(Error::input(place, titles.join(","), wanted, hint));
+            return Err(Error::input("times", titles.join(","), wanted, hint).at(file, 1));
         }
     };
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {

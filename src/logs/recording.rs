@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Axes, HINT, MAX_VARIABLES};
-use noctograph_core::error::Result;
+use noctograph_core::error::{Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::input_error;
 use noctograph_core::statistics::median;
@@ -121,7 +121,12 @@ impl Recording {
         let n = self.names().count().max(self.blocks.len());
         if n > MAX_VARIABLES {
             let most = MAX_VARIABLES;
-            return Err(input_error!(&self.file, "{n} variables", "at most {most}", "{HINT}"));
+            return Err(input_error!(
+                Place::file(&self.file),
+                "{n} variables",
+                "at most {most}",
+                "{HINT}"
+            ));
         }
         Ok(())
     }

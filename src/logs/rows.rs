@@ -65,7 +65,7 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
     }
     let found = format_args!("rows of several drones ({})", shortened(owners));
     let hint = "write the rows of one drone to a file of its own, and import that";
-    Err(Error::input(format_args!("column {title}"), found, "those of one", hint).at(file, None))
+    Err(Error::input(format!("column {title}"), found, "those of one", hint).at(file, None))
 }
 
 /// The different numbers of a column of ids: whole ones, each in several rows.
@@ -115,7 +115,7 @@ pub(super) fn join_stamps(
         return Ok(());
     }
     let hint = "add the times of day, or seconds as a column t";
-    let place = format_args!("column {title}");
+    let place = format!("column {title}");
     Err(Error::input(place, "days alone", "times", hint).at(file, None))
 }
 

@@ -21,7 +21,7 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 
-use noctograph::error::{Error, Result};
+use noctograph::error::{Error, Result, Segment};
 use noctograph::shoot::Stop;
 use noctograph_core::files::Output;
 
@@ -54,8 +54,11 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint } => {
             // Of a scene's text that nobody wrote, a line says nothing.
-            let place = if place.file == "scene" { place.key.clone() } else { place.to_string() };
-            ("InputError", vec![place, found.clone(), wanted.clone(), hint.clone()])
+            let mut place = (**place).clone();
+            if place.0.first() == Some(&Segment::File("scene".into())) {
+                place.0.retain(|it| matches!(it, Segment::Key(_) | Segment::Index(_)));
+            }
+            ("InputError", vec![place.to_string(), found.clone(), wanted.clone(), hint.clone()])
         }
         Error::Letter { position, letter, wanted, hint } => {
             let (place, found) = (format!("word, position {position}"), format!("{letter:?}"));

@@ -7,7 +7,7 @@ use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
 use super::http::{self, Reply};
-use noctograph_core::error::Error;
+use noctograph_core::error::{Error, Segment};
 use noctograph_pipeline::preflight::{Checked, Severity};
 use noctograph_pipeline::scene::Change;
 use noctograph_pipeline::shoot::Problem;
@@ -224,9 +224,12 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     match error {
         Error::Letter { .. } => Key::LetterMissing,
         Error::Input { place, found, wanted, .. } => {
-            let place = place.to_string();
-            let is_at = |name: &str| place == name || place.contains(&format!("{name}:"));
-            let is_drawing = place.contains("drawing.") && !place.contains("letters.drawing");
+            let is_at = |name: &str| {
+                place.key() == name || place.0.contains(&Segment::File(name.to_owned()))
+            };
+            let is_drawing = place.0.iter().any(
+                |segment| matches!(segment, Segment::File(name) if name.starts_with("drawing.")),
+            );
             match &**wanted {
                 _ if is_at("settings") || is_at("request") || is_at("visitor") => Key::PageOld,
                 "at least one stroke" if is_picture => Key::PictureNone,

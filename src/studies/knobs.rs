@@ -100,7 +100,7 @@ impl Knob {
                 }
                 _ => {
                     let wanted = "a number for a range, a word for a choice";
-                    return Err(Error::input(key, value.to_string(), wanted, HINT));
+                    return Err(Error::input(key.as_str(), value.to_string(), wanted, HINT));
                 }
             };
         }

@@ -118,7 +118,7 @@ impl Outcome {
             if !range.contains(&value) {
                 let wanted = format!("a number from {} to {}", range.start(), range.end());
                 let hint = "take the line out, or name another folder";
-                return Err(Error::input(format!("{place}: {name}"), value, wanted, hint));
+                return Err(Error::input(name, value, wanted, hint).at(place, None));
             }
         }
         Ok(())

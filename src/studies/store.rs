@@ -7,7 +7,6 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::fmt::Display;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -17,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 use super::design::MAX_TRIALS;
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;
 
@@ -291,7 +290,7 @@ fn check_header(folder: &Path) -> Result<()> {
 }
 
 /// More flights than the largest study has.
-fn too_many(place: impl Display) -> Error {
+fn too_many(place: impl Into<Place>) -> Error {
     let found = format!("more than {MAX_TRIALS} flights");
     Error::input(place, found, "at most those of the largest study", ANOTHER)
 }

@@ -86,7 +86,7 @@ impl Budget {
             }
         };
         let wanted = format!("at most {most} {unit}");
-        Err(Error::input(&self.place, format_args!("more {found}"), wanted, self.hint))
+        Err(Error::input("", format_args!("more {found}"), wanted, self.hint).at(&self.place, None))
     }
 
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {

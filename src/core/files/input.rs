@@ -65,8 +65,9 @@ impl Limit {
     pub fn read_text(self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|broken| {
             let byte = broken.utf8_error().valid_up_to() + 1;
-            let place = format_args!("{}: byte {byte}", path.display());
+            let place = format!("byte {byte}");
             Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
+                .at(path.display(), None)
         })
     }
 

@@ -246,7 +246,7 @@ pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
         let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) else {
             return Ok((channel.to_owned(), levels.to_vec()));
         };
-        let place = format_args!("column light.{channel}");
+        let place = format!("column light.{channel}");
         Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"))
     };
     table.columns_after("light.").map(light).collect()

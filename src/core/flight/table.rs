@@ -87,7 +87,7 @@ impl Table {
         budget.bytes(size_of::<f64>() * sheet.n_rows() * sheet.columns.len())?;
         if let Some((column, line, cell)) = sheet.first_text(|_| true) {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
-            let place = format_args!("column {}", column.title);
+            let place = format!("column {}", column.title);
             let error = Error::input(place, format_args!("{cell:?}"), wanted, REWRITE_HINT);
             return Err(error.at(file, line as u64));
         }
@@ -119,10 +119,10 @@ impl Table {
     /// [`Error::Input`] where there is none.
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         self.find(name).ok_or_else(|| {
-            let (place, wanted) = (format_args!("{}:1", self.file), format!("a column {name}"));
+            let wanted = format!("a column {name}");
             let titles: Vec<&str> = self.columns_after("").map(|(title, _)| title).collect();
             let first: String = titles.join(",").chars().take(60).collect();
-            Error::input(place, first, wanted, REWRITE_HINT)
+            Error::input("", first, wanted, REWRITE_HINT).at(&self.file, 1)
         })
     }
 
@@ -157,7 +157,7 @@ impl Table {
         wanted: impl Into<String>,
         hint: &str,
     ) -> Error {
-        Error::input(format_args!("{}:{line}: column {name}", self.file), found, wanted, hint)
+        Error::input(format!("column {name}"), found, wanted, hint).at(&self.file, line as u64)
     }
 
     /// Whether there is a column of this name.
@@ -190,7 +190,9 @@ impl Table {
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
         let time_s = self.column(name)?;
         if time_s.is_empty() {
-            return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
+            return Err(
+                Error::input("", "no row", "at least one row", REWRITE_HINT).at(&self.file, None)
+            );
         }
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
             let wanted = format!("at least {}, the time before it", time_s[row]);

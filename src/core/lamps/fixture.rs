@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{COLOR_LED, Channel, RING};
 use crate::error::{Error, Result, within};
-use crate::settings::{Described, Shape, settings};
+use crate::settings::{Described, Shape, joined, settings};
 
 settings! {
     /// A lamp on the drone: one row of the emitter table.
@@ -84,8 +84,7 @@ impl Described for Drive {
     const SHAPE: Shape = Shape::Plain;
 
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        let range =
-            |field: &str, value, min, max| within(&format!("{place}.{field}"), value, min, max);
+        let range = |field: &str, value, min, max| within(&joined(place, field), value, min, max);
         match self {
             Self::Blink { on_s, period_s, phase_s } => {
                 range("blink.period_s", *period_s, 0.001, 1e6)?;
@@ -165,7 +164,7 @@ impl Fixture {
             ),
             Some(_) => return Ok(()),
         };
-        let place = format_args!("{key} `{}`: parameter", self.name);
+        let place = format!("{key} `{}`: parameter", self.name);
         Err(Error::input(place, parameter, wanted, hint))
     }
 }

@@ -160,7 +160,7 @@ fn corners(
     }
     let wanted = "x and y of the upper left, upper right, lower right and lower left corner";
     let hint = "read the corners of the sheet off the picture, clockwise from upper left";
-    Err(Error::input(format!("{file}: corners"), format!("{corners:?}"), wanted, hint))
+    Err(Error::input("corners", format!("{corners:?}"), wanted, hint).at(file, None))
 }
 
 /// The picture in upright position, opaque, and at most as large as needed; and how many pixels of

@@ -33,7 +33,7 @@ pub(super) fn chosen<T>(
     let kept = kept.map(|(index, stroke)| (index + 1, stroke)).collect();
     any.then_some(kept).ok_or_else(|| {
         let (found, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
-        Error::input(format!("{file}: letters.without"), found, "at least one stroke", hint)
+        Error::input("letters.without", found, "at least one stroke", hint).at(file, None)
     })
 }
 

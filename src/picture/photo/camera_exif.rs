@@ -18,7 +18,7 @@ use exif::{Exif, In, Tag, Value};
 use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomBody, CustomLens, INFINITY_M, LensModel, Metering,
 };
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
 /// Largest file of a photograph: a raw one of a technical camera.
@@ -74,16 +74,15 @@ pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Ve
     };
     let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
         let found = format_args!("no EXIF ({error})");
-        Error::input(&place, found, "a photograph as the camera wrote it", HINT)
+        Error::input(Place::file(&place), found, "a photograph as the camera wrote it", HINT)
     })?;
     let (camera, warnings) = with_exif(camera, &exif, size_px, &place)?;
     // An impossible number is the file's, not that of a key.
     camera.check().map_err(|error| {
         let Error::Input { place: key, found, wanted, .. } = &error else { return error };
-        match TAGS.iter().find(|(part, _)| key.key.contains(part)) {
+        match TAGS.iter().find(|(part, _)| key.key().contains(part)) {
             Some((_, tag)) => {
-                let place = format_args!("{place}: EXIF, {tag}");
-                Error::input(place, found, wanted.as_str(), HINT)
+                Error::input(format!("EXIF, {tag}"), found, wanted.as_str(), HINT).at(&place, None)
             }
             None => error,
         }

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{LIMIT, Scene};
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_logs::scene_in;
 
 /// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
@@ -61,7 +61,12 @@ impl CarriedScene {
         if let Some(other) = all.iter().find(differs) {
             let hint = "name the scene, or the files one at a time";
             let found = format!("another scene than {}", all[0].file);
-            return Err(Error::input(&other.file, found, "one scene of all files", hint));
+            return Err(Error::input(
+                Place::file(&other.file),
+                found,
+                "one scene of all files",
+                hint,
+            ));
         }
         Ok(all.into_iter().next())
     }

@@ -8,14 +8,14 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use noctograph_core::camera::{CameraOptions, Framing, Metering};
+use noctograph_core::camera::CameraOptions;
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 use noctograph_core::settings::{Described, settings};
 use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
 use noctograph_picture::expose::ExposeOptions;
-use noctograph_picture::light::{Deck, LightOptions, RingColor, RingEffect};
+use noctograph_picture::light::LightOptions;
 use noctograph_picture::photo::{self, PhotoOptions};
 use noctograph_plan::PlanOptions;
 use noctograph_score::ScoreOptions;
@@ -28,6 +28,7 @@ use noctograph_sim::{
 mod advice;
 mod carried;
 mod idle;
+mod implied;
 mod named;
 mod preset;
 mod text;
@@ -141,8 +142,8 @@ impl Scene {
     /// Reads the text of a scene and lays single settings over it: dotted keys with their values,
     /// such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
-    /// Settings come before the keys of the file, these before the defaults of the style of flying,
-    /// these before the preset.
+    /// Settings come before the keys of the file, these before what follows from a key that is set
+    /// (a table in the text of [`Self::to_toml`]), this before the preset.
     ///
     /// # Errors
     ///
@@ -153,44 +154,16 @@ impl Scene {
         for (key, value) in settings {
             layers.push(text::single(key, value)?);
         }
-        let named = |find: fn(&Table) -> Option<&str>| layers.iter().rev().find_map(find);
-        let preset = match named(|table| table.get("preset")?.as_str()) {
+        let preset = match implied::last(&layers, "preset").and_then(Value::as_str) {
             Some(name) => name.parse()?,
             None => Preset::default(),
         };
         let mut scene = Self::preset(preset);
-        match named(style_of) {
-            Some("even") => scene.plan = PlanOptions::even(),
-            Some(_) => scene.plan = PlanOptions::default(),
-            None => {}
-        }
-        // A color LED deck that is chosen writes: there are no headlights beside it.
-        if named(deck_of) == Some(Deck::ColorLed.name()) {
-            scene.plan.lights = vec![Deck::ColorLed.name().to_owned()];
-        }
-        // A ring that is chosen writes as well: what a preset or a file has of its effect gives way
-        // to what is set for one run.
-        if let Some(file_gives_way) = chooses_ring(&layers) {
-            scene.light.ring = RingEffect::Solid(RingColor::default());
-            if let Framing::Word(framing) = &mut scene.camera.framing {
-                framing.height_m = Some(RING_CAMERA_M);
-            }
-            let light = layers[0].get_mut("light").and_then(Value::as_table_mut);
-            light.filter(|_| file_gives_way).map(|light| light.remove("ring"));
-        }
-        // An aperture or a sensitivity that is set is meant.
-        let camera = |key| {
-            let camera = |layer: &Table| Some(layer.get("camera")?.get(key)?.is_table());
-            layers.iter().any(|layer| camera(layer).is_some())
-        };
-        if (camera("f_number") || camera("iso")) && !camera("metering") {
-            scene.camera.metering = Metering::Off;
-        }
+        implied::RULES.iter().for_each(|rule| (rule.apply)(&mut scene, &mut layers));
         let mut values = Table::try_from(scene).expect("a preset is a table");
         let settings = Self::SHAPE.settings();
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
-        let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
-        let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
+        let scene = text::scene_of(values).map_err(with_line)?;
         scene.check().map_err(with_line)?;
         Ok(scene)
     }
@@ -336,36 +309,12 @@ impl Scene {
     }
 }
 
-/// The style of flying that a scene's table names, alone or as the `kind` of its table.
-fn style_of(scene: &Table) -> Option<&str> {
-    let style = scene.get("plan")?.get("style")?;
-    style.as_str().or_else(|| style.get("kind")?.as_str())
-}
-
-/// Height of the camera where a ring writes, whose LEDs shine straight down: on a bag of beans on
-/// the floor. Square in front of the word, what is below the camera would be dark.
-const RING_CAMERA_M: f64 = 0.15;
-
-/// Whether a ring alone is chosen, without an effect of it: by the file, the first of the tables,
-/// or (`true`) by a table after it, whatever the file has.
-fn chooses_ring(tables: &[Table]) -> Option<bool> {
-    let lights = |table: &Table| table.get("plan")?.get("lights")?.as_array().cloned();
-    let has_effect = |table: &Table| table.get("light").is_some_and(|it| it.get("ring").is_some());
-    let (at, lights) =
-        tables.iter().enumerate().rev().find_map(|(at, it)| Some((at, lights(it)?)))?;
-    let is_ring = matches!(&*lights, [lamp] if lamp.as_str() == Some("ring"));
-    let is_free = !tables[usize::from(at > 0)..].iter().any(has_effect);
-    (is_ring && is_free).then_some(at > 0)
-}
-
-/// The deck that a scene's table names.
-fn deck_of(scene: &Table) -> Option<&str> {
-    scene.get("light")?.get("deck")?.as_str()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::implied::RING_CAMERA_M;
     use super::*;
+    use noctograph_core::camera::{Framing, Metering};
+    use noctograph_picture::light::{RingColor, RingEffect};
     use noctograph_plan::EvenStyle;
 
     #[test]

@@ -3,11 +3,11 @@
 
 use std::collections::BTreeSet;
 
-use toml::de::DeTable;
-use toml::{Table, Value};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
 
-use super::{Preset, Scene};
-use noctograph_core::error::{Error, Result};
+use super::{Preset, Scene, implied};
+use noctograph_core::error::{Error, Place, Result, Segment};
 use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
 };
@@ -21,8 +21,13 @@ pub(super) const HINT: &str = "`noctograph scene` prints every key with its mean
 pub(super) fn document(scene: &Scene) -> String {
     let values = Table::try_from(scene).expect("a checked scene is a TOML table");
     let mut text = "# A noctograph scene: everything that the photo depends on. SI units,\n\
-                    # angles in radians. Keys that are left out keep the value of the preset.\n"
+                    # angles in radians. Keys that are left out keep the value of the preset, but\n\
+                    # for those that follow from a key that is set:\n"
         .to_owned();
+    for rule in &implied::RULES {
+        wrap(&mut text, "#   ", "#     ", &format!("{}: {}", rule.when, rule.then));
+    }
+    text.push('\n');
     group(&mut text, "", Scene::SHAPE.settings(), &values);
     if scene.light.fixtures.is_none() {
         text += &lamps_of_deck(scene);
@@ -341,24 +346,37 @@ fn is_text(key: &str) -> bool {
 /// Puts file and line before an error's place, where the place begins with a key of the file.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
-        Error::Input { place, .. } => line_of(toml, &place.key),
+        Error::Input { place, .. } => line_of(toml, place),
         _ => None,
     };
     error.at(file, line)
 }
 
-/// The line of the key that a place begins with, such as `camera.iso`; that of its table where the
-/// key is not in the file.
-fn line_of(toml: &str, place: &str) -> Option<u64> {
+/// The line of a place's key, or of the innermost of its tables and lists that the file has.
+fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
-    let mut table = parsed.get_ref();
+    let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
-    for word in place.split([' ', '.', '[']) {
-        let Some((key, value)) = table.get_key_value(word) else { break };
-        line = Some(line_at(toml, key.span().start));
-        match value.get_ref().as_table() {
-            Some(inner) => table = inner,
-            None => break,
+    for segment in &place.0 {
+        match segment {
+            Segment::Key(keys) => {
+                for key in keys.split('.') {
+                    let Some((key, inner)) = value.get_ref().as_table()?.get_key_value(key) else {
+                        return line;
+                    };
+                    line = Some(line_at(toml, key.span().start));
+                    value = inner;
+                }
+            }
+            Segment::Index(index) => {
+                let Some(item) = value.get_ref().as_array().and_then(|list| list.get(*index))
+                else {
+                    return line;
+                };
+                line = Some(line_at(toml, item.span().start));
+                value = item;
+            }
+            Segment::File(_) | Segment::Line(_) => return line,
         }
     }
     line
@@ -368,19 +386,25 @@ fn line_at(text: &str, byte: usize) -> u64 {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
-/// The error for a value of the wrong type.
-pub(super) fn type_error(error: &toml::de::Error) -> Error {
-    let text = error.to_string();
-    let place = text.rsplit_once("in `").and_then(|(_, rest)| rest.split('`').next());
-    let found = error.message().replace('\n', "; ");
-    let mismatch =
-        found.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
-    match mismatch {
-        Some((value, expected)) => {
-            Error::input(place.unwrap_or("scene"), in_words(value), in_words(expected), HINT)
+/// A table of settings as a scene, or the error for a value of the wrong type.
+pub(super) fn scene_of(values: Table) -> Result<Scene> {
+    serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| {
+        let steps = error.path().iter().filter_map(|step| match step {
+            serde_path_to_error::Segment::Seq { index } => Some(Segment::Index(*index)),
+            serde_path_to_error::Segment::Map { key } => Some(Segment::Key(key.clone())),
+            _ => None,
+        });
+        let place = Place(steps.collect());
+        let found = error.inner().message().replace('\n', "; ");
+        let mismatch =
+            found.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+        match mismatch {
+            Some((value, expected)) => {
+                Error::input(place, in_words(value), in_words(expected), HINT)
+            }
+            None => Error::input(place, found, "a value of the key's type", HINT),
         }
-        None => Error::input(place.unwrap_or("scene"), found, "a value of the key's type", HINT),
-    }
+    })
 }
 
 /// What the TOML reader calls a type, or a value of one, as who writes a scene knows it.

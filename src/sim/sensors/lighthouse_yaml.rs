@@ -120,8 +120,8 @@ fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> R
     if wanted.contains(&value.value.as_str()) {
         return Ok(());
     }
-    let place = format!("{file}:{}: {key}", value.referenced.line());
-    Err(Error::input(place, &value.value, wanted.join(" or "), HINT))
+    let error = Error::input(key, &value.value, wanted.join(" or "), HINT);
+    Err(error.at(file, value.referenced.line()))
 }
 
 /// A station of its geometry.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::height::time_of_flight_sigma_m;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
-use noctograph_core::settings::{Described, Shape, settings};
+use noctograph_core::settings::{Described, Shape, joined, settings};
 
 /// Most base stations: the channels of the second generation.
 const MAX_STATIONS: usize = 16;
@@ -302,13 +302,13 @@ impl Described for Station {
     const SHAPE: Shape = Shape::Plain;
 
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        self.position_m.check(&format!("{place}.position_m"), Some([-1e4, 1e4]))?;
+        self.position_m.check(&joined(place, "position_m"), Some([-1e4, 1e4]))?;
         for (key, angle_rad, max) in [
             ("yaw_rad", self.yaw_rad, 2.0 * PI),
             ("pitch_rad", self.pitch_rad, FRAC_PI_2),
             ("roll_rad", self.roll_rad, 2.0 * PI),
         ] {
-            angle_rad.check(&format!("{place}.{key}"), Some([-max, max]))?;
+            angle_rad.check(&joined(place, key), Some([-max, max]))?;
         }
         Ok(())
     }
@@ -384,27 +384,30 @@ impl UwbOptions {
         for (i, anchor) in self.anchors_m.iter().enumerate() {
             if self.anchors_m[..i].contains(anchor) {
                 return Err(input_error!(
-                    format!("sensors.uwb.anchors_m[{i}]"),
+                    "",
                     "{anchor:?}, the place of another anchor",
                     "each anchor once",
                     "list every anchor at its own place"
-                ));
+                )
+                .of_item("sensors.uwb.anchors_m", i));
             }
         }
         let n = self.anchors_m.len();
         for (drone, heard) in self.heard.iter().enumerate() {
-            let place = format!("sensors.uwb.heard[{drone}]");
+            let list = "sensors.uwb.heard";
             let hint = "list the anchors that the drone hears";
-            check_count(&place, heard.len(), [least, n], hint)?;
+            check_count("", heard.len(), [least, n], hint).map_err(|e| e.of_item(list, drone))?;
             let is_wrong = |i: &usize| heard[*i] >= n || heard[..*i].contains(&heard[*i]);
             if let Some(i) = (0..heard.len()).find(is_wrong) {
                 let (anchor, most) = (heard[i], n - 1);
                 return Err(input_error!(
-                    format!("{place}[{i}]"),
+                    "",
                     "{anchor}",
                     "each index once, from 0 to {most}",
                     "indices count the list sensors.uwb.anchors_m from 0"
-                ));
+                )
+                .of_item("", i)
+                .of_item(list, drone));
             }
         }
         Ok(())
@@ -488,10 +491,10 @@ impl SensorOptions {
                 heard_from_s = *to_s;
                 continue;
             };
-            let place = format!("sensors.gnss.silent_s[{i}]");
             let hint =
                 "write each silence as [from, to], in order of time, and join those that meet";
-            return Err(Error::input(place, format!("{from_s} to {to_s} s"), wanted, hint));
+            let error = Error::input("", format!("{from_s} to {to_s} s"), wanted, hint);
+            return Err(error.of_item("sensors.gnss.silent_s", i));
         }
         Ok(())
     }

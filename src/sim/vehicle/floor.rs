@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use noctograph_core::error::{Error, Result};
-use noctograph_core::settings::{Described, Shape, settings};
+use noctograph_core::settings::{Described, Shape, joined, settings};
 
 settings! {
     /// The floor: level at z = 0, but for steps. The ranger sees them, and the drone can stand on
@@ -43,9 +43,9 @@ impl Described for FloorStep {
     const SHAPE: Shape = Shape::Plain;
 
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        self.height_m.check(&format!("{place}.height_m"), Some([0.001, 100.0]))?;
+        self.height_m.check(&joined(place, "height_m"), Some([0.001, 100.0]))?;
         for (key, extent_m) in [("x_m", self.x_m), ("y_m", self.y_m)] {
-            let place = format!("{place}.{key}");
+            let place = joined(place, key);
             extent_m.check(&place, Some([-1e4, 1e4]))?;
             let [least, most] = extent_m;
             if least >= most {
@@ -85,7 +85,8 @@ impl FloorOptions {
                 let found = format!("x {left} to {right} m, y {near} to {far} m");
                 let wanted = format!("a place that floor.steps[{j}] leaves free");
                 let hint = "divide the steps so that each place has one height";
-                return Err(Error::input(format!("floor.steps[{i}]"), found, wanted, hint));
+                let error = Error::input("", found, wanted, hint);
+                return Err(error.of_item("floor.steps", i));
             }
         }
         Ok(())
