@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::{Args, CameraFlags, Corners, Outcome, Report, Result, table};
+use super::{Args, CameraFlags, Corners, Outcome, Report, Result, message, table};
 use crate::camera::Framing;
 use crate::photo::{self, Photo};
-use crate::score::{View, read};
+use crate::score::{Reading, View, quarter_turned, read_any_way_up};
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
@@ -22,7 +22,8 @@ pub(super) struct ReadArgs {
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
-    let reading = read(&photo).of_writing();
+    let (_, reading) = read_upright(photo, "");
+    let reading = reading.of_writing();
     if reading.text.is_empty() {
         let report = Report::new("no writing found\n".into(), &reading);
         return Ok(report.with_outcome(Outcome::NotLegible));
@@ -30,6 +31,21 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let letters = reading.letters.iter().map(|it| format!("{}\t{:.2}", it.letter, it.p));
     let text = format!("{}\n\n{}", reading.text, table("letter<10|share<0", letters));
     Ok(Report::new(text, &reading))
+}
+
+/// A photo and its reading, turned until its writing, or the word that it should show, is the right
+/// way up.
+pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
+    let (reading, quarters) = read_any_way_up(&photo, word);
+    if quarters == 0 {
+        return (photo, reading);
+    }
+    let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
+    let angle_deg = 90 * quarters;
+    let text =
+        format!("the writing stands {way_up}: the photo is turned clockwise by {angle_deg}°");
+    message("note: ", &text);
+    (quarter_turned(&photo, quarters), reading)
 }
 
 /// The photo with its line of writing seen square on, if corners or a camera are given.

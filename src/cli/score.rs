@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use super::read::read_upright;
 use super::relit::relit_where_dark;
 use super::{
     Args, CameraFlags, Corners, Error, FlightFlags, Outcome, Output, Report, Result, SceneFlags,
@@ -15,7 +16,7 @@ use crate::plan::Plan;
 use crate::preflight::check_written;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, LogGap, Reader, View, locate, read};
+use crate::score::{Homography, LogGap, Reader, Reading, View, locate};
 use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
@@ -52,11 +53,11 @@ pub(super) struct ScoreArgs {
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
-    let (photo, notes) = photo::read_with_notes(&args.photo)?;
-    let inside = photo.scene_toml.as_deref().filter(|_| !args.scene.is_given());
+    let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
+    let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
-    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file, |scene| {
+    let mut scene = args.scene.load_or(inside.as_deref().unwrap_or_default(), &file, |scene| {
         if inside.is_some() && !args.trust {
             distrust(args, scene, &file)?;
         }
@@ -64,6 +65,11 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     })?;
     let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
     args.camera.apply(&mut scene)?;
+    let mut reading = None;
+    if !has_camera && args.corners.is_none() {
+        let upright = read_upright(photo, args.word.as_deref().unwrap_or_default());
+        (photo, reading) = (upright.0, Some(upright.1));
+    }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, even if another one is looked for now.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
@@ -91,8 +97,10 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             let size_px = [photo.width_px, photo.height_px];
             View::Plane(Homography::from_corners(strokes.bounds_m(), *corners_px, size_px)?)
         }
-        None if has_camera => framed()?,
-        None => by_light(&photo, &strokes)?.map_or_else(framed, Ok)?,
+        None => match &reading {
+            Some(reading) => by_light(&photo, reading, &strokes)?.map_or_else(framed, Ok)?,
+            None => framed()?,
+        },
     };
     let mut flights = Vec::new();
     let logs = args.flights.read_all(&args.flight, Some(&scene))?;
@@ -167,8 +175,8 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
 }
 
 /// Locates a word in a photo without a camera.
-fn by_light(photo: &Photo, strokes: &Strokes) -> Result<Option<View>> {
-    let view = locate(photo, &read(photo), strokes)?;
+fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+    let view = locate(photo, reading, strokes)?;
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",

@@ -242,7 +242,7 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
     };
     run(py, &Stop::default(), move || {
         let photo = photo.or_else(|path| photo::read(&path))?;
-        Ok(noctograph::score::read(&photo).of_writing().text)
+        Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })
 }
 

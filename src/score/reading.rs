@@ -83,9 +83,14 @@ impl Reading {
     /// The same where it is clear enough to be writing, and nothing else.
     #[must_use]
     pub fn of_writing(self) -> Self {
-        let sum: f64 = self.letters.iter().map(ReadLetter::share).sum();
         let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
-        if sum >= least * self.letters.len() as f64 { self } else { Self::default() }
+        if self.mean_share() >= least { self } else { Self::default() }
+    }
+
+    /// Mean share of its letters; 0 without any.
+    pub(super) fn mean_share(&self) -> f64 {
+        let sum: f64 = self.letters.iter().map(ReadLetter::share).sum();
+        sum / self.letters.len().max(1) as f64
     }
 }
 

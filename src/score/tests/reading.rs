@@ -32,6 +32,20 @@ fn the_teams_faults_leave_the_word_recognizable() {
 }
 
 #[test]
+fn a_word_is_read_whichever_way_up_the_photo_is() {
+    for text in ["GREEN", "WAVE", "FLOCK"] {
+        let photo = Shot::of(&word(text)).photo();
+        for quarters in 0..4 {
+            let (reading, turns) = read_any_way_up(&quarter_turned(&photo, quarters), "");
+            assert_eq!((&*reading.text, turns), (text, (4 - quarters) % 4), "{quarters}");
+        }
+    }
+    let turned = |text| quarter_turned(&Shot::of(&word(text)).photo(), 2);
+    assert_eq!(read_any_way_up(&turned("NOOR"), "NOOR").1, 2);
+    assert_eq!(read_any_way_up(&turned("MOON"), "MOON").1, 2);
+}
+
+#[test]
 fn nothing_is_read_where_nothing_is_written() {
     let shot = Shot::of(&word("NOOR"));
     assert_eq!(read(&shot.showing(Vec::new()).photo()).text, "");

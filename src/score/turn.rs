@@ -1,0 +1,62 @@
+//! The way up of a photo: writing that stands on its side, or upside down.
+
+use super::reading::{Reading, read};
+use noctograph_core::photo::Photo;
+
+/// Mean share of the letters of writing that is the right way up. Upside down, NOOR reads as HOON of
+/// 0.87.
+const UPRIGHT: f64 = 0.92;
+
+/// Fewest letters that say which way up they are: turned, a heart or an arrow may be one or two.
+const LEAST_LETTERS: usize = 3;
+
+/// The reading of a photo, turned by quarters where its writing reads clearly only so, with the
+/// number of these turns, clockwise; the letters' boxes are those in the turned photo. Turned, it
+/// reads more clearly than as it is, and as `word` where that is not empty, or else what is written
+/// does not read clearly as it is.
+#[must_use]
+pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
+    let upright = read(photo);
+    let is_word = |reading: &Reading| reading.text.eq_ignore_ascii_case(word);
+    let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
+    if is_word(&upright) || is_clear && word.is_empty() {
+        return (upright, 0);
+    }
+    let turned = (1..4).map(|quarters| (read(&quarter_turned(photo, quarters)), quarters));
+    let turned = turned.filter(|(reading, _)| {
+        reading.letters.len() >= LEAST_LETTERS
+            && reading.mean_share() >= UPRIGHT.max(upright.mean_share())
+            && (is_word(reading) || !is_clear)
+    });
+    let best = turned.reduce(|a, b| if b.0.mean_share() > a.0.mean_share() { b } else { a });
+    best.unwrap_or((upright, 0))
+}
+
+/// A photo that is turned clockwise by quarters.
+#[must_use]
+pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
+    let mut photo = photo.clone();
+    for _ in 0..quarters % 4 {
+        let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
+        let pixels = (0..width).flat_map(|x| (0..height).rev().map(move |y| y * width + x));
+        photo.rgb8 = pixels.flat_map(|i| photo.rgb8[3 * i..3 * i + 3].to_vec()).collect();
+        (photo.width_px, photo.height_px) = (photo.height_px, photo.width_px);
+    }
+    photo
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_quarters_are_the_photo_and_one_takes_the_upper_left_pixel_to_the_right() {
+        let rgb8 = (0..18).collect();
+        let photo = Photo { width_px: 3, height_px: 2, rgb8, scene_toml: None };
+        let once = quarter_turned(&photo, 1);
+        assert_eq!([once.width_px, once.height_px], [2, 3]);
+        assert_eq!(once.rgb8[3..6], [0, 1, 2]);
+        assert_eq!(quarter_turned(&once, 3), photo);
+        assert_eq!(quarter_turned(&photo, 4), photo);
+    }
+}
