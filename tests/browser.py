@@ -35,6 +35,7 @@ def opened(browser, url, **options):
     """A page, and what it complained of or asked others for."""
     context = browser.new_context(**{"locale": "en-US", "viewport": DESK, "color_scheme": "dark", **options})
     page = context.new_page()
+    page.set_default_timeout(120_000)
     trouble = []
     page.on("console", lambda message: message.type in ("error", "warning") and "Failed to load resource" not in message.text and trouble.append(message.text))
     page.on("response", lambda response: response.status >= 400 and response.status != 503 and trouble.append(f"{response.status} {response.url}"))
@@ -45,11 +46,11 @@ def opened(browser, url, **options):
 
 
 def ready(page):
-    page.wait_for_selector("body[data-ready]", timeout=30_000)
+    page.wait_for_selector("body[data-ready]", timeout=120_000)
     return page
 
 
-def until(page, expression, timeout_s=30, what=None):
+def until(page, expression, timeout_s=120, what=None):
     """Waits for an expression of the page to be true, and returns its value."""
     end = time.monotonic() + timeout_s
     while True:
@@ -65,7 +66,7 @@ def until(page, expression, timeout_s=30, what=None):
         time.sleep(0.02)
 
 
-def shown(page, timeout_s=30):
+def shown(page, timeout_s=120):
     """Waits for the photograph of what is wished now, and returns the verdict."""
     until(page, "!document.querySelector('#frame').hidden && !document.querySelector('#frame').classList.contains('waits')", timeout_s, "a photograph")
     return page.inner_text("#verdict")

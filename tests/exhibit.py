@@ -155,7 +155,7 @@ def the_large_photograph_is_asked_for_once(hall):
         write(page, "LEA")
         until(page, "window.asks === 1", what="that the large photograph is asked for")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=60_000)
+        page.wait_for_selector("#sent h2", timeout=120_000)
         assert page.evaluate("window.asks") == 1
     finally:
         server.kill()
@@ -459,13 +459,13 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             ready(page)
             write(page, "ANNA")
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.wait_for_selector("#sent h2", timeout=120_000)
             assert "ANNA" in page.inner_text("#sent h2")
             page.get_by_text("Take it back").click()
             assert page.input_value("#word") == "ANNA", "what was taken back can be changed"
             shown(page)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.wait_for_selector("#sent h2", timeout=120_000)
             page.reload()
             ready(page)
             page.wait_for_selector("#sent h2")
@@ -481,7 +481,7 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             assert "ANNA" in host.inner_text("#list")
             host.keyboard.press("a")
             until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
-            wall.wait_for_selector("#newest img", timeout=30_000)
+            wall.wait_for_selector("#newest img", timeout=120_000)
             assert "ANNA" in wall.inner_text("#newest")
             until(page, "document.querySelector('#sent p').textContent.includes('will be flown')", what="the visitor is told")
             host.keyboard.press("z")
@@ -490,7 +490,7 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             host.keyboard.press("a")
             host.click("#tabs button:nth-child(2)")
             host.wait_for_selector("[data-do=fly]")
-            with host.expect_download(timeout=60_000) as download:
+            with host.expect_download(timeout=120_000) as download:
                 host.click("#export")
             assert open(download.value.path(), "rb").read(2) == b"PK"
             host.keyboard.press("f")
@@ -531,7 +531,7 @@ def a_refusal_is_said_and_the_word_stays(hall):
         host.click("#pause")
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=60_000)
+        page.wait_for_selector("#sent h2", timeout=120_000)
     finally:
         server.kill()
 
@@ -548,7 +548,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
             write(page, word)
             visitors.add(kept(page)["visitor"])
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.wait_for_selector("#sent h2", timeout=120_000)
             page.get_by_text("Write another").click()
             assert page.input_value("#word") == ""
         assert len(visitors) == 8, visitors
@@ -559,7 +559,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
         assert phone.locator("#start").is_hidden(), "a phone begins at the word"
         write(phone, "LO")
         phone.click("#send")
-        phone.wait_for_selector("#sent h2", timeout=60_000)
+        phone.wait_for_selector("#sent h2", timeout=120_000)
         phone.get_by_text("Keep").first.wait_for()
         assert not [line for line in trouble if not line.startswith("429")], trouble
     finally:
@@ -613,7 +613,7 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         for word in ["ANNA", "OTTO"]:
             write(page, word)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=60_000)
+            page.wait_for_selector("#sent h2", timeout=120_000)
             page.get_by_text("Write another").click()
             until(wall, f"document.querySelector('#wall').innerText.includes('{word}')", what=f"{word} on the wall")
         assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
@@ -688,7 +688,7 @@ def states(browser, server):
         page.click("#opened-close")
         write(page, "ANNA")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=60_000)
+        page.wait_for_selector("#sent h2", timeout=120_000)
         yield f"sent {wide}", page
         number = kept(page)["sent"]["id"]
         page.context.close()

@@ -46,7 +46,7 @@ def types_reads_and_downloads(browser, url):
     until(page, "document.querySelectorAll('#drawer .files button').length === 3")
     assert page.locator("#drawer .letters li").count() == 4
     for name, begins in {"photo.png": b"\x89PNG", "scene.toml": b"", "flight.zip": b"PK"}.items():
-        with page.expect_download(timeout=60_000) as download:
+        with page.expect_download(timeout=120_000) as download:
             page.click(f"[data-file='{name}']")
         assert open(download.value.path(), "rb").read().startswith(begins), name
     before = page.get_attribute("main", "data-shown")

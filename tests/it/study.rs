@@ -27,7 +27,7 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
 
 /// Waits until a file holds some lines; the process that writes it is still at it.
 fn wait_for_lines(path: &Path, n: usize) {
-    let patience = Instant::now() + Duration::from_secs(60);
+    let patience = Instant::now() + Duration::from_secs(300);
     let lines = || std::fs::read(path).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count());
     while lines() < n {
         assert!(Instant::now() < patience, "{} has {} lines", path.display(), lines());

@@ -118,7 +118,8 @@ fn golden_films_are_the_same_on_both_backends() {
             Ok(on_gpu) => assert!(on_gpu.film == on_cpu, "{name} differs on {}", on_gpu.adapter),
             Err(e) => assert!(!gpu_required(), "{name}: {e}"),
         }
-        writeln!(digests, "{}  {name}", on_cpu.sha256()).unwrap();
+        let light = [0, 1, 2].map(|color| on_cpu.light_lx_s_px2(color));
+        writeln!(digests, "{}  {name}: light {light:.3?} lx s px2", on_cpu.sha256()).unwrap();
     }
     assert_golden("expose/films.txt", &digests);
 }
