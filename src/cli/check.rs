@@ -24,14 +24,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
-    let json = json!({
+    let product = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
         "findings": found.iter().map(findings::json).collect::<Vec<_>>(),
     });
-    let mut report = Report::new(findings::table(&found) + "\n", json);
-    if let Some(strokes) = &shoot.strokes {
-        show::tell_drawing(&mut report, strokes);
-    }
+    let mut report = Report::new(findings::table(&found) + "\n", product);
+    report.add(show::drawing(shoot.strokes.as_ref()));
     if let Some(placement) = placement {
         for [what, place] in placement.rows() {
             report.text += &wrapped(&format!("{what:22} "), &place);

@@ -56,7 +56,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
                 folder.write(&page.get_filename(), |out| page.render(out))?;
                 names.push(page.get_filename());
             }
-            Ok(Report::empty().with_files(&folder.keep(&names)?))
+            Ok(Report::of(json!({}), "").with_files(&folder.keep(&names)?))
         }
     }
 }

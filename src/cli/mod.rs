@@ -19,11 +19,11 @@ use flags::{
     warn_of_idle_keys,
 };
 use names::{Corners, named, names, numbers};
-use outcome::{Outcome, line, shell_word, typed_command, wrapped};
+use outcome::{Outcome, shell_word, typed_command};
 use output::{Output, OutputFolder, Outputs, is_svg};
 use picture::{CameraFlags, PictureFlags, StandFlag};
+use printer::{line, table, wrapped};
 use progress::{Progress, watch};
-use table::table;
 
 mod advice;
 mod check;
@@ -52,6 +52,7 @@ mod output;
 mod picture;
 mod plan;
 mod preview;
+mod printer;
 mod progress;
 mod rank;
 mod read;
@@ -63,13 +64,12 @@ mod serve;
 mod show;
 mod spread;
 mod studies;
-mod table;
 mod tune;
 mod typefaces;
 
 pub use self::show::verdict_table;
 pub use self::studies::ranking_report;
-pub use self::tune::table_of as tuning_table;
+pub use self::tune::tuning_report;
 pub use outcome::Report;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.

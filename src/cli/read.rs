@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Args, CameraFlags, Corners, Outcome, Report, Result, table};
+use super::{Args, CameraFlags, Corners, Outcome, Report, Result, json};
 use crate::camera::Framing;
 use crate::photo::{self, Photo};
 use crate::score::{View, read};
@@ -23,14 +23,18 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read(&photo).of_writing();
-    if reading.text.is_empty() {
-        let report = Report::new("no writing found\n".into(), &reading);
-        return Ok(report.with_outcome(Outcome::NotLegible));
-    }
-    let letters = reading.letters.iter().map(|it| format!("{}\t{:.2}", it.letter, it.p));
-    let text = format!("{}\n\n{}", reading.text, table("letter<10|share<0", letters));
-    Ok(Report::new(text, &reading))
+    let outcome = if reading.text.is_empty() { Outcome::NotLegible } else { Outcome::Done };
+    let text = Some(&reading.text).filter(|text| !text.is_empty());
+    let report = Report::with_words(&reading, &json!({ "line": text }), LAYOUT);
+    Ok(report.with_outcome(outcome))
 }
+
+const LAYOUT: &str = "\
+{line~no writing found}
+
+|letters|letter<10|share<0
+{letter}|{p:.2}
+";
 
 /// The photo with its line of writing seen square on, if corners or a camera are given.
 fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {

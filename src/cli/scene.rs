@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::{Args, DesignFlags, Output, Report, Result, SeedFlag};
+use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
@@ -31,5 +31,5 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         return Ok(Report::new(toml, &scene));
     };
     let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
-    Ok(Report::empty().with_files(&[file]))
+    Ok(Report::of(json!({}), "").with_files(&[file]))
 }

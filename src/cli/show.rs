@@ -79,24 +79,22 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     text.to_owned()
 }
 
-/// Adds the strokes of a drawing, and what its detail leaves out.
-pub(super) fn tell_drawing(report: &mut Report, strokes: &Strokes) {
-    if strokes.font.is_some() {
-        return;
-    }
-    let (n, length_m, left_out) = (strokes.n_strokes(), strokes.length_m(), strokes.left_out);
-    let mut text = format!("{n} strokes, {length_m:.2} m");
-    if left_out.strokes > 0 {
-        let percent = 100.0 * left_out.share;
-        text +=
-            &format!("; left out: {} short ones, {percent:.1} % of the length", left_out.strokes);
-    }
-    let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
-    let mut json = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
+/// The strokes of a drawing, and what its detail leaves out; nothing of a word.
+pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
+    let Some(strokes) = strokes.filter(|strokes| strokes.font.is_none()) else {
+        return Report::of(json!({}), "");
+    };
+    let left_out = json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.share });
+    let mut drawing = json!({
+        "strokes": strokes.n_strokes(), "length_m": strokes.length_m(), "left_out": left_out,
+    });
     if !strokes.warnings.is_empty() {
-        json["warnings"] = json!(strokes.warnings);
+        drawing["warnings"] = json!(strokes.warnings);
     }
-    report.figure("drawing", json, "drawing", &text);
+    let layout = "drawing   {drawing.strokes} strokes, {drawing.length_m:.2} m[; left out: \
+                  {left_out.strokes} short ones, {left_out.share*100:.1} % of the length]";
+    let words = json!({ "left_out": Some(left_out).filter(|_| strokes.left_out.strokes > 0) });
+    Report::with_words(json!({ "drawing": drawing }), &words, layout)
 }
 
 /// Figures of a flight with its digest and, where they are known already, its tracking errors: the
@@ -105,74 +103,60 @@ pub(super) fn tell_drawing(report: &mut Report, strokes: &Strokes) {
 /// floor.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
-    let duration_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    let mut report = Report::empty();
-    match &tracking {
+    let (mut figures, words) = match &tracking {
         Ok(tracking) => {
-            let (rmse, contour) = (tracking.rmse_m, tracking.contour);
-            let (part, lag_s) = (in_part(tracking.part), tracking.lag_s);
-            let errors = format!(
-                "{duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\nlag {lag_s:.2} s, \
-                 contour error {:.3} m (mean), {:.3} m (max)",
-                rmse.x, rmse.y, rmse.z, contour.mean_m, contour.max_m
-            );
-            report.line("flight", &errors);
-            let height = format!(
-                "RMSE {:.3} m without the lag: enough for letters of {:.2} m and more",
-                tracking.rmse_after_lag_m.z,
-                tracking.least_cap_height_m()
-            );
-            report.line("height", &height);
-            if let Some((volts, joules)) = flight.at_end(BATTERY_V).zip(flight.at_end(ENERGY_J)) {
-                let battery = format!("{volts:.2} V at the end, {joules:.0} J used");
-                report.line("battery", &battery);
-            }
-            report.json = json!(TrackingFigures::from(tracking));
+            let part = in_part(tracking.part);
+            (json!(TrackingFigures::from(tracking)), json!({ "over": part }))
         }
         Err(error) => {
             let why = match on_floor(flight) {
                 Some(why) => format!("on the floor: {why}"),
                 None => format!("no tracking error: {error}"),
             };
-            report.line("flight", &format!("{duration_s:.1} s, {why}"));
-            for key in ["part", "rmse_m", "lag_s", "contour"] {
-                report.value(key, Value::Null);
-            }
+            let keys = ["part", "rmse_m", "lag_s", "contour"];
+            (keys.map(|key| (key, Value::Null)).into_iter().collect(), json!({ "why": why }))
         }
-    }
-    report.value("duration_s", duration_s);
+    };
+    figures["duration_s"] = flight.samples.last().map_or(0.0, |last| last.time_s).into();
     for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
         if let Some(last) = flight.at_end(column) {
-            report.value(column, last);
+            figures[column] = last.into();
         }
     }
-    report.figure("sha256", sha256, "digest", sha256);
-    report
+    figures["sha256"] = sha256.into();
+    Report::with_words(figures, &words, FLIGHT)
 }
 
-/// Adds aperture and sensitivity, and what the meter found; null where it did not set them.
-pub(super) fn tell_camera(report: &mut Report, shot: &Shot) {
+const FLIGHT: &str = "\
+flight    {duration_s:.1} s, RMSE {over}: x {rmse_m.0:.3}  y {rmse_m.1:.3}  z {rmse_m.2:.3} m
+          lag {lag_s:.2} s, contour error {contour.mean_m:.3} m (mean), {contour.max_m:.3} m (max)
+flight    {duration_s:.1} s, {why}
+height    RMSE {rmse_after_lag_m.2:.3} m without the lag: enough for letters of {least_cap_height_m:.2} m and more
+battery   {battery_v:.2} V at the end, {energy_j:.0} J used
+digest    {sha256}
+";
+
+/// Aperture and sensitivity, and what the meter found; null where it did not set them.
+pub(super) fn camera(shot: &Shot) -> Report {
     let Camera { f_number, iso, .. } = shot.camera;
-    let metered = shot.metered.map_or_else(String::new, |metered| {
-        let room = metered.room_stops.map_or("dark".to_owned(), in_stops);
-        let gave_way = if metered.gave_way {
-            ": darker than wanted, so that a long exposure leaves the room dark"
-        } else {
-            ""
-        };
-        let trail = in_stops(metered.trail_stops);
-        let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
-        format!("; metered: ambient {room}, trail {trail}{gave_way}{help}")
+    let words = shot.metered.map(|metered| {
+        json!({
+            "room": metered.room_stops.map_or("dark".to_owned(), in_stops),
+            "trail": in_stops(metered.trail_stops), "help": metered.help(),
+            "why": metered.gave_way.then_some("so that a long exposure leaves the room dark"),
+        })
     });
-    let json = json!({ "f_number": f_number, "iso": iso, "metered": shot.metered });
-    report.figure("camera", json, "camera", &format!("f/{f_number}, ISO {iso}{metered}"));
+    let product =
+        json!({ "camera": { "f_number": f_number, "iso": iso, "metered": shot.metered } });
+    let layout = "camera    f/{camera.f_number}, ISO {camera.iso}[; metered: ambient {room}, \
+                  trail {trail}][: darker than wanted, {why}][; {help}]";
+    Report::with_words(product, &json!(words), layout)
 }
 
-/// Adds what computed the exposure.
-pub(super) fn tell_backend(report: &mut Report, shot: &Shot) {
-    let (backend, adapter) = (shot.backend.name(), &shot.adapter);
-    report.value("backend", backend);
-    report.figure("adapter", adapter, "exposed", &format!("by {backend} on {adapter}"));
+/// What computed the exposure.
+pub(super) fn backend(shot: &Shot) -> Report {
+    let product = json!({ "backend": shot.backend.name(), "adapter": shot.adapter });
+    Report::of(product, "exposed   by {backend} on {adapter}")
 }
 
 /// Figures of tracking for programs.

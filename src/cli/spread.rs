@@ -72,29 +72,13 @@ impl SpreadFlags {
             names.push(name);
             drawings.push(drawing);
         }
-        let mut report = described(&band, title);
+        let mut report = described(&band, &title);
         report.value("conditions", &self.conditions);
         Ok(Some(Shown { report, names, drawings }))
     }
 }
 
-fn described(spread: &Spread, title: String) -> Report {
-    let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
-    let verdicts: Vec<_> = shots.clone().filter_map(|shot| shot.verdict.as_ref()).collect();
-    let mut words = title;
-    let mut readability: Vec<f64> = verdicts.iter().map(|v| v.readability).collect();
-    readability.sort_by(f64::total_cmp);
-    if let [least, .., most] = readability[..] {
-        let legible = verdicts.iter().filter(|verdict| verdict.legible).count();
-        words += &format!(
-            ": {legible} legible; readability {least:.2} to {most:.2}, median {:.2}",
-            median(&mut readability)
-        );
-    }
-    let lost = spread.flights.len() - shots.count();
-    if lost > 0 {
-        words += &format!("; {lost} lost the drone");
-    }
+fn described(spread: &Spread, title: &str) -> Report {
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {
@@ -106,31 +90,31 @@ fn described(spread: &Spread, title: String) -> Report {
             })
         }
     });
-    let mut report = Report::empty();
-    report.figure("flights", flights.collect::<Vec<_>>(), "spread", &words);
-    for (all, within) in spread.all.iter().zip(&spread.within) {
-        report.line("", &format!("{} {}", holds(all), millimeters(all)));
-        report.line("", &format!("one drone in one room: {}", millimeters(within)));
-    }
-    report.value("bands", spread.all.iter().map(band_json).collect::<Vec<_>>());
-    report.value("bands_within", spread.within.iter().map(band_json).collect::<Vec<_>>());
-    report
+    let flights: Vec<Value> = flights.collect();
+    let mut readability: Vec<f64> =
+        flights.iter().filter_map(|flight| flight["readability"].as_f64()).collect();
+    readability.sort_by(f64::total_cmp);
+    let lost = flights.iter().filter(|flight| flight.get("lost").is_some()).count();
+    let words = json!({
+        "title": title, "legible": flights.iter().filter(|it| it["legible"] == true).count(),
+        "least": readability.first(), "most": readability.last(),
+        "median": median(&mut readability), "lost": Some(lost).filter(|lost| *lost > 0),
+        "few": spread.all.iter().map(|band| {
+            (band.holds_frac() < BAND_FRAC).then_some(band.n_flights)
+        }).collect::<Vec<_>>(),
+    });
+    let product = json!({
+        "flights": flights, "bands": spread.all.iter().map(band_json).collect::<Vec<_>>(),
+        "bands_within": spread.within.iter().map(band_json).collect::<Vec<_>>(),
+    });
+    Report::with_words(product, &words, LAYOUT)
 }
 
-/// What lies in a band.
-fn holds(band: &Band) -> String {
-    let percent = 100.0 * band.holds_frac();
-    if band.holds_frac() < BAND_FRAC {
-        format!("all {} flights, and {percent:.0} % of further ones, lie within", band.n_flights)
-    } else {
-        format!("{percent:.0} % lie within")
-    }
-}
-
-fn millimeters(band: &Band) -> String {
-    let [x, y, z] = band.half_width_m().map(|half_m| 1e3 * half_m).into();
-    format!("x ±{x:.0}, y ±{y:.0}, z ±{z:.0} mm over the letters")
-}
+const LAYOUT: &str = "\
+spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, median {median:.2}][; {lost} lost the drone]
+*bands           {holds_frac*100:.0} % of further flights[ and all of the {few.#}] lie within x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
+*bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
+";
 
 fn band_json(band: &Band) -> Value {
     let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();

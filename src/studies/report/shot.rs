@@ -55,7 +55,7 @@ pub struct ShotNotes<'a> {
 ///
 /// As [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
-    let scene = &shot.scene;
+    let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
     let subject = match scene.word.as_str() {
         "" => drawing.to_string_lossy().into_owned(),
@@ -142,10 +142,10 @@ pub fn rivals(letter: &LetterVerdict) -> String {
 }
 
 fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
-    let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    let plans: Vec<_> = shot.shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
-        let numbers = shot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
-        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word, numbers)]);
+        let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
+        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
     let trace = |(index, flight): (usize, &Flight)| NamedFlight {
         name: format!("drone {}", index + 1),
@@ -167,7 +167,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
-    let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
+    let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
         let own = |lamp: &Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
         let place = |sample: &FlightSample| {
