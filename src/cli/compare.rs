@@ -62,7 +62,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         None => Vec::new(),
     };
     let side = |path: &Path, flight: &Flight, tracking: &Option<Tracking>| {
-        let tracking = tracking.as_ref().map(show::TrackingFigures::from);
+        let tracking = tracking.as_ref().map(show::tracking_json);
         let (file, sha256) = (path.display().to_string(), flight.sha256());
         json!({ "file": file, "sha256": sha256, "tracking": tracking })
     };

@@ -33,16 +33,6 @@ pub(super) fn run(
             "then fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
-    let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
-    let html = evening_page(&title, &evening, &toml, &advice).html();
-    written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
-    let mut names = vec!["evening.html"];
-    // Without a sound flight there is nothing that a study could use.
-    if !rows.is_empty() {
-        written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
-        names.push("conditions.toml");
-    }
-    let files = written.keep(&names)?;
     let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
     let (n_logs, n_sound) = (evening.logs.len(), evening.sound().count());
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
@@ -55,7 +45,18 @@ pub(super) fn run(
         "flawed": flawed.collect::<Vec<_>>(),
         "none": rows.is_empty().then_some("no log is sound"),
     });
-    Ok(Report::with_words(product, &words, LAYOUT).with_files(&files))
+    let report = Report::with_words(product, &words, LAYOUT);
+    let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
+    let html = evening_page(&title, &evening, &report.text, &toml).html();
+    written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
+    let mut names = vec!["evening.html"];
+    // Without a sound flight there is nothing that a study could use.
+    if !rows.is_empty() {
+        written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
+        names.push("conditions.toml");
+    }
+    let files = written.keep(&names)?;
+    Ok(report.with_files(&files))
 }
 
 const LAYOUT: &str = "\

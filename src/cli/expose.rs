@@ -42,7 +42,7 @@ pub(super) struct ExposeArgs {
 }
 
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
-    let mut scene = args.scene.load_of(&args.flights, &args.seed.settings())?;
+    let mut scene = args.scene.load(&args.flights, &args.seed.settings())?;
     args.picture.apply(&mut scene)?;
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;

@@ -21,7 +21,7 @@ pub(super) struct GainsArgs {
 }
 
 pub(super) fn run(args: &GainsArgs) -> Result<Report> {
-    let scene = args.scene.load(&[])?;
+    let scene = args.scene.load(&[], &[])?;
     let own_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;

@@ -24,7 +24,7 @@ pub(super) struct IdentifyArgs {
 }
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
-    let scene = args.scene.load_of(args.log.as_slice(), &[])?;
+    let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing

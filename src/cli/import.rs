@@ -41,12 +41,12 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
             return Err(Error::input("input", word, "no word for a folder of logs", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
-        let scene = args.scene.load(&[])?;
+        let scene = args.scene.load(&[], &[])?;
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
     let log = std::slice::from_ref(&args.log);
-    let mut scene = args.scene.load_of(log, &[])?;
+    let mut scene = args.scene.load(log, &[])?;
     let is_known = args.scene.is_given() || CarriedScene::of(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;

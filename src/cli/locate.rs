@@ -92,7 +92,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.load_using(&[], &USED)?;
+    let mut scene = args.scene.load_from(None, &[], &USED)?;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();
@@ -162,22 +162,16 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         "residuals": located.links, "reference": errors, "links": links,
         "warnings": located.warnings,
     });
-    let way = match args.observer {
-        Observer::Smooth => "smoothed over the whole flight",
-        Observer::Filter => "filtered as in flight",
-        Observer::Enlarged => "by the enlarged filter and its hand-over",
-        Observer::Shared => "by the shared-anchor observer",
-    };
     let drones: Vec<usize> = (1..=located.position_m.len()).collect();
     let refused_frac = located.nis.map(|_| located.refused_frac);
     let words = json!({
-        "way": way, "n_drones": drones.len(), "drone": drones, "refused_frac": refused_frac,
+        "observer": format!("{:?}", args.observer).to_lowercase(), "n_drones": drones.len(), "drone": drones, "refused_frac": refused_frac,
     });
     Ok(Report::with_words(product, &words, LAYOUT).with_files(&files))
 }
 
 const LAYOUT: &str = "\
-located   {n_drones} of {n_drones} drones, {way}
+located   {n_drones} of {n_drones} drones, --observer {observer}
 ranges    {ranges} in {span_s:.1} s
 refused   {refused_frac*100:.1} % of the ranges
 NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} where noise and motion are as assumed)

@@ -6,9 +6,7 @@ use super::advice::mentioned;
 use super::{
     Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, warn, watch,
 };
-use crate::camera::Camera;
 use crate::expose::meter::{LampReading, floor_stops, meter};
-use crate::shoot::{Metered, in_stops};
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {
@@ -68,11 +66,13 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     });
     let rows = grouped(&readings);
     let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
-    let sentence =
-        brightest.map_or("No lamp is lit in the picture.".to_owned(), |lamp| match recommended {
-            Some(metered) => to_set(lamp, camera, metered),
-            None => by_itself(lamp, camera, target_stops, has_fixed_aperture),
-        });
+    let advice = brightest.map(|it| it.advice(camera, target_stops));
+    let advice = advice.filter(|_| recommended.is_none());
+    let aperture = advice.filter(|_| !has_fixed_aperture).map(|it| format!("f/{:.1}", it.f_number));
+    let iso = advice.and_then(|it| it.iso).map(|iso| format!("ISO {iso:.0}"));
+    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
+    let filter = "a neutral filter".to_owned();
+    let ways = advice.map(|_| if ways.is_empty() { filter } else { ways.join(" or ") });
     let spots = hot_spots(&rows);
     let rows: Vec<Value> = rows.iter().map(lamp).collect();
     // In the middle of the picture, and at most.
@@ -80,7 +80,10 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let surfaces = surfaces.map(|(name, stops)| json!({ "name": name, "median_stops": stops }));
     let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
     let words = json!({
-        "sentence": sentence, "focal_length_m": camera.focal_length_m,
+        "brightest": brightest, "ways": ways, "focal_length_m": camera.focal_length_m,
+        "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == [camera.f_number, camera.iso]),
+        "help": recommended.and_then(|it| it.help()),
+        "why": recommended.filter(|it| it.gave_way).map(|_| "so that the room stays dark"),
         "rows": rows, "trails": trails,
         "any_spots": spots.first().map(|_| "hot spots"),
         "spots": spots.get(..MOST_SPOTS).unwrap_or(&spots),
@@ -93,7 +96,9 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
 const MOST_SPOTS: usize = 20;
 
 const LAYOUT: &str = "\
-{sentence}
+brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
+set       f/{recommended.f_number} and ISO {recommended.iso}{is_set?, as they are:}: trail {recommended.trail_stops:+.1}, ambient light {recommended.room_stops:+.1~dark} stops[: darker than wanted, {why}][; {help}]
+set       {ways} for {target_stops:+.1} stops
 
 {focal_length_m*1000} mm, f/{f_number}, ISO {iso}: saturation at {saturation_lx_s:.3} lx s
 
@@ -123,41 +128,6 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
         json
     };
     spots.into_iter().map(spot).collect()
-}
-
-/// What to set for the brightest trail, by the light meter.
-fn to_set(lamp: &LampReading, camera: &Camera, metered: Metered) -> String {
-    let (name, now) = (&lamp.name, in_stops(lamp.median_stops));
-    let Metered { f_number, iso, trail_stops, room_stops, gave_way, .. } = metered;
-    let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
-    let gave_way = if gave_way { ": darker than wanted, so that the room stays dark" } else { "" };
-    let trail = in_stops(trail_stops);
-    let help = metered.help().map_or_else(String::new, |help| format!(" Besides, {help}."));
-    if (f_number, iso) == (camera.f_number, camera.iso) {
-        let right = if metered.filter_stops > 0 { "the nearest it has" } else { "right" };
-        return format!(
-            "f/{f_number} and ISO {iso} are {right}: the ambient light is {room}, the brightest \
-             trail ({name}) {trail}{gave_way}.{help}"
-        );
-    }
-    format!(
-        "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The ambient light \
-         is then {room}, the trail {trail}{gave_way}.{help}"
-    )
-}
-
-/// What to set for another exposure of the brightest trail.
-fn by_itself(lamp: &LampReading, camera: &Camera, stops: f64, has_fixed_aperture: bool) -> String {
-    let (name, now, wanted) = (&lamp.name, in_stops(lamp.median_stops), in_stops(stops));
-    let advice = lamp.advice(camera, stops);
-    let aperture = (!has_fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
-    let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
-    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
-    let advice = match ways.is_empty() {
-        true => "it takes a neutral filter".to_owned(),
-        false => format!("set {} for {wanted}", ways.join(" or ")),
-    };
-    format!("The brightest trail ({name}) is {now}: {advice}.")
 }
 
 /// The readings with the LEDs of a ring as one row, that of the brightest.

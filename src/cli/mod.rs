@@ -22,7 +22,7 @@ use names::{Corners, named, names, numbers};
 use outcome::{Outcome, shell_word, typed_command};
 use output::{Output, OutputFolder, Outputs, is_svg};
 use picture::{CameraFlags, PictureFlags, StandFlag};
-use printer::{line, table, wrapped};
+use printer::{line, print, table, wrapped};
 use progress::{Progress, watch};
 
 mod advice;
@@ -245,7 +245,7 @@ pub fn main() -> ExitCode {
         if report.aside {
             let _ = std::io::stderr().write_all(text.as_bytes());
         } else {
-            print(&text)?;
+            print_out(&text)?;
         }
         Ok(report.outcome)
     });
@@ -298,7 +298,7 @@ fn failed(error: &Error, advice: &[String]) -> ExitCode {
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
-        return print(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
+        return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
     }
     // clap names a similar argument as a tip, and ends with where help is.
     let text = text.replace("\n  tip: ", "\nhint: ");
@@ -364,7 +364,7 @@ fn no_thread(error: impl std::fmt::Display) -> Error {
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.
-fn print(text: &str) -> Result<()> {
+fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {

@@ -4,8 +4,7 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
 
-use super::Value;
-use super::printer::{line, print};
+use super::{Value, line, print};
 use crate::score::Verdict;
 use noctograph_core::files::STANDARD_OUTPUT;
 

@@ -31,7 +31,7 @@ pub(super) struct PlanArgs {
 }
 
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let mut scene = args.design.load_of(args.after.as_slice(), &[])?;
+    let mut scene = args.design.load(args.after.as_slice(), &[])?;
     if let Some(path) = &args.after {
         let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
         let earlier = track(&flight, Part::from_flight(&flight))?;

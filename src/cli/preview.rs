@@ -137,13 +137,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     report.add(show::backend(&shot));
     if args.report {
-        let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
         let notes = ShotNotes {
             lead: &verdict.map_or_else(String::new, show::verdict_sentence),
             printed: &report.text,
             findings: &findings,
             placement: placement.as_ref(),
-            remedies: &remedies,
             typed: mentioned,
             command: &typed_command(),
             drawings: &drawings,

@@ -24,7 +24,7 @@ pub(super) struct SceneArgs {
 pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
     let settings: Vec<_> = preset.chain(args.seed.settings()).collect();
-    let mut scene = args.design.load(&settings)?;
+    let mut scene = args.design.load(&[], &settings)?;
     scene.word = args.word.clone().unwrap_or(scene.word);
     let toml = scene.to_toml();
     let Some(path) = &args.output else {

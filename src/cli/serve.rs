@@ -12,8 +12,8 @@ use noctograph_serve::{
 
 use super::preview::PreviewArgs;
 use super::{
-    Args, CommandLine, Error, Report, Result, Verb, export, json, line, message, print, refused,
-    typefaces, warn,
+    Args, CommandLine, Error, Report, Result, Verb, export, json, line, message, print_out,
+    refused, typefaces, warn,
 };
 use crate::shoot::Shot;
 use crate::studies::remedies;
@@ -159,7 +159,7 @@ fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
     {
         text += &printed_code(visitors);
     }
-    print(&text)?;
+    print_out(&text)?;
     if args.open {
         open(page);
     }

@@ -1,42 +1,41 @@
 //! Tables and JSON that several verbs share.
 
-use serde::Serialize;
-
-use super::{Report, Value, json, line, table, wrapped};
+use super::{Report, Value, json, print};
 use crate::camera::Camera;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::Strokes;
 use crate::report::{LEAST_SHARE, rivals};
-use crate::score::{LetterVerdict, Reason, Verdict};
+use crate::score::{Reason, Verdict};
 use crate::shoot::{Shot, in_stops};
 use crate::tracking::{Part, Tracking, track};
 
 /// The verdict: lines for the word, a row for each letter, advice.
 pub fn verdict_table(verdict: &Verdict) -> String {
-    let mut text = wrapped("", &verdict_sentence(verdict));
-    if let Some(reason) = verdict.reason {
-        text += &line("because", &in_words(reason, verdict));
-    }
-    if let Some(rival) = verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE) {
-        text += &line("rival", &format!("{}, share {:.2}", in_one_line(&rival.word), rival.p));
-    }
-    if let Some(faithfulness) = verdict.faithfulness {
-        let scale = "(1: every stroke is lit, and nothing else)";
-        text += &line("faithful", &format!("{faithfulness:.2} {scale}"));
-    }
-    if verdict.is_contradicted() {
-        let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
-        text += &line("blind", &format!("reads {}", in_one_line(second.unwrap_or("nothing"))));
-    }
-    text += "\n";
-    text += &table("letter<10|share<7|best<7|rivals<0", verdict.letters.iter().map(row));
-    for (index, advice) in verdict.advice.iter().enumerate() {
-        let gain = advice.gain.map_or("?".to_owned(), |gain| format!("{gain:+.2}"));
-        text += if index == 0 { "\ngain\n" } else { "" };
-        text += &wrapped(&format!("{gain:6}"), &advice.text);
-    }
-    text
+    let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
+    let words = json!({
+        "sentence": verdict_sentence(verdict),
+        "because": verdict.reason.map(|reason| in_words(reason, verdict)),
+        "likely": verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE),
+        "blind": verdict.is_contradicted().then(|| second.unwrap_or("nothing")),
+        "rivals": verdict.letters.iter().map(rivals).collect::<Vec<_>>(),
+        "gains": verdict.advice.first().map(|_| "gain"),
+    });
+    print(VERDICT, &[&json!(verdict), &words])
 }
+
+const VERDICT: &str = "\
+{sentence}
+because   {because}
+rival     {likely.word}, share {likely.p:.2}
+faithful  {faithfulness:.2} (1: every stroke is lit, and nothing else)
+blind     reads {blind}
+
+|letters|letter<10|share<7|best<7|rivals<0
+{expected}|{p:.2}|{best}|{rivals.#}
+
+{gains}
+*advice {gain:+.2~-}\t{text}
+";
 
 pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
@@ -51,14 +50,6 @@ pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> Str
 
 fn in_one_line(text: &str) -> String {
     text.replace('\n', " ")
-}
-
-/// A letter, its share, what is seen instead, and likely other letters.
-fn row(letter: &LetterVerdict) -> String {
-    let expected = letter.expected;
-    let Some(p) = letter.p else { return format!("{expected}\tnot judged") };
-    let best = letter.best.unwrap_or('-');
-    format!("{expected}\t{p:.2}\t{best}\t{}", rivals(letter))
 }
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
@@ -106,7 +97,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
     let (mut figures, words) = match &tracking {
         Ok(tracking) => {
             let part = in_part(tracking.part);
-            (json!(TrackingFigures::from(tracking)), json!({ "over": part }))
+            (tracking_json(tracking), json!({ "over": part }))
         }
         Err(error) => {
             let why = match on_floor(flight) {
@@ -160,24 +151,12 @@ pub(super) fn backend(shot: &Shot) -> Report {
 }
 
 /// Figures of tracking for programs.
-#[derive(Serialize)]
-pub(super) struct TrackingFigures<'a> {
-    #[serde(flatten)]
-    tracking: &'a Tracking,
-    in_plane_rmse_m: f64,
-    in_plane_rmse_after_lag_m: f64,
-    least_cap_height_m: f64,
-}
-
-impl<'a> From<&'a Tracking> for TrackingFigures<'a> {
-    fn from(tracking: &'a Tracking) -> Self {
-        Self {
-            tracking,
-            in_plane_rmse_m: tracking.in_plane_rmse_m(),
-            in_plane_rmse_after_lag_m: tracking.in_plane_rmse_after_lag_m(),
-            least_cap_height_m: tracking.least_cap_height_m(),
-        }
-    }
+pub(super) fn tracking_json(tracking: &Tracking) -> Value {
+    let mut json = json!(tracking);
+    json["in_plane_rmse_m"] = tracking.in_plane_rmse_m().into();
+    json["in_plane_rmse_after_lag_m"] = tracking.in_plane_rmse_after_lag_m().into();
+    json["least_cap_height_m"] = tracking.least_cap_height_m().into();
+    json
 }
 
 /// A part of a flight, after a figure.

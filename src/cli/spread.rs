@@ -99,9 +99,7 @@ fn described(spread: &Spread, title: &str) -> Report {
         "title": title, "legible": flights.iter().filter(|it| it["legible"] == true).count(),
         "least": readability.first(), "most": readability.last(),
         "median": median(&mut readability), "lost": Some(lost).filter(|lost| *lost > 0),
-        "few": spread.all.iter().map(|band| {
-            (band.holds_frac() < BAND_FRAC).then_some(band.n_flights)
-        }).collect::<Vec<_>>(),
+        "holds": spread.all.iter().map(holds).collect::<Vec<_>>(),
     });
     let product = json!({
         "flights": flights, "bands": spread.all.iter().map(band_json).collect::<Vec<_>>(),
@@ -112,9 +110,18 @@ fn described(spread: &Spread, title: &str) -> Report {
 
 const LAYOUT: &str = "\
 spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, median {median:.2}][; {lost} lost the drone]
-*bands           {holds_frac*100:.0} % of further flights[ and all of the {few.#}] lie within x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
+*bands           {holds.#} lie within x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
+
+/// The flights that a band holds.
+fn holds(band: &Band) -> String {
+    let percent = 100.0 * band.holds_frac();
+    match band.holds_frac() < BAND_FRAC {
+        true => format!("all {} flights, and {percent:.0} % of further ones,", band.n_flights),
+        false => format!("{percent:.0} %"),
+    }
+}
 
 fn band_json(band: &Band) -> Value {
     let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
