@@ -17,7 +17,7 @@ pub fn verdict_table(verdict: &Verdict) -> String {
         "because": verdict.reason.map(|reason| in_words(reason, verdict)),
         "likely": verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE),
         "blind": verdict.is_contradicted().then(|| second.unwrap_or("nothing")),
-        "rivals": verdict.letters.iter().map(rivals).collect::<Vec<_>>(),
+        "seen": verdict.letters.iter().map(rivals).collect::<Vec<_>>(),
         "gains": verdict.advice.first().map(|_| "gain"),
     });
     print(VERDICT, &[&json!(verdict), &words])
@@ -31,7 +31,7 @@ faithful  {faithfulness:.2} (1: every stroke is lit, and nothing else)
 blind     reads {blind}
 
 |letters|letter<10|share<7|best<7|rivals<0
-{expected}|{p:.2}|{best}|{rivals.#}
+{expected}|{p:.2}|{best}|{seen.#}
 
 {gains}
 *advice {gain:+.2~-}\t{text}
