@@ -93,7 +93,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     }
     let is_alike = comparison.rmse_m.norm() < ALIKE_M;
     let words = json!({
-        "over": show::in_part(comparison.part), "errors": errors, "sides": sides,
+        "errors": errors, "sides": sides,
         // Whole milliseconds, and no minus sign before zero.
         "shift_s": (comparison.offset_s * 1e3).round() / 1e3 + 0.0,
         "turned": Vec::from_iter(comparison.attitude_rmse),
@@ -107,7 +107,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 A         {a.file}
 B         {b.file}
-compared  {over}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {shift_s:+.3} s
+compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {shift_s:+.3} s
 frame     B is in another frame: turned by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
 
 |errors|RMSE, m<24|x>8|y>8|z>8|in plane>10
@@ -176,7 +176,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
 const CLEARLY: f64 = 1.5;
 
 fn plots(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     args: &CompareArgs,
     flights: [&Flight; 2],
     comparison: &Comparison,
@@ -196,7 +196,7 @@ fn plots(
     for (name, svg) in FILES.iter().zip(drawn) {
         folder.write(name, |out| out.write_all(svg.as_bytes()))?;
     }
-    folder.keep(&FILES)
+    folder.keep()
 }
 
 /// The largest cause of the difference, and what to change for it.

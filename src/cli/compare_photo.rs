@@ -26,7 +26,7 @@ const LONGEST_PX: u32 = 2048;
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
-    let folder = OutputFolder::create(&args.output)?;
+    let mut folder = OutputFolder::create(&args.output)?;
     let [of_render, of_photo] = [read(&render), read(&photo)];
     let pairs = corners(&of_render.letters, &of_photo.letters)?;
     if of_render.text != of_photo.text {
@@ -50,7 +50,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     for (name, picture) in &pictures {
         folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
-    let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
+    let files = folder.keep()?;
     let product = json!({
         "photo_px": [photo.width_px, photo.height_px], "transform": transform,
         "residual_px": residual_px, "mean_flip": mean,

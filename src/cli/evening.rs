@@ -22,7 +22,7 @@ pub(super) fn run(
     for log in &evening.logs {
         warn_of(Path::new(&log.log), &log.warnings);
     }
-    let written = OutputFolder::create(output)?;
+    let mut written = OutputFolder::create(output)?;
     let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&rows);
     Conditions::parse(&toml, "conditions.toml")?;
@@ -49,13 +49,11 @@ pub(super) fn run(
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
     let html = evening_page(&title, &evening, &report.text, &toml).html();
     written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
-    let mut names = vec!["evening.html"];
     // Without a sound flight there is nothing that a study could use.
     if !rows.is_empty() {
         written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
-        names.push("conditions.toml");
     }
-    let files = written.keep(&names)?;
+    let files = written.keep()?;
     Ok(report.with_files(&files))
 }
 

@@ -127,11 +127,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
                 let (found, hint) = ("a file", "name a folder: there are several files");
                 return Err(Error::input(folder.display(), found, "a folder", hint));
             }
-            let folder = OutputFolder::create(&folder)?;
+            let mut folder = OutputFolder::create(&folder)?;
             for file in files {
                 folder.write(&file.name, |out| out.write_all(&file.bytes))?;
             }
-            folder.keep(&files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>())?
+            folder.keep()?
         }
     };
     let deviation_mm = deviation_m(args.to, &job)?.map(|m| 1e3 * m);

@@ -62,8 +62,8 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with the settings of these and of other flags; of plans, flights and logs the scene
-    /// that came with them, where none is named.
+    /// The scene with the settings of these and of other flags; of plans, flights and logs the
+    /// scene that came with them, where none is named.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }

@@ -45,8 +45,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
     let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
-    let folder = OutputFolder::create(&args.output)?;
-    let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
+    let mut folder = OutputFolder::create(&args.output)?;
     let (mut found, mut figures) = (Vec::new(), Vec::new());
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
@@ -62,7 +61,6 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
             let figure = hold_figure(&flight, &title);
             folder.write(&svg, |out| out.write_all(figure.as_bytes()))?;
             figures.push(figure);
-            names.extend([csv, svg]);
         }
     }
     drop(progress);
@@ -75,7 +73,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let report = Report::with_words(product, &words(&found), LAYOUT);
     let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&figures);
     folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
-    let files = folder.keep(&names)?;
+    let files = folder.keep()?;
     let kept = found.iter().all(|figures| figures.missed.is_empty());
     let outcome = if kept { Outcome::Done } else { Outcome::NotSafe };
     Ok(report.with_files(&files).with_outcome(outcome))

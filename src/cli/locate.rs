@@ -277,16 +277,14 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
 }
 
 fn write(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
-    let (mut names, mut traces) = (Vec::new(), Vec::new());
+    let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone);
-        let name = format!("flight-{}.csv", drone + 1);
-        folder.write(&name, |out| flight.write_csv(out))?;
-        names.push(name);
+        folder.write(&format!("flight-{}.csv", drone + 1), |out| flight.write_csv(out))?;
         traces
             .push(NamedFlight { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
@@ -297,9 +295,8 @@ fn write(
     }
     for (name, svg) in VIEWS.iter().zip([top_view(&traces), front_view(&traces)]) {
         folder.write(name, |out| out.write_all(svg.as_bytes()))?;
-        names.push((*name).to_owned());
     }
-    folder.keep(&names)
+    folder.keep()
 }
 
 fn by_observer(

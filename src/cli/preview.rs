@@ -82,7 +82,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         }
     }
     let conditions = args.spread.conditions()?;
-    let folder = OutputFolder::create(&args.output)?;
+    let mut folder = OutputFolder::create(&args.output)?;
     let backend = tried(args.picture.backend);
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
@@ -93,8 +93,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
 
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
-    let mut names = write(&shot, &json, &folder)?;
-    let spread = args.spread.run(&shot.shoot, &conditions, &folder)?;
+    write(&shot, &json, &mut folder)?;
+    let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
     let remedies = remedies(&shot)?;
     let profile = args.profile(&shot.shoot.scene);
     let findings = match args.report {
@@ -133,7 +133,6 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         report.text += &spread.report.text;
         report.value("spread", spread.report.json);
         drawings = spread.drawings;
-        names.extend(spread.names);
     }
     report.add(show::backend(&shot));
     if args.report {
@@ -148,9 +147,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         };
         let html = shot_page(&shot, &notes)?.html();
         folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
-        names.push(REPORT.to_owned());
     }
-    let files = folder.keep(&names)?;
+    let files = folder.keep()?;
     files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
@@ -169,26 +167,21 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
     }));
 }
 
-/// Writes photo, flights, plans, scene and, of a word, the verdict; returns their names.
-fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<String>> {
+/// Writes photo, flights, plans, scene and, of a word, the verdict.
+fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
     let png = shot.file.as_deref().expect("a format was asked for");
-    let mut names = vec!["photo.png".to_owned()];
     folder.write("photo.png", |out| out.write_all(png))?;
     for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
         let number =
             if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        let [flown, sent] = ["flight", "plan"].map(|name| format!("{name}{number}.csv"));
-        folder.write(&flown, |out| flight.write_csv(out))?;
-        folder.write(&sent, |out| planned.plan.write_csv(out))?;
-        names.extend([flown, sent]);
+        folder.write(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
+        folder.write(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
     }
     folder.write(SCENE, |out| out.write_all(shot.shoot.scene.to_toml().as_bytes()))?;
-    names.push(SCENE.to_owned());
     if shot.verdict.is_some() {
         folder.write("verdict.json", |out| writeln!(out, "{verdict:#}"))?;
-        names.push("verdict.json".to_owned());
     }
-    Ok(names)
+    Ok(())
 }
 
 /// The verdict, and the changes of settings that were flown where there are any: these say more
@@ -197,8 +190,9 @@ fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
-            let rows = remedies.iter().map(|r| format!("{:+.2}\t{}", r.gain, typed(&r.changes)));
-            show::verdict_table(&verdict) + "\n" + &table("P(read)<9|change<0", rows)
+            let row = |it: &Remedy| vec![format!("{:+.2}", it.gain), typed(&it.changes)];
+            let rows: Vec<Vec<String>> = remedies.iter().map(row).collect();
+            show::verdict_table(&verdict) + "\n" + &table("P(read)<9|change<0", &rows)
         }
         Some(verdict) => show::verdict_table(verdict),
         None if shot.shoot.strokes.is_none() => {

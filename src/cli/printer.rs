@@ -32,12 +32,11 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
             continue;
         }
         let part = if let Some((path, head)) = strip(line, '|', '|') {
-            let cells = lines.next().unwrap_or_default();
-            let cell = |cell: &str, scopes: &[&Value]| fill(cell, scopes).unwrap_or("-".to_owned());
+            let cells: Vec<&str> = lines.next().unwrap_or_default().split('|').collect();
             let row = |scopes: &[&Value]| {
-                cells.split('|').map(|it| cell(it, scopes)).collect::<Vec<_>>().join("\t")
+                cells.iter().map(|cell| fill(cell, scopes).unwrap_or("-".to_owned())).collect()
             };
-            table(&fill(head, scopes).unwrap_or_default(), each(path, scopes, row))
+            table(&fill(head, scopes).unwrap_or_default(), &each(path, scopes, row))
         } else if let Some((path, line)) = strip(line, '*', ' ') {
             each(path, scopes, |scopes| filled(line, scopes)).concat()
         } else {
@@ -169,9 +168,8 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
 }
 
 /// A table; without rows it is empty. `head` names the columns, each with the side that its cells
-/// keep to and its width, and with its unit where there is one: `scene<16|time/s>7`. A row is its
-/// cells with tabs between them.
-pub(super) fn table(head: &str, rows: impl IntoIterator<Item = String>) -> String {
+/// keep to and its width, and with its unit where there is one: `scene<16|time/s>7`.
+pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let column = |column| {
         let side = str::rfind(column, ['<', '>']).expect("a side for each column");
         let width: usize = column[side + 1..].parse().expect("a width for each column");
@@ -179,22 +177,19 @@ pub(super) fn table(head: &str, rows: impl IntoIterator<Item = String>) -> Strin
         (name, unit, &column[side..=side] == ">", width)
     };
     let columns: Vec<(&str, &str, bool, usize)> = head.split('|').map(column).collect();
-    let line = |cells: &str| {
-        let cells = columns.iter().zip(cells.splitn(columns.len(), '\t'));
-        let padded = cells.map(|((.., right, width), cell)| match right {
+    let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
+    let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
+    let has_units = units.iter().any(|unit| !unit.is_empty());
+    let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
+    let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
+    let line = |cells: &Vec<String>| {
+        let padded = columns.iter().zip(cells).map(|((.., right, width), cell)| match right {
             true => format!("{cell:>width$}"),
             false => format!("{cell:width$}"),
         });
         padded.collect::<String>().trim_end().to_owned() + "\n"
     };
-    let rows: String = rows.into_iter().map(|row| line(&row)).collect();
-    if rows.is_empty() {
-        return rows;
-    }
-    let names = columns.iter().map(|(name, ..)| *name).collect::<Vec<_>>().join("\t");
-    let units = columns.iter().map(|(_, unit, ..)| *unit).collect::<Vec<_>>().join("\t");
-    let units = if units.trim().is_empty() { String::new() } else { line(&units) };
-    line(&names) + &units + &rows
+    heads.iter().chain(rows).map(line).collect()
 }
 
 /// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
@@ -264,12 +259,13 @@ mod tests {
 
     #[test]
     fn cells_stand_under_their_heads() {
-        let rows = ["team\t0.9\twell", "µ\t0.25\t", "a long one\t1\ta\tb"].map(str::to_owned);
+        let rows = [["team", "0.9", "well"], ["µ", "0.25", ""], ["a long one", "1", "a\tb"]];
+        let rows = rows.map(|row| row.map(str::to_owned).to_vec());
         assert_eq!(
-            table("scene<8|P>5|  note<0", rows),
+            table("scene<8|P>5|  note<0", &rows),
             "scene       P  note\nteam      0.9well\nµ        0.25\na long one    1a\tb\n"
         );
-        assert_eq!(table("scene<8", []), "");
+        assert_eq!(table("scene<8", &[]), "");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::Strokes;
 use crate::report::{LEAST_SHARE, rivals};
 use crate::score::{Reason, Verdict};
-use crate::shoot::{Shot, in_stops};
+use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
 
 /// The verdict: lines for the word, a row for each letter, advice.
@@ -95,10 +95,7 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
     let (mut figures, words) = match &tracking {
-        Ok(tracking) => {
-            let part = in_part(tracking.part);
-            (tracking_json(tracking), json!({ "over": part }))
-        }
+        Ok(tracking) => (tracking_json(tracking), Value::Null),
         Err(error) => {
             let why = match on_floor(flight) {
                 Some(why) => format!("on the floor: {why}"),
@@ -119,7 +116,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
 }
 
 const FLIGHT: &str = "\
-flight    {duration_s:.1} s, RMSE {over}: x {rmse_m.0:.3}  y {rmse_m.1:.3}  z {rmse_m.2:.3} m
+flight    {duration_s:.1} s, RMSE ({part}): x {rmse_m.0:.3}  y {rmse_m.1:.3}  z {rmse_m.2:.3} m
           lag {lag_s:.2} s, contour error {contour.mean_m:.3} m (mean), {contour.max_m:.3} m (max)
 flight    {duration_s:.1} s, {why}
 height    RMSE {rmse_after_lag_m.2:.3} m without the lag: enough for letters of {least_cap_height_m:.2} m and more
@@ -130,18 +127,17 @@ digest    {sha256}
 /// Aperture and sensitivity, and what the meter found; null where it did not set them.
 pub(super) fn camera(shot: &Shot) -> Report {
     let Camera { f_number, iso, .. } = shot.camera;
-    let words = shot.metered.map(|metered| {
-        json!({
-            "room": metered.room_stops.map_or("dark".to_owned(), in_stops),
-            "trail": in_stops(metered.trail_stops), "help": metered.help(),
-            "why": metered.gave_way.then_some("so that a long exposure leaves the room dark"),
-        })
+    let why = "so that a long exposure leaves the room dark";
+    let words = json!({
+        "help": shot.metered.and_then(|metered| metered.help()),
+        "why": shot.metered.filter(|metered| metered.gave_way).map(|_| why),
     });
     let product =
         json!({ "camera": { "f_number": f_number, "iso": iso, "metered": shot.metered } });
-    let layout = "camera    f/{camera.f_number}, ISO {camera.iso}[; metered: ambient {room}, \
-                  trail {trail}][: darker than wanted, {why}][; {help}]";
-    Report::with_words(product, &json!(words), layout)
+    let layout = "camera    f/{camera.f_number}, ISO {camera.iso}[; metered: ambient \
+                  {camera.metered.room_stops:+.1~dark}, trail {camera.metered.trail_stops:+.1} \
+                  stops over saturation][: darker than wanted, {why}][; {help}]";
+    Report::with_words(product, &words, layout)
 }
 
 /// What computed the exposure.
@@ -157,15 +153,6 @@ pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     json["in_plane_rmse_after_lag_m"] = tracking.in_plane_rmse_after_lag_m().into();
     json["least_cap_height_m"] = tracking.least_cap_height_m().into();
     json
-}
-
-/// A part of a flight, after a figure.
-pub(super) fn in_part(part: Part) -> &'static str {
-    match part {
-        Part::Letters => "over the letters",
-        Part::Airborne => "in the air",
-        Part::All => "overall",
-    }
 }
 
 /// A verdict as in verdict.json and in every `--json`: see docs/reference/verdict.md. Without a

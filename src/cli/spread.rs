@@ -26,7 +26,6 @@ pub(super) struct SpreadFlags {
 /// What a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
-    pub(super) names: Vec<String>,
     /// The band, from the front and over time (SVG).
     pub(super) drawings: Vec<String>,
 }
@@ -42,7 +41,7 @@ impl SpreadFlags {
         &self,
         shoot: &Shoot,
         conditions: &Conditions,
-        folder: &OutputFolder,
+        folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
@@ -52,7 +51,6 @@ impl SpreadFlags {
                  {LEAST_FLIGHTS}: this band is that of the {n}"
             )]);
         }
-        let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
         let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
         let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
@@ -66,15 +64,14 @@ impl SpreadFlags {
         folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
-            let name = format!("spread{number}.svg");
             let drawing = spread_over_time(all, within);
-            folder.write(&name, |out| out.write_all(drawing.as_bytes()))?;
-            names.push(name);
+            folder
+                .write(&format!("spread{number}.svg"), |out| out.write_all(drawing.as_bytes()))?;
             drawings.push(drawing);
         }
         let mut report = described(&band, &title);
         report.value("conditions", &self.conditions);
-        Ok(Some(Shown { report, names, drawings }))
+        Ok(Some(Shown { report, drawings }))
     }
 }
 

@@ -127,7 +127,7 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
 pub(super) fn write_ranking(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     study: &Study,
     ready: &[Prepared],
     ranking: &Ranking,
@@ -142,7 +142,7 @@ pub(super) fn write_ranking(
     })?;
     folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
     folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
-    folder.keep(&RANKING)
+    folder.keep()
 }
 
 /// A ranking for people and for programs.

@@ -97,7 +97,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     };
     options.check()?;
     let store = open_store(&args.output)?;
-    let results = open_results(&args.output, &FILES)?;
+    let mut results = open_results(&args.output, &FILES)?;
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
@@ -129,7 +129,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let csv = candidates_csv(&tuned, &options.knobs);
     results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
     results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
-    let paths = results.keep(&FILES)?;
+    let paths = results.keep()?;
     let mut report = tuning_report(&options, &tuned);
     let tests = test(args, &options, &base, &tuned, &store)?;
     report.text.extend(

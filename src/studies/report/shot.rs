@@ -15,7 +15,7 @@ use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_pipeline::preflight::{Checked, ShotPlan};
 use noctograph_pipeline::scene::{Change, Scene};
-use noctograph_pipeline::shoot::{Shot, in_stops, writing};
+use noctograph_pipeline::shoot::{Shot, writing};
 use noctograph_score::LetterVerdict;
 
 /// Moments of the exposure, and the width of their pictures.
@@ -182,6 +182,7 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
+    let in_stops = |stops: f64| format!("{stops:+.1} stops over saturation");
     let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
     rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
 }
