@@ -25,7 +25,7 @@ fn preview(word: &str, size_px: [u32; 2]) -> (Strokes, Photo, View) {
         ..Shoot::new(scene).unwrap()
     };
     let shot = shoot.take(&|_, _| {}).unwrap();
-    (shot.strokes.unwrap(), shot.photo, (&shot.camera).into())
+    (shot.shoot.strokes.unwrap(), shot.photo, (&shot.camera).into())
 }
 
 fn read(c: &mut Criterion) {

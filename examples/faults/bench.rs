@@ -285,7 +285,7 @@ fn line(
         let mut setting = Setting::clean(word, seed);
         turn(&mut setting)?;
         let shot = setting.shoot()?;
-        let written = shot.strokes.expect("a word was written");
+        let written = shot.shoot.strokes.expect("a word was written");
         let at = match readers.iter().position(|(strokes, _)| *strokes == written) {
             Some(at) => at,
             None => {

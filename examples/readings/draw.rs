@@ -407,7 +407,7 @@ pub(crate) fn photograph(
     let (fault, severity) =
         if fault.is_empty() { (flown.fault, flown.severity) } else { (fault, u) };
     Ok(Taken {
-        scene: shot.scene,
+        scene: shot.shoot.scene,
         photo: shot.photo,
         view,
         fault,

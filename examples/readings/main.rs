@@ -193,7 +193,7 @@ fn clean(out: &Path, args: &Args) -> Result<()> {
             shoot.judging = Judging::Skipped;
             let shot = shoot.take(&|_, _| {})?;
             let name = format!("{number:02}-{width_px}x{height_px}");
-            write(out, &name, &shot.scene, &shot.photo)?;
+            write(out, &name, &shot.shoot.scene, &shot.photo)?;
             rows.push(format!(r#""{name}": {{"shown": "{word}", "expected": "{word}"}}"#));
         }
     }

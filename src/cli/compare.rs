@@ -3,16 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use nalgebra::Vector3;
-
-use super::{
-    Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show, table,
-};
-use crate::comparison::{
-    Alignment, Comparison, ComparisonOptions, Discrepancy, FrameAlignment, compare,
-};
+use super::{Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show};
+use crate::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
 use crate::flight::{Flight, Quantity};
-use crate::geometry::Attitude;
 use crate::logs::{PositionSource, import};
 use crate::report::{NamedFlight, error_over_time, front_view, top_view};
 use crate::tracking::{Part, Tracking, track};
@@ -68,19 +61,71 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
-    let mut report = described(args, &comparison, &tracking);
-    for (key, path, flight, tracking) in
-        [("a", &args.a, &a, &tracking[0]), ("b", &args.b, &b, &tracking[1])]
-    {
-        let tracking = tracking.as_ref().map(show::TrackingFigures::from);
-        let sha256 = flight.sha256();
-        report.value(key, json!({ "file": path, "sha256": sha256, "tracking": tracking }));
+    let side = |path: &Path, flight: &Flight, tracking: &Option<Tracking>| {
+        let tracking = tracking.as_ref().map(show::tracking_json);
+        let (file, sha256) = (path.display().to_string(), flight.sha256());
+        json!({ "file": file, "sha256": sha256, "tracking": tracking })
+    };
+    let first = comparison.first.map(|(cause, share)| {
+        let (cause, change) = in_words(cause);
+        json!({ "cause": cause, "change": change, "share": share })
+    });
+    let mut product = json!(comparison);
+    product["a"] = side(&args.a, &a, &tracking[0]);
+    product["b"] = side(&args.b, &b, &tracking[1]);
+    let sides = [("A", &product["a"]["tracking"]), ("B", &product["b"]["tracking"])];
+    let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
+    let sides: Vec<_> = sides.map(|(name, it)| json!({ "name": name, "tracking": it })).collect();
+    let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
+    for (key, what) in [
+        ("rmse_m", "against its design"),
+        ("rmse_after_lag_m", "without its lag"),
+        ("observer_rmse_m", "observer"),
+    ] {
+        for side in sides.iter().filter(|side| !side["tracking"][key].is_null()) {
+            let name = format!("{} {what}", side["name"].as_str().unwrap_or_default());
+            errors.push(json!({ "name": name, "m": side["tracking"][key] }));
+        }
     }
-    if !files.is_empty() {
-        report.text.push('\n');
+    for error in &mut errors {
+        let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
+        error["in_plane_m"] = libm::hypot(x, z).into();
     }
-    Ok(report.with_files(&files))
+    let is_alike = comparison.rmse_m.norm() < ALIKE_M;
+    let words = json!({
+        "errors": errors, "sides": sides,
+        // Whole milliseconds, and no minus sign before zero.
+        "shift_s": (comparison.offset_s * 1e3).round() / 1e3 + 0.0,
+        "turned": Vec::from_iter(comparison.attitude_rmse),
+        "cause": first.as_ref().filter(|_| !is_alike),
+    });
+    product["first"] = first.into();
+    let layout = if files.is_empty() { LAYOUT.trim_end() } else { LAYOUT };
+    Ok(Report::with_words(product, &words, layout).with_files(&files))
 }
+
+const LAYOUT: &str = "\
+A         {a.file}
+B         {b.file}
+compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {shift_s:+.3} s
+frame     B is in another frame: turned by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
+
+|errors|RMSE, m<24|x>8|y>8|z>8|in plane>10
+{name}|{m.0:.4}|{m.1:.4}|{m.2:.4}|{in_plane_m:.4}
+
+|turned|RMSE, rad<24|yaw>8|pitch>8|roll>8
+A against B|{0:.4}|{1:.4}|{2:.4}
+
+|sides|contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9
+{name}|{tracking.contour.mean_m:.3}|{tracking.contour.rms_m:.3}|{tracking.contour.p95_m:.3}|{tracking.contour.max_m:.3}|{tracking.lag_s:.3}
+
+|sides|drift in y, m<24|from>8|to>8|within ±0.2 m/%>17
+{name}|{tracking.drift.min_y_m:+.3}|{tracking.drift.max_y_m:+.3}|{tracking.drift.in_corridor_frac*100:.1}
+
+cause     {cause.cause}: {cause.share*100:.0} % of the difference
+change    {cause.change}
+
+";
 
 /// Reads both flights. A clock ratio is that of the drone's clock: the other log keeps its own.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
@@ -131,7 +176,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
 const CLEARLY: f64 = 1.5;
 
 fn plots(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     args: &CompareArgs,
     flights: [&Flight; 2],
     comparison: &Comparison,
@@ -151,71 +196,7 @@ fn plots(
     for (name, svg) in FILES.iter().zip(drawn) {
         folder.write(name, |out| out.write_all(svg.as_bytes()))?;
     }
-    folder.keep(&FILES)
-}
-
-/// Errors of both flights against their designs, of their observers, and between them.
-fn described(
-    args: &CompareArgs,
-    comparison: &Comparison,
-    tracking: &[Option<Tracking>; 2],
-) -> Report {
-    let part = show::in_part(comparison.part);
-    // Whole milliseconds, and no minus sign before zero.
-    let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
-    let ([from_s, to_s], n) = (comparison.span_s, comparison.n_samples);
-    let text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
-    let mut report = Report::new(text, comparison);
-    let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
-    report.line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
-    if let Some(FrameAlignment { turn_rad, shift_m: m, left_m }) = comparison.placement {
-        let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
-        let frame = format!(
-            "B is in another frame: turned by {degrees:+.1}° and shifted by {:+.3}, {:+.3}, {:+.3} m \
-             onto A, which leaves {left_cm:.1} cm",
-            m.x, m.y, m.z
-        );
-        report.line("frame", &frame);
-    }
-    let rmse = std::iter::once(row("A against B", comparison.rmse_m))
-        .chain(rows(tracking, |side, t| Some(row(&format!("{side} against its design"), t.rmse_m))))
-        .chain(rows(tracking, |side, t| {
-            Some(row(&format!("{side} without its lag"), t.rmse_after_lag_m))
-        }))
-        .chain(rows(tracking, |side, t| {
-            Some(row(&format!("{side} observer"), t.observer_rmse_m?))
-        }));
-    report.table(&table("RMSE, m<24|x>8|y>8|z>8|in plane>10", rmse));
-    let turned = comparison.attitude_rmse.map(|Attitude { yaw_rad, pitch_rad, roll_rad }| {
-        format!("A against B\t{yaw_rad:.4}\t{pitch_rad:.4}\t{roll_rad:.4}")
-    });
-    report.table(&table("RMSE, rad<24|yaw>8|pitch>8|roll>8", turned));
-    let contour = rows(tracking, |side, t| {
-        let c = t.contour;
-        let (mean, rms, p95, max) = (c.mean_m, c.rms_m, c.p95_m, c.max_m);
-        Some(format!("{side}\t{mean:.3}\t{rms:.3}\t{p95:.3}\t{max:.3}\t{:.3}", t.lag_s))
-    });
-    report.text.push('\n');
-    report.text += &table("contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9", contour);
-    let drift = rows(tracking, |side, t| {
-        let (d, percent) = (t.drift, 100.0 * t.drift.in_corridor_frac);
-        Some(format!("{side}\t{:+.3}\t{:+.3}\t{percent:.1} %", d.min_y_m, d.max_y_m))
-    });
-    report.text.push('\n');
-    report.text += &table("drift in y, m<24|from>8|to>8|within ±0.2 m>17", drift);
-    let first = comparison.first.map(|(cause, share)| (in_words(cause), share));
-    report.value(
-        "first",
-        first.as_ref().map(
-            |((cause, change), share)| json!({ "cause": cause, "change": change, "share": share }),
-        ),
-    );
-    if let Some(((cause, change), share)) = first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
-        report.text.push('\n');
-        report.line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
-        report.line("change", change);
-    }
-    report
+    folder.keep()
 }
 
 /// The largest cause of the difference, and what to change for it.
@@ -249,18 +230,4 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             "lower the gains, or check the propellers and the measured positions",
         ),
     }
-}
-
-/// A row of a vector: its name, x, y, z and the length in the x-z plane.
-fn row(name: &str, v: Vector3<f64>) -> String {
-    format!("{name}\t{:.4}\t{:.4}\t{:.4}\t{:.4}", v.x, v.y, v.z, v.xz().norm())
-}
-
-/// A row for each flight that has the figure.
-fn rows(
-    tracking: &[Option<Tracking>; 2],
-    row: impl Fn(&str, &Tracking) -> Option<String>,
-) -> impl Iterator<Item = String> {
-    let both = ["A", "B"].into_iter().zip(tracking);
-    both.filter_map(move |(side, tracking)| row(side, tracking.as_ref()?))
 }

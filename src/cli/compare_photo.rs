@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Args, Error, OutputFolder, Report, Result, warn};
+use super::{Args, Error, OutputFolder, Report, Result, json, warn};
 use crate::geometry::distance;
 use crate::photo;
 use crate::photo::flip::difference;
@@ -26,7 +26,7 @@ const LONGEST_PX: u32 = 2048;
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
-    let folder = OutputFolder::create(&args.output)?;
+    let mut folder = OutputFolder::create(&args.output)?;
     let [of_render, of_photo] = [read(&render), read(&photo)];
     let pairs = corners(&of_render.letters, &of_photo.letters)?;
     if of_render.text != of_photo.text {
@@ -50,21 +50,19 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     for (name, picture) in &pictures {
         folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
     }
-    let files = folder.keep(&pictures.each_ref().map(|(name, _)| *name))?;
-    let mut report = Report::empty();
-    report.value("photo_px", [photo.width_px, photo.height_px]);
-    let ([x, y], degrees) = (transform.shift_px, transform.rotation_rad.to_degrees());
-    let placement = format!(
-        "scale {:.4} (photo by render), turned by {degrees:+.2}°, corner at {x:.1},{y:.1} px",
-        transform.scale
-    );
-    report.figure("transform", transform, "placement", &placement);
-    let fit = format!("corners of the letters off by {residual_px:.1} px (RMS)");
-    report.figure("residual_px", residual_px, "fit", &fit);
-    let mean_text = format!("{mean:.3}, mean difference over the render");
-    report.figure("mean_flip", mean, "FLIP", &mean_text);
-    Ok(report.with_files(&files))
+    let files = folder.keep()?;
+    let product = json!({
+        "photo_px": [photo.width_px, photo.height_px], "transform": transform,
+        "residual_px": residual_px, "mean_flip": mean,
+    });
+    Ok(Report::of(product, LAYOUT).with_files(&files))
 }
+
+const LAYOUT: &str = "\
+placement\tscale {transform.scale:.4} (photo by render), turned by {transform.rotation_rad*57.29577951308232:+.2}°, corner at {transform.shift_px.0:.1},{transform.shift_px.1:.1} px
+fit       corners of the letters off by {residual_px:.1} px (RMS)
+FLIP      {mean_flip:.3}, mean difference over the render
+";
 
 /// Corners of the letters in both pictures, pair by pair.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {

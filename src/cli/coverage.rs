@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use super::letters::LetterFlags;
-use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, table};
+use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word};
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
@@ -41,7 +41,7 @@ pub(super) struct CoverageArgs {
 }
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&args.letters.settings(false))?;
+    let mut scene = args.scene.load(&[], &args.letters.settings(false))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
     }
@@ -73,20 +73,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
     let path = output.keep(|out| out.write_all(picture.as_bytes()))?;
 
-    let mut report = Report::empty();
-    let word_m = writing_sigma_m(&bounds, None);
-    let cm = |sigma_m: Option<f64>| sigma_m.map_or("-".to_owned(), |m| format!("{:.1}", 100.0 * m));
-    let bound = format!(
-        "{} cm over three axes, 1 σ: the least error that the ranges allow along the strokes",
-        cm(word_m)
-    );
-    report.figure("bound_m", word_m, "bound", &bound);
-    let wanted = "an error of at most 5 % of the letters' height on each axis; a slow error may be \
-                  twice as large";
-    report.line("wanted", wanted);
-    let excluded = "biased ranges, stray ranges and lost messages: with them it is more";
-    report.line("excluded", excluded);
-    let (mut letters, mut rows) = (Vec::new(), Vec::new());
+    let mut letters = Vec::new();
     // Spaces are no letters: the plan counts glyphs.
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
@@ -96,65 +83,65 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
             false => (letter + 1).to_string(),
         };
         for (drone, bound) in (1..).zip(&bounds) {
-            let sigma_m = writing_sigma_m(std::slice::from_ref(bound), Some(letter));
-            if let Some(sigma_m) = sigma_m {
-                rows.push(format!("{name}\t{drone}\t{}", cm(Some(sigma_m))));
+            if let Some(sigma_m) = writing_sigma_m(std::slice::from_ref(bound), Some(letter)) {
                 letters.push(json!({ "letter": name, "drone": drone, "bound_m": sigma_m }));
             }
         }
     }
-    report.value("letters", letters);
-    report.text += &format!("\n{}\n", table("letter<8|drone<8|bound, cm>9", rows));
-    let [x, y, z] = place_m;
-    let more = format!(
-        "one more anchor that all drones hear helps most at ({x:.2}, {y:.2}, {z:.2}) m: {} cm then",
-        cm(Some(better_m))
-    );
-    let one_more = json!({ "position_m": place_m, "bound_m": better_m });
-    report.figure("one_more_anchor", one_more, "advice", &more);
-    report.text.push('\n');
-    Ok(report.with_files(&[path]))
+    let product = json!({
+        "bound_m": writing_sigma_m(&bounds, None), "letters": letters,
+        "one_more_anchor": { "position_m": place_m, "bound_m": better_m },
+    });
+    Ok(Report::of(product, BOUNDS).with_files(&[path]))
 }
+
+const BOUNDS: &str = "\
+bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
+wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
+excluded  biased ranges, stray ranges and lost messages: with them it is more
+
+|letters|letter<8|drone<8|bound, cm>9
+{letter}|{drone}|{bound_m*100:.1}
+
+advice    one more anchor that all drones hear helps most at ({one_more_anchor.position_m.0:.2}, {one_more_anchor.position_m.1:.2}, {one_more_anchor.position_m.2:.2}) m: {one_more_anchor.bound_m*100:.1} cm then
+
+";
 
 fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
     let [median_m, p95_m, max_m] = [50, 95, 100].map(quantile_m);
-    let (n_points, seen_frac) = (grid.places.len(), grid.seen_frac());
-    let mut report = Report::of(json!({
-        "n_stations": n_stations, "error_median_m": median_m, "error_p95_m": p95_m,
-        "error_max_m": max_m, "coverage": grid,
-    }));
-    let ([left, bottom, right, top], y_m) = (bounds_m, grid.y_m);
-    let plane =
-        format!("x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {y_m:.2} m");
-    report.line("plane", &plane);
-    let percent = 100.0 * seen_frac;
-    let seen = format!(
-        "by two or more of {n_stations} base stations: {percent:.1} % of {n_points} points"
-    );
-    report.figure("seen_frac", seen_frac, "seen", &seen);
-    let error = match (median_m, p95_m, max_m) {
-        (Some(median_m), Some(p95_m), Some(max_m)) => {
-            let [median, p95, max] = [median_m, p95_m, max_m].map(|error_m| 1e3 * error_m);
-            format!("median {median:.1} mm, 95 % below {p95:.1} mm, largest {max:.1} mm")
-        }
-        _ => "unknown: no point is seen by two base stations".to_owned(),
-    };
-    report.line("error", &error);
-    let reflected = grid.places.iter().filter(|place| place.n_reflected > 0).count();
-    if reflected > 0 {
-        report.line("mirrors", &format!("show a station a second time at {reflected} points"));
-    }
-    let rows = (0..=n_stations).filter_map(|n| {
-        let places = grid.places.iter().filter(|place| place.n_stations == n).count();
-        let percent = 100.0 * places as f64 / n_points as f64;
-        (places > 0).then(|| format!("{n}\t{places}\t{percent:.1} %"))
+    let product = json!({
+        "n_stations": n_stations, "seen_frac": grid.seen_frac(), "error_median_m": median_m,
+        "error_p95_m": p95_m, "error_max_m": max_m, "coverage": grid,
     });
-    report.text += &format!("\n{}\n", table("stations<10|points<10|share<0", rows));
-    report
+    let reflected = grid.places.iter().filter(|place| place.n_reflected > 0).count();
+    let n_points = grid.places.len();
+    let seen = (0..=n_stations).filter_map(|n| {
+        let places = grid.places.iter().filter(|place| place.n_stations == n).count();
+        let share = places as f64 / n_points as f64;
+        (places > 0).then(|| json!({ "stations": n, "points": places, "share": share }))
+    });
+    let words = json!({
+        "map": bounds_m, "points": n_points, "seen": seen.collect::<Vec<_>>(),
+        "reflected": Some(reflected).filter(|n| *n > 0),
+        "unknown": median_m.is_none().then_some("no point is seen by two base stations"),
+    });
+    Report::with_words(product, &words, STATIONS)
 }
+
+const STATIONS: &str = "\
+plane     x {map.0:.2} to {map.2:.2} m, z {map.1:.2} to {map.3:.2} m, at y {coverage.y_m:.2} m
+seen      by two or more of {n_stations} base stations: {seen_frac*100:.1} % of {points} points
+error     median {error_median_m*1e3:.1} mm, 95 % below {error_p95_m*1e3:.1} mm, largest {error_max_m*1e3:.1} mm
+error     unknown: {unknown}
+mirrors   show a station a second time at {reflected} points
+
+|seen|stations<10|points<10|share<0
+{stations}|{points}|{share*100:.1} %
+
+";
 
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {
     numbers(text, &[','])

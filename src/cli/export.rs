@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::{
-    Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
-    findings, named, warn,
+    Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags,
+    findings, json, named, warn,
 };
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
 use crate::geometry::bounds;
@@ -73,20 +73,12 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         true => warned(args, flies, &of_flights(flies, flights, &profile)?.findings),
         false => None,
     };
-    let mut report = Report::empty();
-    report.value("word", word);
-    report.value("format", args.to.name());
-    report.value("drones", shoot.plans.len());
-    report.value("stops", &stops);
-    if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
-        for key in ["bytes", "deviation_mm"] {
-            report.value(key, Value::Null);
-        }
-        report.line("refused", stops);
-        let hint =
-            "nothing was written; --unchecked writes it all the same, `check` says what to change";
-        report.line("", hint);
-        return Ok(report.with_files(&[]).with_outcome(Outcome::NotSafe));
+    let mut product = json!({
+        "word": word, "format": args.to.name(), "drones": shoot.plans.len(), "stops": stops,
+        "bytes": null, "deviation_mm": null,
+    });
+    if stops.is_some() && !args.unchecked {
+        return Ok(Report::of(product, REFUSED).with_files(&[]).with_outcome(Outcome::NotSafe));
     }
     // The script of setpoints can be told to fly the trajectory, if that is safe as well.
     let on_board = match args.to {
@@ -135,24 +127,17 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
                 let (found, hint) = ("a file", "name a folder: there are several files");
                 return Err(Error::input(folder.display(), found, "a folder", hint));
             }
-            let folder = OutputFolder::create(&folder)?;
+            let mut folder = OutputFolder::create(&folder)?;
             for file in files {
                 folder.write(&file.name, |out| out.write_all(&file.bytes))?;
             }
-            folder.keep(&files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>())?
+            folder.keep()?
         }
     };
-    if let Some(stops) = &stops {
-        report.line("unchecked", &format!("not safe: {stops}"));
-    }
-    let bytes: usize = files.iter().map(|file| file.bytes.len()).sum();
-    let exported = format!("{word} to {}, {bytes} bytes", args.to.name());
-    report.figure("bytes", bytes, "exported", &exported);
-    report.optional("note", args.to.note(), "note", |note| (*note).to_owned());
     let deviation_mm = deviation_m(args.to, &job)?.map(|m| 1e3 * m);
-    report.optional("deviation_mm", deviation_mm, "deviation", |off_mm| {
-        format!("up to {off_mm:.1} mm from the design")
-    });
+    product["bytes"] = files.iter().map(|file| file.bytes.len()).sum::<usize>().into();
+    product["note"] = args.to.note().into();
+    product["deviation_mm"] = deviation_mm.into();
     if args.to.stays_in_the_air() {
         for plan in &plans {
             let [begins_m, ends_m] = end_heights_m(plan)?;
@@ -166,8 +151,20 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     if deviation_mm.is_some_and(|off_mm| off_mm > 2.0 * tolerance_mm) {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
-    Ok(report.with_files(&paths))
+    Ok(Report::of(product, EXPORTED).with_files(&paths))
 }
+
+const REFUSED: &str = "\
+refused   {stops}
+          nothing was written; --unchecked writes it all the same, `check` says what to change
+";
+
+const EXPORTED: &str = "\
+unchecked\tnot safe: {stops}
+exported  {word} to {format}, {bytes} bytes
+note      {note}
+deviation\tup to {deviation_mm:.1} mm from the design
+";
 
 /// Refuses plans whose room is not known: their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {

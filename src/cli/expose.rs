@@ -42,7 +42,7 @@ pub(super) struct ExposeArgs {
 }
 
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
-    let mut scene = args.scene.load_of(&args.flights, &args.seed.settings())?;
+    let mut scene = args.scene.load(&args.flights, &args.seed.settings())?;
     args.picture.apply(&mut scene)?;
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
@@ -55,15 +55,14 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
     // A light trace alone needs no word: its colors are its own.
-    if !shot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
+    if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         let note = "the photo names no word: name one with --word, or after the photo in `score`";
         message("note: ", note);
     }
-    let mut report = Report::empty();
-    show::tell_camera(&mut report, &shot);
-    show::tell_backend(&mut report, &shot);
+    let mut report = show::camera(&shot);
+    report.add(show::backend(&shot));
     report.value("flight_sha256", shot.flight_sha256());
     report.value("photo_sha256", sha256(bytes));
-    report.value("word", &shot.scene.word);
+    report.value("word", &shot.shoot.scene.word);
     Ok(report.with_files(&[path]))
 }

@@ -62,22 +62,14 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with the settings of these and of other flags.
-    pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        self.load_using(more, &[])
-    }
-
-    /// The same, for a verb that uses some keys which are without effect in a flight.
-    pub(super) fn load_using(&self, more: &[Setting], used: &[&str]) -> Result<Scene> {
-        self.load_from(None, more, used)
-    }
-
-    /// The same of plans, flights and logs: the scene that came with them, where none is named.
-    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+    /// The scene with the settings of these and of other flags; of plans, flights and logs the
+    /// scene that came with them, where none is named.
+    pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    fn load_from(
+    /// The same, for a verb that uses some keys which are without effect in a flight.
+    pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
         more: &[Setting],
@@ -121,7 +113,7 @@ impl SceneFlags {
         check: impl FnOnce(&mut Scene) -> Result<()>,
     ) -> Result<Scene> {
         if self.scene.is_some() {
-            return self.load(&[]);
+            return self.load(&[], &[]);
         }
         let mut scene = Scene::parse_with(toml, file, &borrowed(&self.set.set))?;
         check(&mut scene)?;
@@ -183,13 +175,8 @@ pub(super) struct DesignFlags {
 }
 
 impl DesignFlags {
-    /// The scene with the settings of these and of other flags.
-    pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        self.load_of(&[], more)
-    }
-
-    /// The same of plans, flights and logs, see [`SceneFlags::load_of`].
-    pub(super) fn load_of(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
+    /// The scene with the settings of these and of other flags, see [`SceneFlags::load`].
+    pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
         self.fit(&mut scene)?;
         Ok(scene)

@@ -35,7 +35,7 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
-    let scene = args.scene.load_of(&files, &args.seed.settings())?;
+    let scene = args.scene.load(&files, &args.seed.settings())?;
     let mut plans = read_plans(&args.plans)?;
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {

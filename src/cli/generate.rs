@@ -45,18 +45,16 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
             Ok(Report::new(format!("{adapter}\n"), json!({ "adapter": adapter })))
         }
         Kind::Man { output } => {
-            let folder = OutputFolder::create(output)?;
+            let mut folder = OutputFolder::create(output)?;
             let mut command = command.disable_help_subcommand(true);
             command.build();
-            let mut names = Vec::new();
             let verbs = || command.get_subcommands().filter(|verb| !verb.is_hide_set());
             let nested = verbs().flat_map(Command::get_subcommands);
             for page in std::iter::once(&command).chain(verbs()).chain(nested) {
                 let page = clap_mangen::Man::new(page.clone());
                 folder.write(&page.get_filename(), |out| page.render(out))?;
-                names.push(page.get_filename());
             }
-            Ok(Report::empty().with_files(&folder.keep(&names)?))
+            Ok(Report::of(json!({}), "").with_files(&folder.keep()?))
         }
     }
 }

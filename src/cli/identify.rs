@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, table, warn};
+use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, warn};
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;
 
@@ -24,7 +24,7 @@ pub(super) struct IdentifyArgs {
 }
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
-    let scene = args.scene.load_of(args.log.as_slice(), &[])?;
+    let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
@@ -37,19 +37,53 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
 
-    let mut report = Report::with_names_of(14);
-    // The log does not tell them: thrust scales with the mass, torque with the arm.
+    // The log does not tell mass and arm: thrust scales with the mass, torque with the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
-    let assumed = format!(
-        "mass {:.2} g, arm {:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...",
-        1e3 * mass_kg,
-        1e3 * arm_m
-    );
-    report.figure("assumed", json!({ "mass_kg": mass_kg, "arm_m": arm_m }), "assumed", &assumed);
-    tell(&mut report, identified.as_ref());
-    report.optional("inertia_kg_m2", inertia_kg_m2, "inertia", |j| format!("{j:.4e} kg m2"));
-    Ok(report)
+    let found = identified.as_ref();
+    let lag = found.and_then(|it| it.lag);
+    let r = found.and_then(Identified::observer_r);
+    let product = json!({
+        "assumed": { "mass_kg": mass_kg, "arm_m": arm_m },
+        "samples": found.map(|it| it.n_samples),
+        "mean_motors": found.map(|it| it.mean_motors),
+        "k_f_n": found.map(|it| it.k_f_n),
+        "motor_torque_n_m": found.map(|it| it.motor_torque_n_m),
+        "center_of_mass_m": found.map(|it| it.center_of_mass_m),
+        "rotor_lag_s": lag.map(|lag| lag.lag_s),
+        "rotor_lag_half_width_s": lag.map(|lag| lag.half_width_s),
+        "measurement_sigma_m": found.and_then(|it| it.measurement_sigma_m),
+        "observer_q": found.and_then(Identified::observer_q),
+        "model_sigma": found.and_then(|it| it.model_sigma),
+        "observer_r": r,
+        "left_out": found.map(|it| &it.left_out),
+        "inertia_kg_m2": inertia_kg_m2,
+    });
+    let weights = r.map(|[x, y, z, rest @ ..]| {
+        [x, y, z].map(Some).into_iter().chain([None]).chain(rest.map(Some)).collect::<Vec<_>>()
+    });
+    let unsure = lag.filter(|lag| !lag.is_identifiable());
+    let words = json!({
+        "axes": ["x", "y", "z"], "states": MODEL_STATES, "weights": weights,
+        "unsure": unsure.map(|_| "not identifiable from this log"),
+    });
+    Ok(Report::with_words(product, &words, LAYOUT))
 }
+
+const LAYOUT: &str = "\
+assumed       mass {assumed.mass_kg*1e3:.2} g, arm {assumed.arm_m*1e3:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...
+samples       {samples} in the air, mean commands {mean_motors.0:.0} {mean_motors.1:.0} {mean_motors.2:.0} {mean_motors.3:.0}
+k_F           {k_f_n:.4e} N per unit of a motor's command
+torque        x {motor_torque_n_m.0:+.2e}  y {motor_torque_n_m.1:+.2e} N m, mean of the motors
+mass center   x {center_of_mass_m.0*1e3:+.2} mm, y {center_of_mass_m.1*1e3:+.2} mm from the middle of the motors
+rotor lag     {rotor_lag_s*1e3:.0} ± {rotor_lag_half_width_s*1e3:.0} ms (95 %)[: {unsure}]
+inertia       {inertia_kg_m2:.4e} kg m2
+
+|measurement_sigma_m|measured<14|sigma, m<16|observer.luenberger.q<0
+{axes.#}|{:.4}|{observer_q.#:.0}
+
+|model_sigma|model<14|sigma, per s<16|observer.luenberger.r<0
+{states.#}|{:.4}|{weights.#:.1~not observable}
+";
 
 /// An error of a flight with the log's name in the place of "flight".
 fn named(error: Error, log: Option<&Path>) -> Error {
@@ -59,57 +93,4 @@ fn named(error: Error, log: Option<&Path>) -> Error {
         }
         (other, _) => other,
     }
-}
-
-/// Adds what was identified; null where there was no log.
-fn tell(report: &mut Report, identified: Option<&Identified>) {
-    report.value("samples", identified.map(|it| it.n_samples));
-    report.value("mean_motors", identified.map(|it| it.mean_motors));
-    if let Some(Identified { n_samples, mean_motors: [m1, m2, m3, m4], .. }) = identified {
-        let motors = format!("{m1:.0} {m2:.0} {m3:.0} {m4:.0}");
-        report.line("samples", &format!("{n_samples} in the air, mean commands {motors}"));
-    }
-    report.optional("k_f_n", identified.map(|it| it.k_f_n), "k_F", |k_f_n| {
-        format!("{k_f_n:.4e} N per unit of a motor's command")
-    });
-    let torque_n_m = identified.map(|it| it.motor_torque_n_m);
-    report.optional("motor_torque_n_m", torque_n_m, "torque", |[x, y]| {
-        format!("x {x:+.2e}  y {y:+.2e} N m, mean of the motors")
-    });
-    let center_m = identified.map(|it| it.center_of_mass_m);
-    report.optional("center_of_mass_m", center_m, "mass center", |center_m| {
-        let [x, y] = center_m.map(|m| m * 1e3);
-        format!("x {x:+.2} mm, y {y:+.2} mm from the middle of the motors")
-    });
-    let lag = identified.and_then(|it| it.lag);
-    report.value("rotor_lag_half_width_s", lag.map(|lag| lag.half_width_s));
-    report.value("rotor_lag_s", lag.map(|lag| lag.lag_s));
-    if let Some(lag) = lag {
-        let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
-        let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
-        report.line("rotor lag", &format!("{ms:.0} ± {doubt_ms:.0} ms (95 %){note}"));
-    }
-    let sigma_m = identified.and_then(|it| it.measurement_sigma_m);
-    let q = identified.and_then(Identified::observer_q);
-    if let Some((sigma_m, q)) = sigma_m.zip(q) {
-        let rows = ["x", "y", "z"].iter().zip(sigma_m).zip(q);
-        let rows = rows.map(|((name, sigma), q)| format!("{name}\t{sigma:.4}\t{q:.0}"));
-        report.table(&table("measured<14|sigma, m<16|observer.luenberger.q<0", rows));
-    }
-    let model_sigma = identified.and_then(|it| it.model_sigma);
-    let r = identified.and_then(Identified::observer_r);
-    if let Some((sigma, r)) = model_sigma.zip(r) {
-        let mut weights = r.iter();
-        let rows = MODEL_STATES.iter().zip(sigma).map(|(name, sigma)| {
-            let weight = if *name == "psi" { None } else { weights.next() };
-            let weight = weight.map_or("not observable".to_owned(), |r| format!("{r:.1}"));
-            format!("{name}\t{sigma:.4}\t{weight}")
-        });
-        report.table(&table("model<14|sigma, per s<16|observer.luenberger.r<0", rows));
-    }
-    report.value("measurement_sigma_m", sigma_m);
-    report.value("observer_q", q);
-    report.value("model_sigma", model_sigma);
-    report.value("observer_r", r);
-    report.value("left_out", identified.map(|it| &it.left_out));
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::relit::relit_where_dark;
 use super::show::flight_report;
 use super::{
-    Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, set_word, warn,
+    Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, json, set_word, warn,
 };
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};
@@ -41,12 +41,12 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
             return Err(Error::input("input", word, "no word for a folder of logs", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
-        let scene = args.scene.load(&[])?;
+        let scene = args.scene.load(&[], &[])?;
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
     let log = std::slice::from_ref(&args.log);
-    let mut scene = args.scene.load_of(log, &[])?;
+    let mut scene = args.scene.load(log, &[])?;
     let is_known = args.scene.is_given() || CarriedScene::of(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
@@ -67,20 +67,21 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let air = &flight.samples[air];
         [air[0].time_s, air[air.len() - 1].time_s]
     });
-    let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {
-        format!("in the air {from:.2} s to {to:.2} s")
-    });
-    let mut report = Report::empty();
-    let n = flight.samples.len();
-    report.figure("samples", n, "samples", &format!("{n}, {air}"));
-    report.value("airborne_s", air_s);
-    report.optional("firmware", firmware, "firmware", String::clone);
-    report.value("gaps_s", &flight.gaps);
-    report.value("unlogged", flight.unlogged.iter().map(|it| it.name()).collect::<Vec<_>>());
-    report.value("extra", flight.extra.keys().collect::<Vec<_>>());
-    report.value("warnings", flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>());
     let figures = flight_report(&flight, &flight.sha256(), None);
-    report.value("flight", figures.json);
+    let product = json!({
+        "samples": flight.samples.len(), "airborne_s": air_s, "firmware": firmware,
+        "gaps_s": &flight.gaps,
+        "unlogged": flight.unlogged.iter().map(|it| it.name()).collect::<Vec<_>>(),
+        "extra": flight.extra.keys().collect::<Vec<_>>(),
+        "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "flight": figures.json,
+    });
+    let mut report = Report::of(product, LAYOUT);
     report.text += &figures.text;
     Ok(report.with_files(&files))
 }
+
+const LAYOUT: &str = "\
+samples   {samples}, {airborne_s?in the air :never in the air}[{airborne_s.0:.2} s to {airborne_s.1:.2} s]
+firmware  {firmware}
+";

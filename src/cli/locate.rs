@@ -8,15 +8,13 @@ use nalgebra::Vector3;
 
 use super::locate_region::region;
 use super::{
-    Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, table, warn,
-    warn_of,
+    Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, warn, warn_of,
 };
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity, Warning};
 use crate::locate::{
-    Link, LinkError, LinkResidual, LocateOptions, Located, PositionError, RangeSample, Reference,
-    Room, Track, check_count, link_errors, locate, locate_enlarged, locate_shared, nis_interval,
-    position_error,
+    Link, LocateOptions, Located, RangeSample, Reference, Room, Track, check_count, link_errors,
+    locate, locate_enlarged, locate_shared, nis_interval, position_error,
 };
 use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
@@ -94,7 +92,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.load_using(&[], &USED)?;
+    let mut scene = args.scene.load_from(None, &[], &USED)?;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();
@@ -150,11 +148,46 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let files = write(folder, &located, &references)?;
     let links = link_errors(&samples, &anchors_m, &references);
 
-    let mut report = described(&located, args.observer);
-    tell_clocks(&mut report, &clocks);
-    tell_tables(&mut report, &located.links, &errors, &links);
-    Ok(report.with_files(&files))
+    let clocks = if clocks.len() > 1 { clocks } else { Vec::new() };
+    let clocks = clocks
+        .iter()
+        .map(|it| json!({ "file": it.path.display().to_string(), "offset_s": it.offset_s }));
+    let ends = located.time_s.first().zip(located.time_s.last());
+    let [median_m, worst_m] = sigmas_m(&located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
+    let product = json!({
+        "ranges": located.ranges, "span_s": ends.map_or(0.0, |(first, last)| last - first),
+        "refused_frac": located.refused_frac, "nis": located.nis,
+        "nis_interval": nis_interval(located.ranges), "sigma_median_m": median_m,
+        "sigma_max_m": worst_m, "clocks": clocks.collect::<Vec<_>>(),
+        "residuals": located.links, "reference": errors, "links": links,
+        "warnings": located.warnings,
+    });
+    let drones: Vec<usize> = (1..=located.position_m.len()).collect();
+    let refused_frac = located.nis.map(|_| located.refused_frac);
+    let words = json!({
+        "observer": format!("{:?}", args.observer).to_lowercase(), "n_drones": drones.len(), "drone": drones, "refused_frac": refused_frac,
+    });
+    Ok(Report::with_words(product, &words, LAYOUT).with_files(&files))
 }
+
+const LAYOUT: &str = "\
+located   {n_drones} of {n_drones} drones, --observer {observer}
+ranges    {ranges} in {span_s:.1} s
+refused   {refused_frac*100:.1} % of the ranges
+NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} where noise and motion are as assumed)
+sigma     {sigma_median_m*100:.1} cm over three axes (median), {sigma_max_m*100:.1} cm at worst
+*clocks clock     {file}: offset {offset_s:+.3} s
+
+|residuals|residuals, cm<32|median>8|scatter>9|refused>9|ranges>8
+{link}|{median_m*100:+.1}|{scatter_m*100:.1}|{refused}|{ranges}
+
+|reference|RMSE, cm<10|x>5|y>8|z>8|3-D>8|NEES>8|samples>9
+drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m*100:.1}|{nees:.2}|{samples}
+
+|links|ranges minus true distances, cm<32|median>8|scatter>9|ranges>8
+{link}|{median_m*100:+.1}|{scatter_m*100:.1}|{ranges}
+
+";
 
 /// A log or a reference with its clock.
 struct Dated<'a> {
@@ -221,16 +254,6 @@ fn align_references(
     Ok(())
 }
 
-/// What was added to the times of each file, where there are several.
-fn tell_clocks(report: &mut Report, files: &[&Dated<'_>]) {
-    let files = if files.len() > 1 { files } else { &[] };
-    for Dated { path, offset_s, .. } in files {
-        report.line("clock", &format!("{}: offset {offset_s:+.3} s", path.display()));
-    }
-    let clocks = files.iter().map(|file| json!({ "file": file.path, "offset_s": file.offset_s }));
-    report.value("clocks", clocks.collect::<Vec<_>>());
-}
-
 /// Refuses a flag that is repeated for some of the files only.
 fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> {
     if n == 0 || n == n_files {
@@ -254,16 +277,14 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
 }
 
 fn write(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
-    let (mut names, mut traces) = (Vec::new(), Vec::new());
+    let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone);
-        let name = format!("flight-{}.csv", drone + 1);
-        folder.write(&name, |out| flight.write_csv(out))?;
-        names.push(name);
+        folder.write(&format!("flight-{}.csv", drone + 1), |out| flight.write_csv(out))?;
         traces
             .push(NamedFlight { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
@@ -274,9 +295,8 @@ fn write(
     }
     for (name, svg) in VIEWS.iter().zip([top_view(&traces), front_view(&traces)]) {
         folder.write(name, |out| out.write_all(svg.as_bytes()))?;
-        names.push((*name).to_owned());
     }
-    folder.keep(&names)
+    folder.keep()
 }
 
 fn by_observer(
@@ -370,41 +390,6 @@ fn flight(located: &Located, drone: usize) -> Flight {
     }
 }
 
-/// The figures of a whole log.
-fn described(located: &Located, observer: Observer) -> Report {
-    let ends = located.time_s.first().zip(located.time_s.last());
-    let span_s = ends.map_or(0.0, |(first, last)| last - first);
-    let interval @ [least, most] = nis_interval(located.ranges);
-    let json = json!({
-        "span_s": span_s, "nis_interval": interval, "refused_frac": located.refused_frac,
-        "warnings": located.warnings,
-    });
-    let mut report = Report::of(json);
-    let way = match observer {
-        Observer::Smooth => "smoothed over the whole flight",
-        Observer::Filter => "filtered as in flight",
-        Observer::Enlarged => "by the enlarged filter and its hand-over",
-        Observer::Shared => "by the shared-anchor observer",
-    };
-    let (drones, n) = (located.position_m.len(), located.ranges);
-    report.line("located", &format!("{drones} of {drones} drones, {way}"));
-    report.figure("ranges", n, "ranges", &format!("{n} in {span_s:.1} s"));
-    if located.nis.is_some() {
-        let percent = 100.0 * located.refused_frac;
-        report.line("refused", &format!("{percent:.1} % of the ranges"));
-    }
-    report.optional("nis", located.nis, "NIS", |nis| {
-        format!("{nis:.2} (from {least:.2} to {most:.2} where noise and motion are as assumed)")
-    });
-    let [median_m, worst_m] = sigmas_m(located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
-    report.value("sigma_max_m", worst_m);
-    report.optional("sigma_median_m", median_m, "sigma", |median_m| {
-        let [median_cm, worst_cm] = [*median_m, worst_m.unwrap_or_default()].map(|m| 100.0 * m);
-        format!("{median_cm:.1} cm over three axes (median), {worst_cm:.1} cm at worst")
-    });
-    report
-}
-
 /// Median and greatest standard deviation of the positions over three axes.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
@@ -412,39 +397,6 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let sigmas_m: Vec<f64> = heard.map(|covariance| covariance.trace().max(0.0).sqrt()).collect();
     let worst_m = sigmas_m.iter().copied().fold(0.0, f64::max);
     Some([median(sigmas_m)?, worst_m])
-}
-
-/// What the located positions leave of the ranges, by link; against the references, the errors of
-/// the positions, and of the ranges by link.
-fn tell_tables(
-    report: &mut Report,
-    residuals: &[LinkResidual],
-    errors: &[PositionError],
-    links: &[LinkError],
-) {
-    let rows = residuals.iter().map(
-        |LinkResidual { link, refused, ranges, median_m, scatter_m, .. }| {
-            let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
-            format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{refused}\t{ranges}")
-        },
-    );
-    report.table(&table("residuals, cm<32|median>8|scatter>9|refused>9|ranges>8", rows));
-    let rows = errors.iter().enumerate().map(|(drone, error)| {
-        let [x, y, z] = error.rmse_m.map(|m| 100.0 * m);
-        let nees = error.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}"));
-        let (whole, samples) = (100.0 * error.rmse_3d_m, error.samples);
-        format!("drone {}\t{x:.1}\t{y:.1}\t{z:.1}\t{whole:.1}\t{nees}\t{samples}", drone + 1)
-    });
-    report.table(&table("RMSE, cm<10|x>5|y>8|z>8|3-D>8|NEES>8|samples>9", rows));
-    let rows = links.iter().map(|LinkError { link, median_m, scatter_m, ranges, .. }| {
-        let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
-        format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{ranges}")
-    });
-    report.table(&table("ranges minus true distances, cm<32|median>8|scatter>9|ranges>8", rows));
-    report.text.push('\n');
-    report.value("residuals", residuals);
-    report.value("reference", errors);
-    report.value("links", links);
 }
 
 /// The least and the greatest coordinates of a box.

@@ -3,10 +3,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Error, Report, Result, Value, json, table};
+use super::{Error, Report, Result, json};
 use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
 use crate::scene::Scene;
-use crate::sensors::UwbOptions;
 use crate::shoot::Shoot;
 
 /// Start errors, gains and times of the map.
@@ -37,57 +36,34 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
     };
     let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
-    let (map, left) = map(observer, path);
-    let (table, seen) = observability_table(&uwb, observer(1.0), path);
-    Ok(Report::new(map + &table, json!({ "region": left, "observability": seen })))
-}
-
-/// Shares of the start error that are left, by error and gain.
-fn map(
-    observer: impl Fn(f64) -> SharedAnchorObserver,
-    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
-) -> (String, Vec<Value>) {
-    let mut left = Vec::new();
-    let rows = ERRORS_M.map(|error_m| {
-        let mut row = error_m.to_string();
-        for gain in GAINS {
-            let left_share = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
-            let [best, worst] = left_share.range;
-            let diverged = 100.0 * left_share.diverged_frac;
-            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {diverged:.0} %)", left_share.median);
-            left.push(json!({ "gain": gain, "share_left": left_share }));
-        }
-        row
+    let errors = ERRORS_M.map(|error_m| {
+        let left = GAINS.map(|gain| share_left(&observer(gain), path, MAP_S, error_m, STARTS));
+        json!({ "error_m": error_m, "left": left })
     });
-    let gains = GAINS.map(|gain| format!("|gain {gain}>23")).concat();
-    let text = format!(
-        "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
-         writing, without noise: median of {STARTS} starts (best to worst; diverged)\n\n{}",
-        table(&format!("error, m<8{gains}"), rows)
-    );
-    (text, left)
-}
-
-/// Rank and worst direction of the start, from all ranges and from the observer's three outputs.
-fn observability_table(
-    uwb: &UwbOptions,
-    observer: SharedAnchorObserver,
-    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
-) -> (String, Vec<Value>) {
-    let mut seen = Vec::new();
-    let rows = SPANS_S.map(|span_s| {
-        let both = [Outputs::Ranges, Outputs::Three].map(|outputs| {
-            observability(&observer, outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
+    let seen = SPANS_S.map(|span_s| {
+        let [ranges, three] = [Outputs::Ranges, Outputs::Three].map(|outputs| {
+            let noise_m = uwb.noise_m.max(1e-4);
+            observability(&observer(1.0), outputs, path, span_s, uwb.rate_hz, noise_m)
         });
-        let worst = |sigma_m: f64| match sigma_m.is_finite() {
-            true => format!("{:.1} cm", 100.0 * sigma_m),
-            false => "open".to_owned(),
-        };
-        seen.push(json!({ "time_s": span_s, "ranges": both[0], "three_outputs": both[1] }));
-        let [ranges, three] = both.map(|found| (found.rank, worst(found.sigmas_m[5])));
-        format!("{span_s}\t{:>14}{:>14}\t{:>18}{:>14}", ranges.0, ranges.1, three.0, three.1)
+        json!({ "time_s": span_s, "ranges": ranges, "three_outputs": three })
     });
-    let head = "time, s<13|five ranges: rank, worst<28|observer's three: rank, worst<0";
-    let title = "\nObservability of the positions at the start, with known motion\n\n";
-    (title.to_owned() + &table(head, rows) + "\n", seen)
+    let left = errors.iter().flat_map(|error| (0..GAINS.len()).map(move |k| (k, error)));
+    let left = left.map(|(k, error)| json!({ "gain": GAINS[k], "share_left": error["left"][k] }));
+    let product = json!({ "region": left.collect::<Vec<_>>(), "observability": seen });
+    let words = json!({ "errors": errors, "map_s": MAP_S, "starts": STARTS, "gains": GAINS });
+    Ok(Report::with_words(product, &words, LAYOUT))
 }
+
+const LAYOUT: &str = "\
+Share of the start error that the shared-anchor observer leaves after {map_s} s of
+writing, without noise: median of {starts} starts (best to worst; diverged)
+
+|errors|error, m<8|gain 0.003>23|gain 0.03>23|gain 0.3>23
+{error_m}|{left.0.median:.2} ({left.0.range.0:.2}-{left.0.range.1:.2}; {left.0.diverged_frac*100:.0} %)|{left.1.median:.2} ({left.1.range.0:.2}-{left.1.range.1:.2}; {left.1.diverged_frac*100:.0} %)|{left.2.median:.2} ({left.2.range.0:.2}-{left.2.range.1:.2}; {left.2.diverged_frac*100:.0} %)
+
+Observability of the positions at the start, with known motion
+
+|observability|time, s<10|five ranges: rank>18|worst, cm>12|observer's three: rank>25|worst, cm>12
+{time_s}|{ranges.rank}|{ranges.sigmas_m.5*100:.1~open}|{three_outputs.rank}|{three_outputs.sigmas_m.5*100:.1~open}
+
+";

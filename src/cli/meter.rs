@@ -4,12 +4,9 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::{
-    Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, table, warn, watch,
-    wrapped,
+    Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, warn, watch,
 };
-use crate::camera::Camera;
-use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};
-use crate::shoot::{Metered, in_stops};
+use crate::expose::meter::{LampReading, floor_stops, meter};
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {
@@ -47,148 +44,90 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     warn(warnings.map(|problem| problem.sentence(mentioned)));
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
-    let metered = Found {
-        ambient_stops: scene.photo.ambient_stops(&lighting.camera),
-        floor_stops: floor_stops(&lighting.trace, &lighting.camera, &scene.expose),
-        target_stops: args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0),
-        recommended: recommended.filter(|_| args.target_stops.is_none()),
-        camera: lighting.camera,
-        fixed_aperture: scene.camera.body.fixed_lens().is_some(),
-        readings,
-    };
-    let lamps = metered.readings.iter().map(|reading| {
+    let camera = &lighting.camera;
+    let target_stops = args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0);
+    let recommended = recommended.filter(|_| args.target_stops.is_none());
+    let has_fixed_aperture = scene.camera.body.fixed_lens().is_some();
+    let lamp = |reading: &LampReading| {
         let mut lamp = json!(reading);
         lamp["evenness_stops"] = reading.evenness_stops().into();
-        lamp["advice"] = json!(reading.advice(&metered.camera, metered.target_stops));
-        if metered.fixed_aperture {
+        lamp["advice"] = json!(reading.advice(camera, target_stops));
+        if has_fixed_aperture {
             lamp["advice"]["f_number"] = Value::Null;
         }
         lamp
+    };
+    let product = json!({
+        "saturation_lx_s": camera.saturation_lx_s(), "f_number": camera.f_number,
+        "iso": camera.iso, "target_stops": target_stops, "recommended": recommended,
+        "ambient_stops": scene.photo.ambient_stops(camera),
+        "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
+        "lamps": readings.iter().map(lamp).collect::<Vec<_>>(),
     });
-    let json = json!({
-        "saturation_lx_s": metered.camera.saturation_lx_s(), "f_number": metered.camera.f_number,
-        "iso": metered.camera.iso, "target_stops": metered.target_stops,
-        "recommended": metered.recommended, "ambient_stops": metered.ambient_stops,
-        "floor_stops": metered.floor_stops, "lamps": lamps.collect::<Vec<_>>(),
+    let rows = grouped(&readings);
+    let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
+    let advice = brightest.map(|it| it.advice(camera, target_stops));
+    let advice = advice.filter(|_| recommended.is_none());
+    let aperture = advice.filter(|_| !has_fixed_aperture).map(|it| format!("f/{:.1}", it.f_number));
+    let iso = advice.and_then(|it| it.iso).map(|iso| format!("ISO {iso:.0}"));
+    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
+    let filter = "a neutral filter".to_owned();
+    let ways = advice.map(|_| if ways.is_empty() { filter } else { ways.join(" or ") });
+    let spots = hot_spots(&rows);
+    let rows: Vec<Value> = rows.iter().map(lamp).collect();
+    // In the middle of the picture, and at most.
+    let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
+    let surfaces = surfaces.map(|(name, stops)| json!({ "name": name, "median_stops": stops }));
+    let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
+    let words = json!({
+        "brightest": brightest, "ways": ways, "focal_length_m": camera.focal_length_m,
+        "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == [camera.f_number, camera.iso]),
+        "help": recommended.and_then(|it| it.help()),
+        "why": recommended.filter(|it| it.gave_way).map(|_| "so that the room stays dark"),
+        "rows": rows, "trails": trails,
+        "any_spots": spots.first().map(|_| "hot spots"),
+        "spots": spots.get(..MOST_SPOTS).unwrap_or(&spots),
+        "more": spots.len().checked_sub(MOST_SPOTS + 1).map(|n| n + 1),
     });
-    Ok(Report::new(text_of(&metered), json))
+    Ok(Report::with_words(product, &words, LAYOUT))
 }
 
-/// Exposures of the lamps, of the room and of the floor.
-struct Found {
-    camera: Camera,
-    readings: Vec<LampReading>,
-    /// Whether the aperture cannot be set.
-    fixed_aperture: bool,
-    /// What the light meter recommends; `None` where another exposure is wanted.
-    recommended: Option<Metered>,
-    /// Exposure that is wanted in the middle of a trail, stops over saturation.
-    target_stops: f64,
-    /// Stops over saturation of the room in the middle of the picture; `None`: dark.
-    ambient_stops: Option<f64>,
-    /// Stops over saturation of the floor where it is brightest; `None`: dark.
-    floor_stops: Option<f64>,
-}
-
-/// Hot spots that a table lists.
+/// Hot spots that a table lists. Names of lamps are cut where they fill their column.
 const MOST_SPOTS: usize = 20;
 
-fn text_of(metered: &Found) -> String {
-    let Found { camera, target_stops, ambient_stops, floor_stops, .. } = metered;
-    let readings = &grouped(&metered.readings);
-    let Camera { focal_length_m, f_number, iso, .. } = camera;
-    let mut text = wrapped("", &in_one_sentence(metered));
-    text += &format!(
-        "\n{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
-         stops over saturation, along the trail\n",
-        focal_length_m * 1000.0,
-        camera.saturation_lx_s()
-    );
-    // Names are cut where they fill their column.
-    let row = |reading: &LampReading| {
-        let LampReading { name, lit_s, median_stops, p5_stops, p95_stops, streak_s, .. } = reading;
-        let uneven = reading.evenness_stops();
-        format!(
-            "{name:.18}\t{lit_s:.1}\t{median_stops:+.1}\t{p5_stops:+.1}\t{p95_stops:+.1}\t\
-             {uneven:.1}\t{streak_s:.1}"
-        )
-    };
-    let surfaces =
-        [("ambient", ambient_stops, "in the picture's middle"), ("floor", floor_stops, "at most")];
-    let surfaces = surfaces.map(|(name, stops, place)| {
-        let stops = stops.map_or("dark".to_owned(), |stops| format!("{stops:+.1} {place}"));
-        format!("{name}\t\t {stops:>9}")
-    });
-    let head = "lamp<18|lit s>8|median>10|5 %>9|95 %>9|uneven>9|streaks s>11";
-    text += &table(head, readings.iter().map(row).chain(surfaces));
-    text += &format!("\nto put the middle of a lamp's trail at {target_stops:+.1} stops, one of\n");
-    let row = |reading: &LampReading| {
-        let ExposureAdvice { f_number, iso, level } = reading.advice(camera, *target_stops);
-        let f_number = Some(f_number).filter(|_| !metered.fixed_aperture);
-        let cells = [
-            f_number.map(|f_number| format!("f/{f_number:.1}")),
-            iso.map(|iso| format!("{iso:.0}")),
-            level.map(|level| format!("{level:.3}")),
-        ];
-        let [aperture, iso, level] = cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned()));
-        format!("{:.18}\t{aperture}\t{iso}\t{level}", reading.name)
-    };
-    text += &table("lamp<18|aperture>10|ISO>10|level times>14", readings.iter().map(row));
+const LAYOUT: &str = "\
+brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
+set       f/{recommended.f_number} and ISO {recommended.iso}{is_set?, as they are:}: trail {recommended.trail_stops:+.1}, ambient light {recommended.room_stops:+.1~dark} stops[: darker than wanted, {why}][; {help}]
+set       {ways} for {target_stops:+.1} stops
+
+{focal_length_m*1000} mm, f/{f_number}, ISO {iso}: saturation at {saturation_lx_s:.3} lx s
+
+stops over saturation, along the trail
+|trails|lamp<18|lit s>8|median>10|5 %>9|95 %>9|uneven>9|streaks s>11
+{name:.18}|{lit_s:.1}|{median_stops:+.1~dark}|{p5_stops:+.1}|{p95_stops:+.1}|{evenness_stops:.1}|{streak_s:.1}
+
+to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
+|rows|lamp<18|aperture>10|ISO>10|level times>14
+{name:.18}|f/{advice.f_number:.1}|{advice.iso:.0}|{advice.level_factor:.3}
+
+{any_spots} (two stops over the middle, saturated): the lamp lingers there, or faces the camera
+|spots|lamp<18|from s>10|for s>8|at pixel>11|stops>10
+{name:.18}|{time_s:.2}|{duration_s:.2}|{at_px.0:.0},{at_px.1:.0}|{stops:+.1}
+and {more} more (--json has them all)
+";
+
+/// Hot spots with their lamps, the brightest first. What stays under saturation leaves no blob,
+/// however long the lamp lingers.
+fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
-    // What stays under saturation leaves no blob, however long the lamp lingers.
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
     spots.sort_by(|(_, a), (_, b)| b.stops.total_cmp(&a.stops));
-    if !spots.is_empty() {
-        text += "\nhot spots (two stops over the middle, saturated): the lamp lingers there, or\nfaces the camera\n";
-    }
-    let rows = spots.iter().take(MOST_SPOTS).map(|(name, spot)| {
-        let HotSpot { time_s, duration_s, at_px: [x, y], stops } = spot;
-        format!("{name:.18}\t{time_s:.2}\t{duration_s:.2}\t{x:.0},{y:.0}\t{stops:+.1}")
-    });
-    text += &table("lamp<18|from s>10|for s>8|at pixel>11|stops>10", rows);
-    if spots.len() > MOST_SPOTS {
-        text += &format!("and {} more (--json has them all)\n", spots.len() - MOST_SPOTS);
-    }
-    text
-}
-
-/// What to set for the brightest trail.
-fn in_one_sentence(figures: &Found) -> String {
-    let brightest = |a: &&LampReading, b: &&LampReading| a.median_stops.total_cmp(&b.median_stops);
-    let Some(lamp) = figures.readings.iter().max_by(brightest) else {
-        return "No lamp is lit in the picture.".into();
+    let spot = |(name, spot)| {
+        let mut json = json!(spot);
+        json["name"] = json!(name);
+        json
     };
-    let (name, camera) = (&lamp.name, &figures.camera);
-    let now = in_stops(lamp.median_stops);
-    if let Some(metered) = figures.recommended {
-        let Metered { f_number, iso, trail_stops, room_stops, gave_way, .. } = metered;
-        let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
-        let gave_way =
-            if gave_way { ": darker than wanted, so that the room stays dark" } else { "" };
-        let trail = in_stops(trail_stops);
-        let help = metered.help().map_or_else(String::new, |help| format!(" Besides, {help}."));
-        if (f_number, iso) == (camera.f_number, camera.iso) {
-            let right = if metered.filter_stops > 0 { "the nearest it has" } else { "right" };
-            return format!(
-                "f/{f_number} and ISO {iso} are {right}: the ambient light is {room}, the \
-                 brightest trail ({name}) {trail}{gave_way}.{help}"
-            );
-        }
-        return format!(
-            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The ambient \
-             light is then {room}, the trail {trail}{gave_way}.{help}"
-        );
-    }
-    let wanted = in_stops(figures.target_stops);
-    let advice = lamp.advice(camera, figures.target_stops);
-    let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
-    let aperture = (!figures.fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
-    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
-    let advice = match ways.is_empty() {
-        true => "it takes a neutral filter".to_owned(),
-        false => format!("set {} for {wanted}", ways.join(" or ")),
-    };
-    format!("The brightest trail ({name}) is {now}: {advice}.")
+    spots.into_iter().map(spot).collect()
 }
 
 /// The readings with the LEDs of a ring as one row, that of the brightest.

@@ -19,11 +19,11 @@ use flags::{
     warn_of_idle_keys,
 };
 use names::{Corners, named, names, numbers};
-use outcome::{Outcome, line, shell_word, typed_command, wrapped};
+use outcome::{Outcome, shell_word, typed_command};
 use output::{Output, OutputFolder, Outputs, is_svg};
 use picture::{CameraFlags, PictureFlags, StandFlag};
+use printer::{line, print, table, wrapped};
 use progress::{Progress, watch};
-use table::table;
 
 mod advice;
 mod check;
@@ -52,6 +52,7 @@ mod output;
 mod picture;
 mod plan;
 mod preview;
+mod printer;
 mod progress;
 mod rank;
 mod read;
@@ -63,13 +64,12 @@ mod serve;
 mod show;
 mod spread;
 mod studies;
-mod table;
 mod tune;
 mod typefaces;
 
 pub use self::show::verdict_table;
 pub use self::studies::ranking_report;
-pub use self::tune::table_of as tuning_table;
+pub use self::tune::tuning_report;
 pub use outcome::Report;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
@@ -245,7 +245,7 @@ pub fn main() -> ExitCode {
         if report.aside {
             let _ = std::io::stderr().write_all(text.as_bytes());
         } else {
-            print(&text)?;
+            print_out(&text)?;
         }
         Ok(report.outcome)
     });
@@ -298,7 +298,7 @@ fn failed(error: &Error, advice: &[String]) -> ExitCode {
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
-        return print(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
+        return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
     }
     // clap names a similar argument as a tip, and ends with where help is.
     let text = text.replace("\n  tip: ", "\nhint: ");
@@ -364,7 +364,7 @@ fn no_thread(error: impl std::fmt::Display) -> Error {
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.
-fn print(text: &str) -> Result<()> {
+fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {

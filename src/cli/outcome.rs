@@ -4,17 +4,11 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Value, json};
+use super::{Value, line, print};
 use crate::score::Verdict;
 use noctograph_core::files::STANDARD_OUTPUT;
 
-/// Columns that tables and messages keep to.
-const WIDTH: usize = 80;
-
-/// Columns of the names of lines.
-const NAME_WIDTH: usize = 10;
-
-/// Result of a verb: figure by figure, a line for people and a member of an object for programs.
+/// Result of a verb: its product as an object, and printed for people.
 #[derive(Debug)]
 pub struct Report {
     /// What people read: a table of at most 80 columns.
@@ -24,8 +18,6 @@ pub struct Report {
     pub(super) outcome: Outcome,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,
-    /// Columns of the names of lines.
-    name_width: usize,
 }
 
 /// What decides the exit code.
@@ -37,44 +29,29 @@ pub(super) enum Outcome {
 }
 
 impl Report {
-    /// The table, and what serializes as an object.
+    /// A text, and what serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
-        Self { text, json, outcome: Outcome::Done, aside: false, name_width: NAME_WIDTH }
+        Self { text, json, outcome: Outcome::Done, aside: false }
     }
 
-    /// What is for programs alone, to which figures are added.
-    pub(super) fn of(json: impl Serialize) -> Self {
-        Self::new(String::new(), json)
+    /// What serializes as an object, printed by a layout.
+    pub(super) fn of(product: impl Serialize, layout: &str) -> Self {
+        Self::with_words(product, &Value::Null, layout)
     }
 
-    /// A report to which figures are added.
-    pub(super) fn empty() -> Self {
-        Self::of(json!({}))
+    /// The same with words that are for people alone.
+    pub(super) fn with_words(product: impl Serialize, words: &Value, layout: &str) -> Self {
+        let report = Self::new(String::new(), product);
+        Self { text: print(layout, &[&report.json, words]), ..report }
     }
 
-    /// The same with names of up to so many columns, less one.
-    pub(super) fn with_names_of(name_width: usize) -> Self {
-        Self { name_width, ..Self::empty() }
-    }
-
-    /// Adds a figure: its key and value for programs; its name for people, and the value with its
-    /// unit, digits and explanation.
-    pub(super) fn figure(&mut self, key: &str, value: impl Serialize, name: &str, text: &str) {
-        self.value(key, value);
-        self.line(name, text);
-    }
-
-    /// Adds a figure that may be missing: null for programs, and no line.
-    pub(super) fn optional<T: Serialize>(
-        &mut self,
-        key: &str,
-        value: Option<T>,
-        name: &str,
-        text: impl Fn(&T) -> String,
-    ) {
-        value.iter().for_each(|value| self.line(name, &text(value)));
-        self.value(key, value);
+    /// Adds the text and the members of another one.
+    pub(super) fn add(&mut self, other: Self) {
+        self.text += &other.text;
+        if let (Some(members), Value::Object(more)) = (self.json.as_object_mut(), other.json) {
+            members.extend(more);
+        }
     }
 
     /// Adds a value for programs alone.
@@ -82,27 +59,15 @@ impl Report {
         self.json[key] = serde_json::to_value(value).expect("a figure is plain data");
     }
 
-    /// Adds a line for people alone: its name, and text that is wrapped beside it. A name that
-    /// fills its column, such as that of a file, has the text below it.
+    /// Adds a line for people alone.
     pub(super) fn line(&mut self, name: &str, text: &str) {
-        let width = self.name_width;
-        self.text += &match name.chars().count() < width {
-            true => wrapped(&format!("{name:width$}"), text),
-            false => wrapped("", name) + &wrapped(&" ".repeat(width), text),
-        };
-    }
-
-    /// Adds a table after an empty line, if it has rows.
-    pub(super) fn table(&mut self, table: &str) {
-        if !table.is_empty() {
-            self.text += &format!("\n{table}");
-        }
+        self.text += &line(name, text);
     }
 
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         for (index, file) in files.iter().enumerate() {
             let head = if index == 0 { "files" } else { "" };
-            self.text += &format!("{head:NAME_WIDTH$}{}\n", file.display());
+            self.text += &format!("{head:10}{}\n", file.display());
         }
         // A name that is not Unicode is shown as far as it is.
         let names: Vec<_> = files.iter().map(|file| file.to_string_lossy()).collect();
@@ -120,13 +85,6 @@ impl From<&Verdict> for Outcome {
     fn from(verdict: &Verdict) -> Self {
         if verdict.legible { Self::Done } else { Self::NotLegible }
     }
-}
-
-/// A line as [`Report::line`] adds it.
-pub(super) fn line(name: &str, text: &str) -> String {
-    let mut report = Report::empty();
-    report.line(name, text);
-    report.text
 }
 
 /// A path as one types it into a shell: quoted where it has to be.
@@ -148,67 +106,9 @@ pub(super) fn typed_command() -> String {
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
-/// backquotes, a command to copy, stays on one line.
-pub(super) fn wrapped(head: &str, text: &str) -> String {
-    let indent = head.chars().count();
-    let mut lines = head.to_owned();
-    for (index, paragraph) in text.lines().enumerate() {
-        if index > 0 {
-            lines += &format!("\n{:indent$}", "");
-        }
-        let mut column = indent;
-        let mut is_command = false;
-        let parts = paragraph.split(|c| {
-            is_command ^= c == '`';
-            c == ' ' && !is_command
-        });
-        for word in parts {
-            let width = word.chars().count();
-            if column > indent && column + 1 + width > WIDTH {
-                lines.truncate(lines.trim_end().len());
-                lines += &format!("\n{:indent$}", "");
-                column = indent;
-            } else if column > indent {
-                lines.push(' ');
-                column += 1;
-            }
-            lines += word;
-            column += width;
-        }
-    }
-    lines.truncate(lines.trim_end().len());
-    lines + "\n"
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lines_are_wrapped_beside_their_head() {
-        let text = "word ".repeat(30);
-        let found = line("name", &text);
-        let widths: Vec<usize> = found.lines().map(str::len).collect();
-        assert_eq!(widths, [79, 79, 19], "{found}");
-        assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
-        assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
-    }
-
-    #[test]
-    fn a_name_and_its_text_never_touch() {
-        assert_eq!(line("star.svg", "34.8 s"), "star.svg  34.8 s\n");
-        for name in ["rocket.svg", "notre étoile.svg"] {
-            assert_eq!(line(name, "34.8 s"), format!("{name}\n          34.8 s\n"));
-        }
-    }
-
-    #[test]
-    fn a_command_stays_on_one_line() {
-        let found = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
-        let lines: Vec<&str> = found.lines().collect();
-        assert_eq!(lines[1], "          `run 'a b'` ends", "{found}");
-    }
 
     #[cfg(not(windows))]
     #[test]

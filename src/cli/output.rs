@@ -68,17 +68,14 @@ impl Outputs {
                 }
                 Ok(files)
             }
-            Self::Several(folder, kind) => {
-                let names = (1..=items.len()).map(|n| format!("{kind}-{n}.csv"));
-                let mut names: Vec<String> = names.collect();
-                for (item, name) in items.iter().zip(&names) {
-                    folder.write(name, |out| write(item, out))?;
+            Self::Several(mut folder, kind) => {
+                for (number, item) in (1..).zip(items) {
+                    folder.write(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
                 }
                 if let Some(scene) = scene {
                     folder.write(SCENE, |out| out.write_all(scene.to_toml().as_bytes()))?;
-                    names.push(SCENE.to_owned());
                 }
-                folder.keep(&names)
+                folder.keep()
             }
         }
     }

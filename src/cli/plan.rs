@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::{
-    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, frame, is_svg, json, set_word,
-    show, warn, warn_of_fewer_drones,
+    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, Value, frame, is_svg, json,
+    set_word, show, warn, warn_of_fewer_drones,
 };
 use crate::flight::Flight;
 use crate::plan::Plan;
@@ -31,7 +31,7 @@ pub(super) struct PlanArgs {
 }
 
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let mut scene = args.design.load_of(args.after.as_slice(), &[])?;
+    let mut scene = args.design.load(args.after.as_slice(), &[])?;
     if let Some(path) = &args.after {
         let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
         let earlier = track(&flight, Part::from_flight(&flight))?;
@@ -60,7 +60,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         None => plan.write_csv(&mut out),
     })?;
     let mut report = described(title, &shoot.plans);
-    show::tell_drawing(&mut report, &strokes);
+    report.add(show::drawing(Some(&strokes)));
     warn(&strokes.warnings);
     Ok(report.with_files(&files))
 }
@@ -84,35 +84,34 @@ fn light_s(plan: &Plan) -> f64 {
 
 /// The plan of each drone, and of all.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    let (mut report, mut drones) = (Report::empty(), Vec::new());
-    for (index, Planned { plan, ends }) in planned.iter().enumerate() {
-        let name = match planned.len() {
-            1 => word.to_owned(),
-            _ => format!("drone {}", index + 1),
-        };
-        let (duration_s, lit_s, n) = (plan.duration_s(), light_s(plan), plan.setpoints.len());
-        // Largest streak at the end of a stroke.
-        let worst_mm = ends.iter().map(|end| 1e3 * end.streak_m.abs()).max_by(f64::total_cmp);
-        let streak = worst_mm.map_or_else(String::new, |mm| {
-            format!(", light up to {mm:.1} mm off the strokes' ends")
-        });
-        let figures = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints{streak}");
-        report.line(&name, &figures);
+    let drone = |Planned { plan, ends }: &Planned| {
         let ends = ends.iter().map(|end| {
             json!({
                 "time_s": end.time_s, "x_m": end.at_m.x, "z_m": end.at_m.z, "on": end.on,
                 "streak_mm": 1e3 * end.streak_m,
             })
         });
-        drones.push(json!({
-            "duration_s": duration_s, "lit_s": lit_s, "setpoints": n,
-            "stroke_ends": ends.collect::<Vec<_>>(), "worst_streak_mm": worst_mm,
-        }));
-    }
-    report.value("word", word);
+        let ends: Vec<Value> = ends.collect();
+        let streaks_mm = ends.iter().filter_map(|end| Some(end["streak_mm"].as_f64()?.abs()));
+        json!({
+            "duration_s": plan.duration_s(), "lit_s": light_s(plan),
+            "setpoints": plan.setpoints.len(),
+            "worst_streak_mm": streaks_mm.max_by(f64::total_cmp), "stroke_ends": ends,
+        })
+    };
     let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
-    report.value("duration_s", durations_s.fold(0.0, f64::max));
-    report.value("setpoints", planned.iter().map(|it| it.plan.setpoints.len()).sum::<usize>());
-    report.value("drones", drones);
-    report
+    let product = json!({
+        "word": word, "duration_s": durations_s.fold(0.0, f64::max),
+        "setpoints": planned.iter().map(|it| it.plan.setpoints.len()).sum::<usize>(),
+        "drones": planned.iter().map(drone).collect::<Vec<_>>(),
+    });
+    let names = match planned.len() {
+        1 => vec![word.to_owned()],
+        n => (1..=n).map(|n| format!("drone {n}")).collect(),
+    };
+    Report::with_words(product, &json!({ "names": names }), LAYOUT)
 }
+
+const LAYOUT: &str = "\
+*drones {names.#}\t{duration_s:.1} s, {lit_s:.1} s of them lit, {setpoints} setpoints[, light up to {worst_streak_mm:.1} mm off the strokes' ends]
+";

@@ -13,7 +13,7 @@ use super::{
     findings, json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, Profile, inspect, of_flights, place};
+use crate::preflight::{CAMERA_PLACE, Profile, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
@@ -82,8 +82,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         }
     }
     let conditions = args.spread.conditions()?;
-    let folder = OutputFolder::create(&args.output)?;
-    let before = shoot.clone();
+    let mut folder = OutputFolder::create(&args.output)?;
     let backend = tried(args.picture.backend)?;
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
@@ -94,80 +93,62 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
 
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
-    let mut names = write(&shot, &json, &folder)?;
-    let mut report = Report::of(json);
-    let spread = args.spread.run(&before, &conditions, &folder)?;
+    write(&shot, &json, &mut folder)?;
+    let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
+    let remedies = remedies(&shot)?;
+    let profile = args.profile(&shot.shoot.scene);
+    let findings = match args.report {
+        true => shot.preflight(&profile)?.findings,
+        false => shot.findings(&profile)?,
+    };
+    let placement = shot.placement(&profile)?;
+    warn_of_no_place(placement.as_ref());
+    // A photo is taken from a place behind the wall, too; it is warned of.
+    let stops = findings::stops(findings.iter().filter(|it| it.row.check != CAMERA_PLACE));
 
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
     let flights =
         flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
     let flights: Vec<Report> = flights.collect();
+    let changes = remedies
+        .iter()
+        .map(|it| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes }));
+    let mut report = Report::new(String::new(), json);
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("photo_sha256", shot.file.as_deref().map(sha256));
-    let remedies = match verdict.filter(|verdict| !verdict.legible) {
-        // A plan from elsewhere, and a flight of an export, is not planned anew.
-        Some(_) if before.is_planned && before.designs.is_empty() => remedies(&before)?,
-        _ => Vec::new(),
-    };
-    let typed_json =
-        |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes });
-    report.value("remedies", remedies.iter().map(typed_json).collect::<Vec<_>>());
+    report.value("remedies", changes.collect::<Vec<_>>());
     if let Some(obstacle) = obstacles.first() {
         report.line("photo", obstacle);
     }
     report.text += &verdict_text(&shot, &remedies);
     report.text.push('\n');
-    let profile = args.profile(&before.scene);
-    let findings = match args.report {
-        true => {
-            let flights = shot.flights.iter().cloned().map(Ok).collect();
-            of_flights(&before, flights, &profile)?.findings
-        }
-        false => inspect(&before, &shot.flights, &profile)?,
-    };
-    let placement = place(&before, &shot.trace, shot.camera.shutter_close_s, &profile)?;
-    let own = placement.iter().filter_map(|it| it.cameras.first());
-    warn(own.filter(|own| own.tripod_m.is_none()).map(|own| {
-        let why = own.sentence();
-        let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
-        format!("the camera does not fit in the room: {why} (see `check --room`)")
-    }));
-    // A photo is taken from a place behind the wall, too; it is warned of.
-    let flown = findings.iter().filter(|it| it.row.check != CAMERA_PLACE);
-    let stops = findings::stops(flown);
     report.value("obstacles", obstacles);
     report.value("stops", &stops);
     report.text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
-    if let Some(strokes) = &shot.strokes {
-        show::tell_drawing(&mut report, strokes);
-    }
+    report.add(show::drawing(shot.shoot.strokes.as_ref()));
     report.text.extend(flights.iter().map(|flight| &*flight.text));
-    show::tell_camera(&mut report, &shot);
+    report.add(show::camera(&shot));
     let mut drawings = Vec::new();
     if let Some(spread) = spread {
         report.text += &spread.report.text;
         report.value("spread", spread.report.json);
         drawings = spread.drawings;
-        names.extend(spread.names);
     }
-    show::tell_backend(&mut report, &shot);
+    report.add(show::backend(&shot));
     if args.report {
-        let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
         let notes = ShotNotes {
             lead: &verdict.map_or_else(String::new, show::verdict_sentence),
             printed: &report.text,
             findings: &findings,
             placement: placement.as_ref(),
-            remedies: &remedies,
             typed: mentioned,
             command: &typed_command(),
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();
         folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
-        names.push(REPORT.to_owned());
     }
-    let files = folder.keep(&names)?;
+    let files = folder.keep()?;
     files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
@@ -176,25 +157,31 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     Ok(report.with_files(&files).with_outcome(outcome))
 }
 
-/// Writes photo, flights, plans, scene and, of a word, the verdict; returns their names.
-fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<String>> {
+/// Warns of a camera that has no place in the room.
+fn warn_of_no_place(placement: Option<&ShotPlan>) {
+    let own = placement.and_then(|it| it.cameras.first()).filter(|own| own.tripod_m.is_none());
+    warn(own.map(|own| {
+        let why = own.sentence();
+        let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
+        format!("the camera does not fit in the room: {why} (see `check --room`)")
+    }));
+}
+
+/// Writes photo, flights, plans, scene and, of a word, the verdict.
+fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
     let png = shot.file.as_deref().expect("a format was asked for");
-    let mut names = vec!["photo.png".to_owned()];
     folder.write("photo.png", |out| out.write_all(png))?;
-    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.plans).enumerate() {
-        let number = if shot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        let [flown, sent] = ["flight", "plan"].map(|name| format!("{name}{number}.csv"));
-        folder.write(&flown, |out| flight.write_csv(out))?;
-        folder.write(&sent, |out| planned.plan.write_csv(out))?;
-        names.extend([flown, sent]);
+    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
+        let number =
+            if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
+        folder.write(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
+        folder.write(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
     }
-    folder.write(SCENE, |out| out.write_all(shot.scene.to_toml().as_bytes()))?;
-    names.push(SCENE.to_owned());
+    folder.write(SCENE, |out| out.write_all(shot.shoot.scene.to_toml().as_bytes()))?;
     if shot.verdict.is_some() {
         folder.write("verdict.json", |out| writeln!(out, "{verdict:#}"))?;
-        names.push("verdict.json".to_owned());
     }
-    Ok(names)
+    Ok(())
 }
 
 /// The verdict, and the changes of settings that were flown where there are any: these say more
@@ -203,11 +190,14 @@ fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
-            let rows = remedies.iter().map(|r| format!("{:+.2}\t{}", r.gain, typed(&r.changes)));
-            show::verdict_table(&verdict) + "\n" + &table("P(read)<9|change<0", rows)
+            let row = |it: &Remedy| vec![format!("{:+.2}", it.gain), typed(&it.changes)];
+            let rows: Vec<Vec<String>> = remedies.iter().map(row).collect();
+            show::verdict_table(&verdict) + "\n" + &table("P(read)<9|change<0", &rows)
         }
         Some(verdict) => show::verdict_table(verdict),
-        None if shot.strokes.is_none() => line("verdict", "none: no word is named (--word WORD)"),
+        None if shot.shoot.strokes.is_none() => {
+            line("verdict", "none: no word is named (--word WORD)")
+        }
         None => line("verdict", "none: the reader knows only Latin letters and digits"),
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::studies::{
     RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use super::{Args, Report, Result, json, line};
+use super::{Args, Report, Result, json};
 use crate::shoot::Stop;
 use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
 
@@ -48,8 +48,8 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
-        let text = line("flights", &flights.to_string());
-        return Ok(Report::new(text, json!({ "flights": flights })).with_files(&[path]));
+        let report = Report::of(json!({ "flights": flights }), "flights   {flights}");
+        return Ok(report.with_files(&[path]));
     }
     let ready = study.prepare()?;
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;

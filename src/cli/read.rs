@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Args, CameraFlags, Corners, Outcome, Report, Result, message, table};
+use super::{Args, CameraFlags, Corners, Outcome, Report, Result, json, message};
 use crate::camera::Framing;
 use crate::photo::{self, Photo};
 use crate::score::{Reading, View, quarter_turned, read_any_way_up};
@@ -22,16 +22,19 @@ pub(super) struct ReadArgs {
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
-    let (_, reading) = read_upright(photo, "");
-    let reading = reading.of_writing();
-    if reading.text.is_empty() {
-        let report = Report::new("no writing found\n".into(), &reading);
-        return Ok(report.with_outcome(Outcome::NotLegible));
-    }
-    let letters = reading.letters.iter().map(|it| format!("{}\t{:.2}", it.letter, it.p));
-    let text = format!("{}\n\n{}", reading.text, table("letter<10|share<0", letters));
-    Ok(Report::new(text, &reading))
+    let reading = read_upright(photo, "").1.of_writing();
+    let outcome = if reading.text.is_empty() { Outcome::NotLegible } else { Outcome::Done };
+    let text = Some(&reading.text).filter(|text| !text.is_empty());
+    let report = Report::with_words(&reading, &json!({ "line": text }), LAYOUT);
+    Ok(report.with_outcome(outcome))
 }
+
+const LAYOUT: &str = "\
+{line~no writing found}
+
+|letters|letter<10|share<0
+{letter}|{p:.2}
+";
 
 /// A photo and its reading, turned until its writing, or the word that it should show, is the right
 /// way up.

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::show::sentence;
-use super::{Args, Error, Output, Report, Result, Value, line};
+use super::{Args, Error, Output, Report, Result, Value, json};
 use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;
@@ -60,17 +60,20 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         let hint = "name the folder that rank, tune, hold, locate or preview wrote";
         return Err(Error::input("folder", found, wanted, hint));
     }
-    let mut report = Report::empty();
-    report.text = format!("shown     {}\n", shown.join(", "));
-    report.value("shown", shown);
-    if n_more > 0 {
-        let more = line("left out", &format!("{n_more} files more than the {MAX_FILES} of a page"));
-        report.text += &more;
-        page = page.printed(&more);
+    let more = Some(n_more).filter(|n| *n > 0);
+    let words = json!({ "names": shown.join(", "), "more": more, "most": MAX_FILES });
+    let report = Report::with_words(json!({ "shown": shown }), &words, LAYOUT);
+    if let Some(more) = more {
+        page = page.text(&format!("Left out: {more} files more than the {MAX_FILES} of a page"));
     }
     let file = output.keep(|out| out.write_all(page.html().as_bytes()))?;
     Ok(report.with_files(&[file]))
 }
+
+const LAYOUT: &str = "\
+shown     {names}
+left out  {more} files more than the {most} of a page
+";
 
 fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()

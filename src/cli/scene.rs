@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::{Args, DesignFlags, Output, Report, Result, SeedFlag};
+use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
@@ -24,12 +24,12 @@ pub(super) struct SceneArgs {
 pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
     let settings: Vec<_> = preset.chain(args.seed.settings()).collect();
-    let mut scene = args.design.load(&settings)?;
+    let mut scene = args.design.load(&[], &settings)?;
     scene.word = args.word.clone().unwrap_or(scene.word);
     let toml = scene.to_toml();
     let Some(path) = &args.output else {
         return Ok(Report::new(toml, &scene));
     };
     let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
-    Ok(Report::empty().with_files(&[file]))
+    Ok(Report::of(json!({}), "").with_files(&[file]))
 }

@@ -12,10 +12,10 @@ use noctograph_serve::{
 
 use super::preview::PreviewArgs;
 use super::{
-    Args, CommandLine, Error, Report, Result, Verb, export, line, message, print, refused,
-    typefaces, warn,
+    Args, CommandLine, Error, Report, Result, Verb, export, json, line, message, print_out,
+    refused, typefaces, warn,
 };
-use crate::shoot::Shoot;
+use crate::shoot::Shot;
 use crate::studies::remedies;
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
@@ -64,7 +64,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
         true => work(program)?,
         false => serve(args, program)?,
     }
-    Ok(Report::empty())
+    Ok(Report::new(String::new(), json!({})))
 }
 
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
@@ -129,8 +129,8 @@ fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
     Ok(PreparedScene { profile: args.profile(&scene), scene })
 }
 
-fn advice(shoot: &Shoot) -> Result<Vec<Suggestion>> {
-    Ok(remedies(shoot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
+fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
+    Ok(remedies(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
 }
 
 /// Writes the scripts of a flight into a folder, or returns why it is not safe.
@@ -159,7 +159,7 @@ fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
     {
         text += &printed_code(visitors);
     }
-    print(&text)?;
+    print_out(&text)?;
     if args.open {
         open(page);
     }

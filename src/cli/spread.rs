@@ -26,7 +26,6 @@ pub(super) struct SpreadFlags {
 /// What a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
-    pub(super) names: Vec<String>,
     /// The band, from the front and over time (SVG).
     pub(super) drawings: Vec<String>,
 }
@@ -42,7 +41,7 @@ impl SpreadFlags {
         &self,
         shoot: &Shoot,
         conditions: &Conditions,
-        folder: &OutputFolder,
+        folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
@@ -52,7 +51,6 @@ impl SpreadFlags {
                  {LEAST_FLIGHTS}: this band is that of the {n}"
             )]);
         }
-        let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
         let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
         let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
@@ -66,35 +64,18 @@ impl SpreadFlags {
         folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
-            let name = format!("spread{number}.svg");
             let drawing = spread_over_time(all, within);
-            folder.write(&name, |out| out.write_all(drawing.as_bytes()))?;
-            names.push(name);
+            folder
+                .write(&format!("spread{number}.svg"), |out| out.write_all(drawing.as_bytes()))?;
             drawings.push(drawing);
         }
-        let mut report = described(&band, title);
+        let mut report = described(&band, &title);
         report.value("conditions", &self.conditions);
-        Ok(Some(Shown { report, names, drawings }))
+        Ok(Some(Shown { report, drawings }))
     }
 }
 
-fn described(spread: &Spread, title: String) -> Report {
-    let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
-    let verdicts: Vec<_> = shots.clone().filter_map(|shot| shot.verdict.as_ref()).collect();
-    let mut words = title;
-    let mut readability: Vec<f64> = verdicts.iter().map(|v| v.readability).collect();
-    readability.sort_by(f64::total_cmp);
-    if let [least, .., most] = readability[..] {
-        let legible = verdicts.iter().filter(|verdict| verdict.legible).count();
-        words += &format!(
-            ": {legible} legible; readability {least:.2} to {most:.2}, median {:.2}",
-            median(&mut readability)
-        );
-    }
-    let lost = spread.flights.len() - shots.count();
-    if lost > 0 {
-        words += &format!("; {lost} lost the drone");
-    }
+fn described(spread: &Spread, title: &str) -> Report {
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {
@@ -106,30 +87,37 @@ fn described(spread: &Spread, title: String) -> Report {
             })
         }
     });
-    let mut report = Report::empty();
-    report.figure("flights", flights.collect::<Vec<_>>(), "spread", &words);
-    for (all, within) in spread.all.iter().zip(&spread.within) {
-        report.line("", &format!("{} {}", holds(all), millimeters(all)));
-        report.line("", &format!("one drone in one room: {}", millimeters(within)));
-    }
-    report.value("bands", spread.all.iter().map(band_json).collect::<Vec<_>>());
-    report.value("bands_within", spread.within.iter().map(band_json).collect::<Vec<_>>());
-    report
+    let flights: Vec<Value> = flights.collect();
+    let mut readability: Vec<f64> =
+        flights.iter().filter_map(|flight| flight["readability"].as_f64()).collect();
+    readability.sort_by(f64::total_cmp);
+    let lost = flights.iter().filter(|flight| flight.get("lost").is_some()).count();
+    let words = json!({
+        "title": title, "legible": flights.iter().filter(|it| it["legible"] == true).count(),
+        "least": readability.first(), "most": readability.last(),
+        "median": median(&mut readability), "lost": Some(lost).filter(|lost| *lost > 0),
+        "holds": spread.all.iter().map(holds).collect::<Vec<_>>(),
+    });
+    let product = json!({
+        "flights": flights, "bands": spread.all.iter().map(band_json).collect::<Vec<_>>(),
+        "bands_within": spread.within.iter().map(band_json).collect::<Vec<_>>(),
+    });
+    Report::with_words(product, &words, LAYOUT)
 }
 
-/// What lies in a band.
+const LAYOUT: &str = "\
+spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, median {median:.2}][; {lost} lost the drone]
+*bands           {holds.#} lie within x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
+*bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
+";
+
+/// The flights that a band holds.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
-    if band.holds_frac() < BAND_FRAC {
-        format!("all {} flights, and {percent:.0} % of further ones, lie within", band.n_flights)
-    } else {
-        format!("{percent:.0} % lie within")
+    match band.holds_frac() < BAND_FRAC {
+        true => format!("all {} flights, and {percent:.0} % of further ones,", band.n_flights),
+        false => format!("{percent:.0} %"),
     }
-}
-
-fn millimeters(band: &Band) -> String {
-    let [x, y, z] = band.half_width_m().map(|half_m| 1e3 * half_m).into();
-    format!("x ±{x:.0}, y ±{y:.0}, z ±{z:.0} mm over the letters")
 }
 
 fn band_json(band: &Band) -> Value {

@@ -7,14 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use super::{
-    Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message, table,
-    warn_of_idle_keys, wrapped,
+    Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message,
+    warn_of_idle_keys,
 };
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
-use crate::studies::statistics::Estimate;
 use crate::studies::{
-    Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
+    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
 };
 use noctograph_core::files::Limit;
 
@@ -128,7 +127,7 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
 pub(super) fn write_ranking(
-    folder: OutputFolder,
+    mut folder: OutputFolder,
     study: &Study,
     ready: &[Prepared],
     ranking: &Ranking,
@@ -143,120 +142,60 @@ pub(super) fn write_ranking(
     })?;
     folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
     folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
-    folder.keep(&RANKING)
+    folder.keep()
 }
 
 /// A ranking for people and for programs.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
-    let json = json!({
+    let product = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
         "least_flights": ranking.least_flights,
     });
-    Report::new(ranking_table(study, ranking) + "\n", json)
-}
-
-pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
-    let words = match study.words.as_slice() {
-        [(word, n)] => format!("{word}, {n} seeds"),
-        words => {
-            let flights: usize = words.iter().map(|(_, n)| *n as usize).sum();
-            format!("{} words, {flights} flights each scene", words.len())
-        }
-    };
-    wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"))
-        + &legibility_table(&ranking.measures)
-        + &wrapped("\n", P_READ)
-        + &tracking_table(&ranking.measures)
-        + &pairs_table(ranking)
-}
-
-fn legibility_table(measures: &[Measures]) -> String {
-    let row = |(m, name): (&Measures, String)| {
-        let (p, worst) = (m.legibility, m.worst_decile.value);
-        let [legible, interval] = share(&m.legible);
-        format!(
-            "{:>2}\t{name}\t{:.3}\t  {:.3} to {:.3}\t{legible}\t{interval}\t{worst:.3}\t{}",
-            m.place, p.value, p.low, p.high, m.n_lost
-        )
-    };
-    let head = "<4|scene<16|P(read)>7|  interval<16|legible>9|interval>12|worst 10 %>11|lost>5";
-    "\n".to_owned() + &table(head, measures.iter().zip(labels(measures, 16)).map(row))
-}
-
-/// What P(read) is.
-const P_READ: &str = "P(read): mean readability of the photos; where another word is likelier than \
-                      the right one, a photo counts no more than the right one's share";
-
-/// A share and its interval in percent.
-pub(super) fn share(share: &Estimate) -> [String; 2] {
-    let [value, low, high] = [share.value, share.low, share.high].map(|share| 100.0 * share);
-    [format!("{value:.1} %"), format!("{low:.0} to {high:.0} %")]
-}
-
-fn tracking_table(measures: &[Measures]) -> String {
-    let units = "\tmm\ts\tmm\tmm\tmm\tmm\t%\ts\tJ".to_owned();
-    let row = |(m, name): (&Measures, String)| {
-        let Some(f) = &m.flown else { return format!("{name}\tlost on every flight") };
-        let mm = |e: Estimate| 1e3 * e.value;
-        format!(
-            "{name}\t{:.1}\t{:.2}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.0}",
-            mm(f.contour_m),
-            f.lag_s.value,
-            mm(f.rmse_x_m),
-            mm(f.rmse_y_m),
-            mm(f.rmse_z_m),
-            mm(f.drift_y_m),
-            100.0 * f.saturated_frac.value,
-            f.duration_s.value,
-            f.energy_j.value
-        )
-    };
-    let rows = measures.iter().zip(labels(measures, 16)).map(row);
-    let head = "scene<16|contour>7|lag>7|rms x>7|y>6|z>6|y max>8|sat.>7|time>7|energy>8";
-    "\n".to_owned() + &table(head, std::iter::once(units).chain(rows))
-}
-
-/// Which scenes cannot be told apart, and from how many flights they could.
-fn pairs_table(ranking: &Ranking) -> String {
-    let (mut text, pairs) = (String::new(), &ranking.pairs);
-    let names = labels(&ranking.measures, 20);
-    let name = |contender: &str| {
-        let measured = ranking.measures.iter().zip(&names).find(|(m, _)| m.contender == contender);
-        measured.map_or("", |(_, name)| name.as_str()).to_owned()
-    };
-    let n_flights = ranking.measures.first().map_or(0, |measures| measures.n_flights);
-    if !pairs.is_empty() && n_flights < ranking.least_flights as usize {
-        let few = format!(
-            "too few flights: with {n_flights} each, {} scenes cannot be told apart; at least {} are \
-             needed",
-            ranking.measures.len(),
-            ranking.least_flights
-        );
-        text += &wrapped("\n", &few);
-    }
+    let n_words = study.words.len();
+    let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
+    let pairs = &ranking.pairs;
     let alike: Vec<_> = pairs.iter().filter(|pair| !pair.distinguishable).collect();
-    text += match (pairs.len(), alike.len()) {
-        (0, _) => "",
-        (_, 0) => "\nall scenes are distinguishable from each other\n",
-        _ => "\nNOT distinguishable (difference in P(read), interval for all pairs together):\n",
+    let named = |contender: &String| {
+        let names = ranking.measures.iter().map(|m| &m.contender).zip(labels(ranking, 20));
+        names.into_iter().find(|(name, _)| *name == contender).map(|(_, label)| label)
     };
-    for pair in alike {
-        let d = pair.difference;
-        text += &format!(
-            "  {} and {}: {:+.4}, {:+.4} to {:+.4}\n",
-            name(&pair.better),
-            name(&pair.worse),
-            d.value,
-            d.low,
-            d.high
-        );
-    }
-    text
+    let names = alike.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
+    let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
+    let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
+    let words = json!({
+        "word": study.words.first().filter(|_| n_words == 1).map(|(word, _)| word),
+        "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
+        "names": labels(ranking, 16), "few": is_few.then_some(n_each),
+        "n_scenes": ranking.measures.len(), "pairs": names.collect::<Vec<_>>(),
+        "all": (alike.is_empty() && !pairs.is_empty()).then_some("all scenes"),
+        "differ": alike.first().map(|_| "difference"), "alike": alike,
+    });
+    Report::with_words(product, &words, RANKED)
 }
+
+const RANKED: &str = "\
+{word}, {n_flights} seeds; the same seeds for all; intervals of 95 %
+{n_words} words, {n_flights} flights each scene; the same seeds for all; intervals of 95 %
+
+|measures|<4|scene<16|P(read)>7|  interval<16|legible/%>9|interval/%>12|worst 10 %>11|lost>5
+ {place}|{names.#}|{legibility.value:.3}|  {legibility.low:.3} to {legibility.high:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}|{worst_decile.value:.3}|{n_lost}
+
+P(read): mean readability of the photos; where another word is likelier than the right one, a photo counts no more than the right one's share
+
+|measures|scene<16|contour/mm>7|lag/s>7|rms x/mm>7|y/mm>6|z/mm>6|y max/mm>8|sat./%>7|time/s>7|energy/J>8
+{names.#}|{flown.contour_m.value*1e3:.1}|{flown.lag_s.value:.2}|{flown.rmse_x_m.value*1e3:.1}|{flown.rmse_y_m.value*1e3:.1}|{flown.rmse_z_m.value*1e3:.1}|{flown.drift_y_m.value*1e3:.1}|{flown.saturated_frac.value*100:.1}|{flown.duration_s.value:.1}|{flown.energy_j.value:.0}
+
+too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
+
+{all} are distinguishable from each other
+NOT distinguishable ({differ} in P(read), interval for all pairs together):
+*alike   {pairs.#.0} and {pairs.#.1}: {difference.value:+.4}, {difference.low:+.4} to {difference.high:+.4}
+
+";
 
 /// Names of scenes in columns of `width`, no two alike.
-fn labels(measures: &[Measures], width: usize) -> Vec<String> {
-    let names: Vec<&str> = measures.iter().map(|m| m.contender.as_str()).collect();
+fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
+    let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }
 

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::studies::{StudyFlags, counter, open_results, open_store, ranking_table, share};
-use super::{Args, Error, Progress, Report, Result, json, line, table, warn};
+use super::studies::{StudyFlags, counter, open_results, open_store, ranking_report};
+use super::{Args, Error, Progress, Report, Result, json, warn};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;
@@ -97,7 +97,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     };
     options.check()?;
     let store = open_store(&args.output)?;
-    let results = open_results(&args.output, &FILES)?;
+    let mut results = open_results(&args.output, &FILES)?;
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
@@ -129,15 +129,16 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let csv = candidates_csv(&tuned, &options.knobs);
     results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
     results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
-    let paths = results.keep(&FILES)?;
-    let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
-    let json = json!({
-        "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
-        "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
+    let paths = results.keep()?;
+    let mut report = tuning_report(&options, &tuned);
+    let tests = test(args, &options, &base, &tuned, &store)?;
+    report.text.extend(
+        tests.iter().map(|(new, report)| format!("\ntested on new {new}: {}", report.text)),
+    );
+    let told = tests.into_iter().map(|(new, Report { json, .. })| {
+        json!({ "new": new, "measures": json["measures"], "pairs": json["pairs"] })
     });
-    let mut report = Report::new(table_of(&options, &tuned), json);
-    test(&mut report, args, &options, &base, &tuned, &store)?;
-    report.text.push('\n');
+    report.value("tests", told.collect::<Vec<_>>());
     Ok(report.with_files(&paths))
 }
 
@@ -168,32 +169,36 @@ fn plot(tuned: &Tuned) -> String {
 }
 
 /// The candidates that are best in time and legibility, and what the best one changed.
-pub fn table_of(options: &TuneOptions, tuned: &Tuned) -> String {
-    let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
-    let front = tuned.front.iter().map(|number| {
-        let c = &tuned.candidates[*number];
-        let [legible, interval] = share(&c.legible);
-        let duration_s = c.duration_s.unwrap_or_default();
-        format!("{duration_s:.1}\t{:.3}\t{legible}\t{interval}", c.legibility)
+pub fn tuning_report(options: &TuneOptions, tuned: &Tuned) -> Report {
+    let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
+    let product = json!({
+        "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
+        "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    let text = format!(
-        "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
-         flight time and P(read):\n{}",
-        tuned.candidates.len(),
-        tuned.n_flights,
-        table("s>7|P(read)>10|legible>9|interval>12", front)
-    );
-    if !tuned.helped() {
-        let nothing = "nothing found: no candidate did better in the finals than the scene as it \
-                       was, which scene.toml holds; try a larger budget, other knobs, or wider ranges";
-        return text + "\n" + &line("best", nothing);
-    }
-    let rows = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
+    let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
-        format!("  {key}\t{before}\t{after}")
+        json!({ "key": key, "before": before, "after": after })
     });
-    text + "\n" + &table("best candidate<44|before>16|after>16", rows)
+    let changes: Vec<_> = changes.filter(|_| tuned.helped()).collect();
+    let words = json!({
+        "given_up": tuned.candidates.iter().filter(|c| c.given_up).count(), "changes": changes,
+        "best": (!tuned.helped()).then_some("nothing found"),
+    });
+    Report::with_words(product, &words, LAYOUT)
 }
+
+const LAYOUT: &str = "\
+tuned     {candidates} candidates ({given_up} given up halfway), {flights} flights
+
+Pareto front of flight time and P(read):
+|front|s>7|P(read)>10|legible/%>9|interval/%>12
+{duration_s:.1}|{legibility:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}
+
+best      {best}: no candidate did better in the finals than the scene as it was, which scene.toml holds; try a larger budget, other knobs, or wider ranges
+|changes|best candidate<44|before>16|after>16
+  {key}|{before}|{after}
+
+";
 
 /// A value of a scene's key, to four digits.
 fn shown(value: &toml::Value) -> String {
@@ -207,15 +212,15 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Tests a changed scene against the one that tuning began with, on new seeds and on new words.
+/// Tests a changed scene against the one that tuning began with, on new seeds and on new words:
+/// what is new, with the ranking.
 fn test(
-    report: &mut Report,
     args: &TuneArgs,
     options: &TuneOptions,
     base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
-) -> Result<()> {
+) -> Result<Vec<(&'static str, Report)>> {
     let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds));
     let seen = |word: &&String| options.words.iter().any(|(known, _)| known == *word);
     let others = args.test_words.iter().filter(|word| !seen(word));
@@ -236,11 +241,7 @@ fn test(
         let bar = counter("testing", trials.len());
         let records =
             evaluate(&study, &study.prepare()?, &trials, Some(store), &Stop::default(), &bar)?;
-        let ranking = rank(&study, &records);
-        let table = ranking_table(&study, &ranking);
-        report.text += &format!("\ntested on new {new}: {table}");
-        told.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
+        told.push((new, ranking_report(&study, &rank(&study, &records), records.len())));
     }
-    report.value("tests", told);
-    Ok(())
+    Ok(told)
 }

@@ -79,7 +79,7 @@ impl PyShot {
     /// Scene: What the photo depends on, with the exposure that the light meter set.
     #[getter]
     fn scene(&self) -> PyScene {
-        PyScene(self.shot.scene.clone())
+        PyScene(self.shot.shoot.scene.clone())
     }
 
     /// str: SHA-256 of the film's sums of light, as the command line prints it.

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::scene::PyScene;
 use super::{Ends, array_of, raised, run_showing, to_python};
-use noctograph::cli::{ranking_report, tuning_table};
+use noctograph::cli::{ranking_report, tuning_report};
 use noctograph::error::Result;
 use noctograph::scene::{NamedScene, Scene};
 use noctograph::shoot::Stop;
@@ -206,19 +206,14 @@ pub(super) fn tuning<'py>(
         let options = TuneOptions { knobs, words, budget, longest_s: None, conditions, seed };
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
-        Ok((tuning_table(&options, &tuned), tuned))
+        let mut report = tuning_report(&options, &tuned);
+        report.json["candidates"] = json!(tuned.candidates);
+        report.json["front"] = json!(tuned.front);
+        Ok((report, tuned.scene))
     };
     let result = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
     // What the callback raised is the cause of the end.
     let thrown = thrown.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let (text, tuned) = thrown.map_or(result, Err)?;
-    let json = json!({
-        "flights": tuned.n_flights,
-        "helped": tuned.helped(),
-        "best": tuned.best,
-        "before": tuned.before,
-        "candidates": tuned.candidates,
-        "front": tuned.front,
-    });
-    Ok((text, to_python(py, &json)?, PyScene(tuned.scene)))
+    let (report, scene) = thrown.map_or(result, Err)?;
+    Ok((report.text, to_python(py, &report.json)?, PyScene(scene)))
 }

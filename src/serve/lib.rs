@@ -23,7 +23,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::folder_in;
 use noctograph_pipeline::preflight::Profile;
 use noctograph_pipeline::scene::{Change, Scene};
-use noctograph_pipeline::shoot::Shoot;
+use noctograph_pipeline::shoot::Shot;
 use queue::Queue;
 use routes::Server;
 use worker::WorkerSlot;
@@ -74,7 +74,7 @@ pub struct Program {
     /// The scene of some arguments, with its files brought by [`bring_files`].
     pub prepare: fn(&[OsString]) -> Result<PreparedScene>,
     /// Changes that help where a word does not read.
-    pub advice: fn(&Shoot) -> Result<Vec<Suggestion>>,
+    pub advice: fn(&Shot) -> Result<Vec<Suggestion>>,
     /// Writes the scripts that fly it into a folder, or returns why the flight is not safe.
     pub script: fn(&[OsString], &Path) -> Result<Option<String>>,
     /// File of a typeface of this machine that has all of some letters.

@@ -21,7 +21,6 @@ use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::{Photo, jpeg};
-use noctograph_pipeline::preflight::inspect;
 use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Stop};
 
@@ -135,7 +134,7 @@ impl Renderer {
         let is_judged = n_waiting < CROWD;
         let judging = if is_judged { Judging::Scored } else { Judging::Skipped };
         stop.check()?;
-        let shot = taken(&shoot, judging, None, stop)?;
+        let shot = taken(shoot, judging, None, stop)?;
         let jpeg = BASE64_STANDARD.encode(jpeg(&shot.photo, LIVE_QUALITY));
         let mut json = json!({
             "photo": format!("data:image/jpeg;base64,{jpeg}"), "verdict": shot.verdict,
@@ -149,11 +148,10 @@ impl Renderer {
     fn large(&mut self, subject: &Subject, advice: bool, stop: &Stop) -> Result<Made> {
         let Drawn { prepared, strokes, .. } = self.draw(subject, Some(LARGE))?;
         let shoot = Shoot::of_strokes(prepared.scene, strokes)?;
-        let shot = taken(&shoot, Judging::Scored, Some(Format::Png), stop)?;
-        let findings = inspect(&shoot, &shot.flights, &prepared.profile)?;
+        let shot = taken(shoot, Judging::Scored, Some(Format::Png), stop)?;
+        let findings = shot.findings(&prepared.profile)?;
         let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
-        let unread = shot.verdict.as_ref().is_some_and(|verdict| !verdict.legible);
-        let remedies = if unread && advice { (self.program.advice)(&shoot)? } else { Vec::new() };
+        let remedies = if advice { (self.program.advice)(&shot)? } else { Vec::new() };
         let remedies = remedies.into_iter().map(|(changes, gain)| {
             json!({ "gain": gain, "said": Message::of_changes(&changes), "set": changes })
         });
@@ -168,7 +166,7 @@ impl Renderer {
         file(PNG, shot.file.as_deref().expect("a format was asked for"))?;
         file(JPEG, &jpeg(&shot.photo, LARGE_QUALITY))?;
         file(REPLAY, json["replay"].to_string().as_bytes())?;
-        file(SCENE, shot.scene.to_toml().as_bytes())?;
+        file(SCENE, shot.shoot.scene.to_toml().as_bytes())?;
         file(FIGURES, json.to_string().as_bytes())?;
         Ok(Ok(json))
     }
@@ -183,9 +181,9 @@ impl Renderer {
     }
 }
 
-fn taken(shoot: &Shoot, judging: Judging, format: Option<Format>, stop: &Stop) -> Result<Shot> {
+fn taken(shoot: Shoot, judging: Judging, format: Option<Format>, stop: &Stop) -> Result<Shot> {
     let (backend, stop) = (BackendChoice::Cpu, stop.clone());
-    let shoot = Shoot { judging, format, backend, stop, keeps_film: false, ..shoot.clone() };
+    let shoot = Shoot { judging, format, backend, stop, keeps_film: false, ..shoot };
     shoot.take(&|_, _| {})
 }
 
@@ -221,7 +219,7 @@ fn brought_here(path: &Path) -> Result<String> {
 /// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.
 fn describe(shot: &Shot, json: &mut Value) {
     let Photo { width_px, height_px, .. } = shot.photo;
-    let flight_s = shot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
+    let flight_s = shot.shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
     let problems = |are: bool| -> Vec<Message> {
         let problems = shot.problems.iter().filter(|it| it.is_obstacle() == are);
         problems.filter(|it| !matches!(it, Problem::Flight(..))).map(Message::of_problem).collect()

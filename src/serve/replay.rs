@@ -27,7 +27,7 @@ struct Stroke<'a> {
 }
 
 pub(crate) fn replay(shot: &Shot) -> Value {
-    let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
+    let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();
     for stroke in lamps.iter().flat_map(|lamp| strokes_of(lamp)) {
         // Lamps of one drone that are lit together are one stroke, of the sum of their colors.
@@ -43,7 +43,7 @@ pub(crate) fn replay(shot: &Shot) -> Value {
     strokes.sort_by(|a, b| span_s(a)[0].total_cmp(&span_s(b)[0]));
     let open = [shot.camera.shutter_open_s, shot.camera.shutter_close_s];
     let strokes: Vec<Value> = strokes.iter().filter_map(|it| stroke_json(it, shot, open)).collect();
-    let end_s = shot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
+    let end_s = shot.shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
     json!({ "seconds": end_s, "strokes": strokes })
 }
 
@@ -90,7 +90,7 @@ fn stroke_json(stroke: &Stroke<'_>, shot: &Shot, [open_s, close_s]: [f64; 2]) ->
     let middle = stroke.samples.get(stroke.samples.len() / 2)?;
     let flight = stroke.drone.map_or(0, |DroneIndex(index)| index);
     let letter = shot.flights.get(flight).and_then(|flight| letter_at(flight, middle.time_s));
-    let is_word = shot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_some());
+    let is_word = shot.shoot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_some());
     let letter = letter.filter(|_| is_word);
     (!places.is_empty()).then(|| json!({ "rgb": rgb, "letter": letter, "at": places }))
 }
@@ -110,7 +110,7 @@ fn image(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
 
 /// The letters' boxes in the photo: left, top, right, bottom; none of a drawing.
 pub(crate) fn boxes(shot: &Shot) -> Value {
-    let Some(strokes) = shot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
+    let Some(strokes) = shot.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return json!([]);
     };
     let corners = |glyph: &Glyph| {

@@ -13,7 +13,7 @@ use noctograph_core::error::Result;
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::light::{Deck, RingEffect};
 use noctograph_pipeline::scene::{Change, Scene};
-use noctograph_pipeline::shoot::{Judging, Shoot};
+use noctograph_pipeline::shoot::{Judging, Shoot, Shot};
 use noctograph_plan::{LightClock, PlanOptions, ReferenceKind, Style};
 use noctograph_sim::ControllerKind;
 
@@ -38,13 +38,18 @@ const DARK_ROOM_CD_M2: f64 = 0.008;
 /// Speed from which strokes are flown slower.
 const SLOW_M_S: f64 = 0.05;
 
-/// The changes that gain most, the most gainful first.
+/// The changes that gain most, the most gainful first; none of a word that reads, and of plans from
+/// elsewhere and of exported ones, which are not planned anew.
 ///
 /// # Errors
 ///
 /// Those of the stages for the scene itself; a change that cannot be flown is none.
-pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
-    let scene = &shoot.scene;
+pub fn remedies(shot: &Shot) -> Result<Vec<Remedy>> {
+    let (shoot, scene) = (&shot.shoot, &shot.shoot.scene);
+    let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
+    if is_read || !shoot.is_planned || !shoot.designs.is_empty() {
+        return Ok(Vec::new());
+    }
     let own = read_probability(scene, scene.seed)?;
     let gain = |(changes, scene): (Vec<Change>, Scene)| {
         let after = read_probability(&scene, scene.seed).ok()?;
@@ -160,7 +165,7 @@ mod tests {
         let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
         (scene.camera.width_px, scene.camera.height_px) = (480, 270);
         change(&mut scene);
-        remedies(&Shoot::new(scene).unwrap()).unwrap()
+        remedies(&Shoot::new(scene).unwrap().take(&|_, _| {}).unwrap()).unwrap()
     }
 
     #[test]

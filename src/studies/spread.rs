@@ -187,8 +187,8 @@ pub fn spread(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Spread> {
     conditions.check()?;
-    let mut base = Shoot { judging: Judging::Scored, format: None, ..shoot.clone() };
-    base.backend = BackendChoice::Cpu;
+    let (judging, backend) = (Judging::Scored, BackendChoice::Cpu);
+    let mut base = Shoot { judging, backend, format: None, keeps_film: false, ..shoot.clone() };
     if let Some(strokes) = base.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
         base.reader = Some(reader(strokes, &base.scene.score)?);
     }

@@ -22,6 +22,8 @@ pub struct OutputFolder {
     lock: Option<File>,
     /// Whether the folder is new, and removed again unless the files are kept.
     made: bool,
+    /// Files that were written, in their order.
+    names: Vec<String>,
 }
 
 impl OutputFolder {
@@ -40,7 +42,7 @@ impl OutputFolder {
         let made = !path.exists();
         std::fs::create_dir_all(path).map_err(unwritable)?;
         let (staging, lock) = folder_in(path).map_err(unwritable)?;
-        Ok(Self { path: path.to_owned(), staging, lock, made })
+        Ok(Self { path: path.to_owned(), staging, lock, made, names: Vec::new() })
     }
 
     /// Finds before the long work what no file of these names may replace.
@@ -64,7 +66,7 @@ impl OutputFolder {
 
     /// Writes a file that will be called `name`.
     pub fn write(
-        &self,
+        &mut self,
         name: &str,
         write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
     ) -> Result<()> {
@@ -74,25 +76,27 @@ impl OutputFolder {
             write(&mut out)?;
             out.flush()
         });
-        written.map_err(|source| Error::write(&self.path.join(name), source))
+        written.map_err(|source| Error::write(&self.path.join(name), source))?;
+        self.names.push(name.to_owned());
+        Ok(())
     }
 
-    /// Gives all files their names, in the order named.
+    /// Gives all files their names, in the order in which they were written.
     ///
     /// # Errors
     ///
     /// [`Error::Io`]. A name that may not be written is found before any file has its name.
-    pub fn keep(mut self, names: &[impl AsRef<Path>]) -> Result<Vec<PathBuf>> {
+    pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let look = |name: &_| {
+        let look = |name: &String| {
             let path = self.path.join(name);
             match Place::at(&path) {
                 Ok(place) => Ok((self.staging.path().join(name), path, place)),
                 Err(source) => Err(Error::write(&path, source)),
             }
         };
-        let places: Vec<_> = names.iter().map(look).collect::<Result<_>>()?;
+        let places: Vec<_> = self.names.iter().map(look).collect::<Result<_>>()?;
         let name = |(staged, path, place): (PathBuf, PathBuf, Place)| {
             let named = match place {
                 Place::Regular(permissions) if !path.is_symlink() => permissions
@@ -133,10 +137,10 @@ mod tests {
     fn a_folder_of_files_appears_whole() {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("a/b");
-        let folder = OutputFolder::create(&path).unwrap();
+        let mut folder = OutputFolder::create(&path).unwrap();
         folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
         assert!(!path.join("one.txt").exists(), "not yet");
-        folder.keep(&["one.txt"]).unwrap();
+        folder.keep().unwrap();
         assert_eq!(std::fs::read(path.join("one.txt")).unwrap(), b"1");
         assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1, "and nothing else");
     }
@@ -145,7 +149,7 @@ mod tests {
     fn a_folder_that_nothing_came_of_is_gone() {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("out");
-        let folder = OutputFolder::create(&path).unwrap();
+        let mut folder = OutputFolder::create(&path).unwrap();
         folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
         drop(folder);
         assert!(!path.exists(), "the folder that was made for it went with it");
@@ -161,11 +165,11 @@ mod tests {
                 for writer in ["a", "b", "c"] {
                     let (path, names) = (parent.path(), &names);
                     scope.spawn(move || {
-                        let folder = OutputFolder::create(path).unwrap();
+                        let mut folder = OutputFolder::create(path).unwrap();
                         for name in names {
                             folder.write(name, |out| out.write_all(writer.as_bytes())).unwrap();
                         }
-                        folder.keep(names).unwrap();
+                        folder.keep().unwrap();
                     });
                 }
             });
@@ -181,13 +185,13 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         std::fs::write(parent.path().join("a.txt"), "old").unwrap();
         std::fs::create_dir(parent.path().join("b.txt")).unwrap();
-        let folder = OutputFolder::create(parent.path()).unwrap();
+        let mut folder = OutputFolder::create(parent.path()).unwrap();
         folder.expects(&["a.txt", "c.txt"]).unwrap();
         assert!(folder.expects(&["a.txt", "b.txt"]).is_err(), "before the long work");
         for name in ["a.txt", "b.txt"] {
             folder.write(name, |out| out.write_all(b"new")).unwrap();
         }
-        let error = folder.keep(&["a.txt", "b.txt"]).unwrap_err().to_string();
+        let error = folder.keep().unwrap_err().to_string();
         assert!(error.contains("b.txt"), "{error}");
         assert_eq!(std::fs::read_to_string(parent.path().join("a.txt")).unwrap(), "old");
     }
@@ -201,11 +205,11 @@ mod tests {
         std::fs::write(at("far.txt"), "a longer old text").unwrap();
         std::os::unix::fs::symlink("../far.txt", at("out/one.txt")).unwrap();
         std::os::unix::fs::symlink("/dev/null", at("out/two.txt")).unwrap();
-        let folder = OutputFolder::create(&at("out")).unwrap();
+        let mut folder = OutputFolder::create(&at("out")).unwrap();
         for name in ["one.txt", "two.txt"] {
             folder.write(name, |out| out.write_all(b"new")).unwrap();
         }
-        folder.keep(&["one.txt", "two.txt"]).unwrap();
+        folder.keep().unwrap();
         assert_eq!(std::fs::read_to_string(at("far.txt")).unwrap(), "new");
         assert!(at("out/one.txt").is_symlink() && at("out/two.txt").is_symlink());
     }

@@ -7,7 +7,7 @@
 //! camera. Not checked: obstacles in the room.
 
 use crate::scene::{Preset, Scene};
-use crate::shoot::Shoot;
+use crate::shoot::{Shoot, Shot};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
@@ -34,8 +34,8 @@ use memory::{check_led_memory, check_memory};
 pub use picture::PICTURE;
 use picture::{Picture, check_picture};
 pub use placement::stations;
-pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within, place};
-use placement::{camera_place, check_people, outside_of};
+pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within};
+use placement::{camera_place, check_people, outside_of, place};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
@@ -138,21 +138,42 @@ fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
     Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
 }
 
-/// What speaks against a real flight, of flights that were flown already: the checks that can
-/// stop one, without memory and picture.
-///
-/// # Errors
-///
-/// As [`preflight`].
-pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<Vec<Checked>> {
-    let mut findings = check_design(shoot, profile);
-    findings.extend(numbered(shoot, None, profile.room_m.map(|room_m| outside_of(shoot, room_m))));
-    for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
-        let mut checks = check_flight(shoot, drone, flight, None, profile)?;
-        checks.push(check_coverage(&planned.plan, &shoot.scene)?);
-        findings.extend(numbered(shoot, Some(drone), checks));
+impl Shot {
+    /// What speaks against its flights: the checks that can stop one, without memory and picture.
+    ///
+    /// # Errors
+    ///
+    /// As [`preflight`].
+    pub fn findings(&self, profile: &Profile) -> Result<Vec<Checked>> {
+        let shoot = &self.shoot;
+        let mut findings = check_design(shoot, profile);
+        let outside = profile.room_m.map(|room_m| outside_of(shoot, room_m));
+        findings.extend(numbered(shoot, None, outside));
+        for (drone, (planned, flight)) in shoot.plans.iter().zip(&self.flights).enumerate() {
+            let mut checks = check_flight(shoot, drone, flight, None, profile)?;
+            checks.push(check_coverage(&planned.plan, &shoot.scene)?);
+            findings.extend(numbered(shoot, Some(drone), checks));
+        }
+        Ok(findings)
     }
-    Ok(findings)
+
+    /// Every check of its flights.
+    ///
+    /// # Errors
+    ///
+    /// As [`preflight`].
+    pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
+        of_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
+    }
+
+    /// Where everything stands in the room; `None` without a room or without strokes.
+    ///
+    /// # Errors
+    ///
+    /// As [`preflight`].
+    pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
+        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile)
+    }
 }
 
 /// The findings of one drone, or of all.

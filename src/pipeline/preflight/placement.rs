@@ -104,7 +104,7 @@ fn owned() -> [(&'static str, BodyModel, LensModel); 7] {
 /// # Errors
 ///
 /// As [`CameraOptions::camera`].
-pub fn place(
+pub(super) fn place(
     shoot: &Shoot,
     trace: &LightTrace,
     end_s: f64,

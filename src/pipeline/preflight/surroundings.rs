@@ -159,7 +159,7 @@ fn sunlight(scene: &Scene, profile: &Profile) -> Row {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::preflight::{inspect, preflight};
+    use crate::preflight::preflight;
     use crate::scene::Preset;
     use crate::shoot::Shoot;
 
@@ -195,9 +195,8 @@ mod tests {
     fn people_and_silent_stations_stop_a_flight() {
         let verdict = |set: &[(&str, &str)], check: &str| {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
-            let shoot = Shoot::new(scene).unwrap();
-            let flights = shoot.fly(&|_, _| {}).unwrap();
-            let rows = inspect(&shoot, &flights, &Profile::indoor()).unwrap();
+            let shot = Shoot::new(scene).unwrap().take(&|_, _| {}).unwrap();
+            let rows = shot.findings(&Profile::indoor()).unwrap();
             let row = rows.into_iter().map(|checked| checked.row).find(|row| row.check == check);
             row.map(|row| row.severity)
         };

@@ -61,7 +61,7 @@ impl Case {
             (Ok(a), Ok(b)) => {
                 a.photo.rgb8 != b.photo.rgb8
                     || a.flights != b.flights
-                    || a.plans != b.plans
+                    || a.shoot.plans != b.shoot.plans
                     || a.camera != b.camera
             }
             (a, b) => a.is_err() != b.is_err(),

@@ -47,13 +47,6 @@ pub struct Metered {
     pub longest_s: Option<f64>,
 }
 
-/// Stops relative to saturation, in words.
-#[must_use]
-pub fn in_stops(stops: f64) -> String {
-    let side = if stops < 0.0 { "under" } else { "over" };
-    format!("{:.1} stops {side} saturation", stops.abs())
-}
-
 impl Metered {
     /// What a camera needs besides its settings; `None`: nothing.
     #[must_use]

@@ -51,7 +51,7 @@ mod written;
 
 pub use file::Format;
 pub use lighting::Lighting;
-pub use metering::{Metered, in_stops, recommended};
+pub use metering::{Metered, recommended};
 pub use planned::{Planned, aim, ends, plan, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use response::step_responses;

@@ -49,14 +49,14 @@ impl<'a> Growing<'a> {
         let camera = shot.camera.at_width(width_px);
         let (start_s, end_s) = (camera.shutter_open_s, camera.shutter_close_s);
         // Twice as coarse as the whole, so that the rounding of its parts cannot overflow.
-        let scale_log2 = project(&shot.trace, &camera, &shot.scene.expose)?.scale_log2() + 1;
+        let scale_log2 = project(&shot.trace, &camera, &shot.shoot.scene.expose)?.scale_log2() + 1;
         let film = Film {
             width_px: camera.width_px,
             height_px: camera.height_px,
             counts: vec![0; 3 * camera.width_px as usize * camera.height_px as usize],
             scale_log2,
         };
-        let options = PhotoOptions { noise: Noise::Off, ..shot.scene.photo.clone() };
+        let options = PhotoOptions { noise: Noise::Off, ..shot.shoot.scene.photo.clone() };
         Ok(Self { shot, camera, options, film, start_s, end_s, time_s: start_s })
     }
 
@@ -70,7 +70,7 @@ impl<'a> Growing<'a> {
         let (shutter_open_s, shutter_close_s) = (self.time_s, end_s);
         let camera = Camera { shutter_open_s, shutter_close_s, ..self.camera.clone() };
         let lit = part(&self.shot.trace, self.time_s, end_s);
-        let latent = project(&lit, &camera, &self.shot.scene.expose)?;
+        let latent = project(&lit, &camera, &self.shot.shoot.scene.expose)?;
         let more = latent.at_scale(self.film.scale_log2)?.develop_on_all().counts;
         for (sum, count) in self.film.counts.iter_mut().zip(more) {
             *sum = sum.saturating_add(count);
@@ -82,7 +82,7 @@ impl<'a> Growing<'a> {
     /// The photo so far.
     fn photo(&self) -> Result<Photo> {
         let camera = Camera { shutter_close_s: self.time_s, ..self.camera.clone() };
-        let scene = &self.shot.scene;
+        let scene = &self.shot.shoot.scene;
         develop(&self.film, &camera, &scene.expose, &self.options, scene.seed)
     }
 }

@@ -4,8 +4,7 @@ use std::sync::OnceLock;
 
 use super::file::{Format, Shown, encode};
 use super::problems::{self, Problem};
-use super::{Judging, Lighting, Metered, Planned, Shoot};
-use crate::scene::Scene;
+use super::{Judging, Lighting, Metered, Shoot};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
@@ -21,12 +20,8 @@ use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// The scene.
-    pub scene: Scene,
-    /// Strokes of the word or drawing; `None` for recordings without one.
-    pub strokes: Option<Strokes>,
-    /// Plans that were sent, one for each drone; empty for recordings.
-    pub plans: Vec<Planned>,
+    /// What it is of: scene, strokes and plans, without recordings.
+    pub shoot: Shoot,
     /// Flights, one for each drone; none for light that was recorded alone.
     pub flights: Vec<Flight>,
     /// Lamps of all drones.
@@ -154,16 +149,13 @@ impl Shoot {
             // Advice on letters would be beside the point.
             verdict.advice.clear();
         }
-        let Self { scene, strokes, plans, keeps_film, .. } = self;
         Ok(Shot {
-            scene,
-            strokes,
-            plans,
+            film: film.filter(|_| self.keeps_film),
+            shoot: self,
             flights,
             trace,
             camera,
             metered,
-            film: film.filter(|_| keeps_film),
             backend,
             adapter,
             photo,

@@ -20,9 +20,13 @@ pub use self::figures::{
     Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, hold_figures,
 };
 pub use self::scenario::HoldScenario;
+use std::io::Write;
+
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::settings::settings;
-use noctograph_sim::{AltitudeFilter, AltitudeState, EstimatorKind, HeightReading, SimOptions};
+use noctograph_sim::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, EstimatorKind, HeightReading, SimOptions,
+};
 
 /// Longest flight.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -112,6 +116,36 @@ const STATES: [AltitudeState; 6] = [
 
 /// Their names in tables.
 pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
+
+impl Hold {
+    /// Writes the flight as CSV, a row a sample.
+    ///
+    /// # Errors
+    ///
+    /// Those of the writer.
+    pub fn write_csv(&self, out: impl Write) -> std::io::Result<()> {
+        let mut out = csv::Writer::from_writer(out);
+        let states =
+            ["z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m"];
+        let columns = ["true", "estimated", "sigma"]
+            .iter()
+            .flat_map(|kind| states.iter().map(move |state| format!("{state}_{kind}")));
+        let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
+        out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
+        for s in &self.samples {
+            let numbers = [s.time_s, s.throttle].map(Some);
+            let readings = AltitudeSensor::ALL.map(|sensor| {
+                let last = s.readings.iter().rfind(|reading| reading.sensor == sensor);
+                last.map(|reading| reading.measured_m)
+            });
+            let states = [s.truth, s.estimate, s.sigma].into_iter().flatten().map(Some);
+            let cells = numbers.into_iter().chain(readings).chain(states);
+            let cells = cells.map(|number| number.map_or_else(String::new, |n| n.to_string()));
+            out.write_record(cells)?;
+        }
+        out.flush()
+    }
+}
 
 impl HoldSample {
     fn new(

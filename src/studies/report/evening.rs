@@ -13,22 +13,15 @@ type Of = fn(&LogFigures) -> Option<f64>;
 /// Most drones with a curve.
 const MOST_DRONES: usize = 7;
 
-/// The page; `conditions` is the file of conditions, `advice` what to do with it.
-pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[String]) -> Page {
+/// The page: what is `printed` of the evening, its drones over time, and the file of `conditions`.
+pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &str) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();
     let lead = format!("{n} logs of {} drone(s); {sound} sound.", drones.len());
-    let figures = FIGURES.iter().map(|(name, _)| *name);
-    let names = ["drone", "log"].into_iter().chain(figures).chain(["sound"]);
-    let names: Vec<String> = names.map(str::to_owned).collect();
-    let rows: Vec<Vec<String>> = evening.logs.iter().map(row).collect();
-    let mut page = Page::new(title, &lead)
-        .section("Flights")
-        .rows(&names, &rows)
-        .text(
-            "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
-             hold against; gusts: those that turn a drone as its air did. Empty: the log does not show it.",
-        );
+    let mut page = Page::new(title, &lead).section("Flights").printed(printed).text(
+        "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
+         hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
+    );
     let curves = |of: Of| -> Vec<Curve> {
         let curve = |((_, logs), color): (&(&str, &[EveningLog]), _)| {
             let value = |(index, log): (usize, &EveningLog)| {
@@ -69,28 +62,5 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
             page = page.text(&format!("The curves are those of the first {MOST_DRONES} drones."));
         }
     }
-    page = page.section("Conditions").printed(conditions);
-    advice.iter().fold(page, |page, advice| page.text(advice))
-}
-
-/// A figure of a log in a table.
-type Shown = fn(&LogFigures) -> Option<String>;
-
-/// Columns of a log's figures.
-const FIGURES: [(&str, Shown); 7] = [
-    ("in the air, s", |f| Some(format!("{:.1}", f.air_s))),
-    ("longest gap, s", |f| Some(format!("{:.2}", f.longest_gap_s))),
-    ("thrust, %", |f| Some(format!("{:.1}", 100.0 * f.thrust_frac))),
-    ("trim x, mm", |f| Some(format!("{:+.2}", 1e3 * f.trim_m[0]))),
-    ("trim y, mm", |f| Some(format!("{:+.2}", 1e3 * f.trim_m[1]))),
-    ("rotor lag, ms", |f| f.lag_s.map(|lag_s| format!("{:.0}", 1e3 * lag_s))),
-    ("gusts, m/s", |f| f.gust_m_s.map(|gust_m_s| format!("{gust_m_s:.3}"))),
-];
-
-fn row(log: &EveningLog) -> Vec<String> {
-    let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
-    let sound = if flaws.is_empty() { "yes".to_owned() } else { flaws.join("; ") };
-    let figure = |of: Shown| log.figures.as_ref().and_then(of);
-    let figures = FIGURES.iter().map(|(_, of)| figure(*of).unwrap_or_default());
-    [log.drone.clone(), log.log.clone()].into_iter().chain(figures).chain([sound]).collect()
+    page.section("Conditions").printed(conditions)
 }

@@ -41,7 +41,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
         let corners = vec![[-0.5 * w, -0.5 * d, 0.0], [0.5 * w, 0.5 * d, h]];
         things.push((format!("room, {w} x {d} x {h} m"), BLACK, corners));
     }
-    if let Some(strokes) = &shot.strokes {
+    if let Some(strokes) = &shot.shoot.strokes {
         let [left, bottom, right, top] = strokes.bounds_m();
         let name = format!("word, {:.2} x {:.2} m", right - left, top - bottom);
         things.push((name, WORD, vec![[left, 0.0, bottom], [right, 0.0, top]]));
@@ -80,7 +80,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
             }
         }
     }
-    let (what, places_m) = stations(&shot.scene);
+    let (what, places_m) = stations(&shot.shoot.scene);
     for (index, [x, y, z]) in places_m.into_iter().enumerate() {
         let name = format!("{what} {} ({x:.1}, {y:.1}, {z:.1})", index + 1);
         things.push((name, STATION, vec![[x, y, z]]));

@@ -15,8 +15,8 @@ use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_pipeline::preflight::{Checked, ShotPlan};
 use noctograph_pipeline::scene::{Change, Scene};
-use noctograph_pipeline::shoot::{Shot, in_stops, writing};
-use noctograph_score::{LetterVerdict, Verdict};
+use noctograph_pipeline::shoot::{Shot, writing};
+use noctograph_score::LetterVerdict;
 
 /// Moments of the exposure, and the width of their pictures.
 const N_MOMENTS: u32 = 12;
@@ -39,8 +39,6 @@ pub struct ShotNotes<'a> {
     pub findings: &'a [Checked],
     /// Where things stand in the room, where it is known.
     pub placement: Option<&'a ShotPlan>,
-    /// Changes of settings with their gain in readability, as one types them.
-    pub remedies: &'a [(f64, String)],
     /// A change in the words of the program that makes the page.
     pub typed: fn(&Change) -> String,
     /// The command that makes the shot again.
@@ -55,7 +53,7 @@ pub struct ShotNotes<'a> {
 ///
 /// As [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
-    let scene = &shot.scene;
+    let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
     let subject = match scene.word.as_str() {
         "" => drawing.to_string_lossy().into_owned(),
@@ -66,7 +64,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
     let shows = format!("simulated long-exposure photograph of {subject}");
     let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
-    page = verdict_section(page, shot.verdict.as_ref(), notes);
+    page = page.section("As printed").printed(notes.printed);
     let mut moments = Vec::new();
     shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
         moments.push((photo::jpeg(&photo, JPEG_QUALITY[1]), format!("{time_s:.1} s")));
@@ -101,27 +99,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let digests =
         [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(of, sha256)| Some([of.to_owned(), sha256?]));
-    Ok(page.table(["digest", "SHA-256"], digests).section("As printed").printed(notes.printed))
-}
-
-fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<'_>) -> Page {
-    let Some(verdict) = verdict else { return page };
-    let letter = |letter: &LetterVerdict| {
-        [
-            letter.expected.to_string(),
-            letter.p.map_or("not judged".into(), |p| format!("{p:.2}")),
-            letter.best.map_or("none".into(), String::from),
-            rivals(letter),
-        ]
-    };
-    page = page
-        .section("Letters")
-        .table(["letter", "share", "reads as", "rivals"], verdict.letters.iter().map(letter));
-    let gain = |gain: Option<f64>| gain.map_or("?".into(), |gain| format!("{gain:+.2}"));
-    let flown = notes.remedies.iter().map(|(by, change)| [gain(Some(*by)), change.clone()]);
-    let read = verdict.advice.iter().map(|advice| [gain(advice.gain), advice.text.clone()]);
-    let rows: Vec<_> = if notes.remedies.is_empty() { read.collect() } else { flown.collect() };
-    if rows.is_empty() { page } else { page.section("What helps").table(["gain", "change"], rows) }
+    Ok(page.table(["digest", "SHA-256"], digests))
 }
 
 /// A scene with the names of its files in place of their paths, which are of this machine alone.
@@ -142,10 +120,10 @@ pub fn rivals(letter: &LetterVerdict) -> String {
 }
 
 fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
-    let plans: Vec<_> = shot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    let plans: Vec<_> = shot.shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
-        let numbers = shot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
-        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word, numbers)]);
+        let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
+        page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
     let trace = |(index, flight): (usize, &Flight)| NamedFlight {
         name: format!("drone {}", index + 1),
@@ -167,7 +145,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
-    let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
+    let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
         let own = |lamp: &Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
         let place = |sample: &FlightSample| {
@@ -204,6 +182,7 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
+    let in_stops = |stops: f64| format!("{stops:+.1} stops over saturation");
     let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
     rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
 }

@@ -1,0 +1,295 @@
+//! The printer: the text for people of a product, which it reads from the product's JSON by a
+//! layout.
+//!
+//! A layout has the lines of the text. Words are wrapped beside the name of their line, which two
+//! spaces end, or a tab, which stands for the usual column. In a line stand
+//!
+//! - `{path}`: a value, such as `{rmse_m.0}`; `{path*100:+.1}`: times a factor, with a sign and so
+//!   many digits (`.1e`: times a power of ten); `{path~none}`: what stands for null;
+//! - `{path?yes:no}`: words, by whether a flag is set or anything stands there;
+//! - `[words {path}]`: left out where a value within is null or missing. A line with such a value
+//!   outside of brackets is left out.
+//!
+//! `*path line` prints a line for each item of a list, whose keys come before those of the product;
+//! in it `#` is the index of the item. `|path|head` prints a [`table`] of a list; the next line has
+//! the cells of a row. Before a part without a line the empty line is left out, too.
+
+use serde_json::{Value, json};
+
+/// Columns that tables and messages keep to.
+const WIDTH: usize = 80;
+
+/// Columns of the names of lines.
+const NAME_WIDTH: usize = 10;
+
+/// The text of a layout: a value is looked up in the last scope that has it.
+pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
+    let (mut text, mut is_apart) = (String::new(), false);
+    let mut lines = layout.lines();
+    while let Some(line) = lines.next() {
+        if line.is_empty() {
+            is_apart = true;
+            continue;
+        }
+        let part = if let Some((path, head)) = strip(line, '|', '|') {
+            let cells: Vec<&str> = lines.next().unwrap_or_default().split('|').collect();
+            let row = |scopes: &[&Value]| {
+                cells.iter().map(|cell| fill(cell, scopes).unwrap_or("-".to_owned())).collect()
+            };
+            table(&fill(head, scopes).unwrap_or_default(), &each(path, scopes, row))
+        } else if let Some((path, line)) = strip(line, '*', ' ') {
+            each(path, scopes, |scopes| filled(line, scopes)).concat()
+        } else {
+            filled(line, scopes)
+        };
+        if !part.is_empty() {
+            text += if std::mem::take(&mut is_apart) { "\n" } else { "" };
+            text += &part;
+        }
+    }
+    if layout.ends_with("\n\n") { text + "\n" } else { text }
+}
+
+/// A line that begins with a sign, in two: up to another sign, and the rest.
+fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
+    line.strip_prefix(first)?.split_once(second)
+}
+
+/// What is printed of each item of a list.
+fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Vec<T> {
+    let items = value(path, scopes).and_then(Value::as_array).into_iter().flatten();
+    let items = items.enumerate().map(|(index, value)| {
+        let index = json!({ "#": index.to_string() });
+        item(&[scopes, &[&index, value]].concat())
+    });
+    items.collect()
+}
+
+/// A line of a layout with its values; empty where it is left out.
+fn filled(line: &str, scopes: &[&Value]) -> String {
+    let begin = line.find(|c| c != ' ').unwrap_or(0);
+    let end = line[begin..].find("  ").map_or(begin, |end| begin + end);
+    let (head, words) = line.split_at(end + line[end..].find(|c| c != ' ').unwrap_or(0));
+    let (name, width, words) = match line.split_once('\t') {
+        Some((name, words)) => (name, NAME_WIDTH, words),
+        None => (head.trim_end(), head.chars().count(), words),
+    };
+    match (fill(name, scopes), fill(words, scopes)) {
+        (Some(name), Some(words)) => beside(&name, width, &words),
+        _ => String::new(),
+    }
+}
+
+/// A name, and text that is wrapped beside it. A name that fills its column, such as that of a
+/// file, has the text below it.
+fn beside(name: &str, width: usize, text: &str) -> String {
+    match name.chars().count() < width.max(1) {
+        true => wrapped(&format!("{name:width$}"), text),
+        false => wrapped("", name) + &wrapped(&" ".repeat(width), text),
+    }
+}
+
+/// A line: a name, and text beside it.
+pub(super) fn line(name: &str, text: &str) -> String {
+    beside(name, NAME_WIDTH, text)
+}
+
+/// A line with its values; `None` where one is missing.
+fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
+    let (mut text, mut rest) = (String::new(), line);
+    while let Some(begin) = rest.find(['{', '[']) {
+        text += &rest[..begin];
+        let end = if rest[begin..].starts_with('{') { '}' } else { ']' };
+        let (within, after) = rest[begin + 1..].split_once(end)?;
+        match end {
+            '}' => text += &figure(within, scopes)?,
+            _ => text += &fill(within, scopes).unwrap_or_default(),
+        }
+        rest = after;
+    }
+    Some(text + rest)
+}
+
+/// A value in words.
+fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
+    if let Some((path, words)) = figure.split_once('?') {
+        let (yes, no) = words.split_once(':').unwrap_or((words, ""));
+        let is_set = value(path, scopes).is_some_and(|value| match value {
+            Value::Null => false,
+            Value::Bool(is_set) => *is_set,
+            Value::Array(items) => !items.is_empty(),
+            _ => true,
+        });
+        return Some(if is_set { yes } else { no }.to_owned());
+    }
+    let (figure, missing) =
+        figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
+    let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
+    let (path, factor) = path.split_once('*').unwrap_or((path, "1"));
+    let text = match value(path, scopes) {
+        Some(Value::Number(number)) => {
+            let is_whole = factor == "1" && digits.is_empty() && !number.is_f64();
+            match number.as_f64().filter(|_| !is_whole) {
+                Some(number) => in_digits(number * factor.parse::<f64>().ok()?, digits),
+                None => number.to_string(),
+            }
+        }
+        Some(Value::String(text)) => {
+            let most = digits.strip_prefix('.').and_then(|most| most.parse().ok());
+            text.replace('\n', " ").chars().take(most.unwrap_or(usize::MAX)).collect()
+        }
+        Some(Value::Null) | None => return missing.map(str::to_owned),
+        Some(other) => other.to_string(),
+    };
+    Some(text)
+}
+
+/// A number with digits such as `+.2` or `.3e`.
+fn in_digits(number: f64, digits: &str) -> String {
+    let (sign, digits) = digits.strip_prefix('+').map_or(("", digits), |digits| ("+", digits));
+    let (digits, is_power) = digits.strip_suffix('e').map_or((digits, false), |n| (n, true));
+    let text = match (digits.strip_prefix('.').and_then(|n| n.parse::<usize>().ok()), is_power) {
+        (Some(n), true) => format!("{number:.n$e}"),
+        (Some(n), false) => format!("{number:.n$}"),
+        (None, _) => format!("{number}"),
+    };
+    if text.starts_with('-') { text } else { sign.to_owned() + &text }
+}
+
+/// The value at a path of keys and indices, in the last scope that has it.
+fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
+    let index = scopes.iter().rev().find_map(|scope| scope.get("#")?.as_str());
+    let step = |value: &'a Value, key: &str| {
+        let key = if key == "#" { index.unwrap_or(key) } else { key };
+        value.get(key).or_else(|| value.get(key.parse::<usize>().ok()?))
+    };
+    let keys = || path.split('.').filter(|key| !key.is_empty());
+    scopes.iter().rev().find_map(|scope| keys().try_fold(*scope, step))
+}
+
+/// A table; without rows it is empty. `head` names the columns, each with the side that its cells
+/// keep to and its width, and with its unit where there is one: `scene<16|time/s>7`.
+pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
+    let column = |column| {
+        let side = str::rfind(column, ['<', '>']).expect("a side for each column");
+        let width: usize = column[side + 1..].parse().expect("a width for each column");
+        let (name, unit) = column[..side].split_once('/').unwrap_or((&column[..side], ""));
+        (name, unit, &column[side..=side] == ">", width)
+    };
+    let columns: Vec<(&str, &str, bool, usize)> = head.split('|').map(column).collect();
+    let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
+    let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
+    let has_units = units.iter().any(|unit| !unit.is_empty());
+    let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
+    let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
+    let line = |cells: &Vec<String>| {
+        let padded = columns.iter().zip(cells).map(|((.., right, width), cell)| match right {
+            true => format!("{cell:>width$}"),
+            false => format!("{cell:width$}"),
+        });
+        padded.collect::<String>().trim_end().to_owned() + "\n"
+    };
+    heads.iter().chain(rows).map(line).collect()
+}
+
+/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
+/// backquotes, a command to copy, stays on one line.
+pub(super) fn wrapped(head: &str, text: &str) -> String {
+    let indent = head.chars().count();
+    let mut lines = head.to_owned();
+    for (index, paragraph) in text.lines().enumerate() {
+        if index > 0 {
+            lines += &format!("\n{:indent$}", "");
+        }
+        let mut column = indent;
+        let mut is_command = false;
+        let parts = paragraph.split(|c| {
+            is_command ^= c == '`';
+            c == ' ' && !is_command
+        });
+        for word in parts {
+            let width = word.chars().count();
+            if column > indent && column + 1 + width > WIDTH {
+                lines.truncate(lines.trim_end().len());
+                lines += &format!("\n{:indent$}", "");
+                column = indent;
+            } else if column > indent {
+                lines.push(' ');
+                column += 1;
+            }
+            lines += word;
+            column += width;
+        }
+    }
+    lines.truncate(lines.trim_end().len());
+    lines + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_layout_prints_values_words_and_tables() {
+        let product = json!({
+            "n": 3, "m": [0.0123, -2.5], "name": "NO\nOR", "legible": false, "none": null,
+            "letters": [{"letter": "N", "p": 0.25}, {"letter": "O", "p": null}],
+        });
+        let words = json!({ "sides": ["left", "right"] });
+        let layout = "\
+            {name} is {legible?legible:NOT legible}\n\
+            samples   {n} of {name:.2}[, {m.0*100:+.1} cm][, {none}]\n\
+            never     {none}\n\
+            power     {m.1:.1e} {none~dark} {m.1}\n\
+            *letters {sides.#}: {letter}\n\
+            \n\
+            |none|gone<4\n\
+            {}\n\
+            \n\
+            |letters|letter<8|share/%>6\n\
+            {letter}|{p*100:.0}\n\
+            end\n\
+            \n\
+            [{none}]never  {none}\n";
+        let text = "NO OR is NOT legible\nsamples   3 of NO, +1.2 cm\npower     -2.5e0 dark -2.5\n\
+                    left: N\nright: O\n\nletter   share\n             %\nN           25\n\
+                    O            -\nend\n";
+        assert_eq!(print(layout, &[&product, &words]), text);
+    }
+
+    #[test]
+    fn cells_stand_under_their_heads() {
+        let rows = [["team", "0.9", "well"], ["µ", "0.25", ""], ["a long one", "1", "a\tb"]];
+        let rows = rows.map(|row| row.map(str::to_owned).to_vec());
+        assert_eq!(
+            table("scene<8|P>5|  note<0", &rows),
+            "scene       P  note\nteam      0.9well\nµ        0.25\na long one    1a\tb\n"
+        );
+        assert_eq!(table("scene<8", &[]), "");
+    }
+
+    #[test]
+    fn lines_are_wrapped_beside_their_head() {
+        let text = "word ".repeat(30);
+        let found = line("name", &text);
+        let widths: Vec<usize> = found.lines().map(str::len).collect();
+        assert_eq!(widths, [79, 79, 19], "{found}");
+        assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
+        assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
+    }
+
+    #[test]
+    fn a_name_and_its_text_never_touch() {
+        assert_eq!(line("star.svg", "34.8 s"), "star.svg  34.8 s\n");
+        for name in ["rocket.svg", "notre étoile.svg"] {
+            assert_eq!(line(name, "34.8 s"), format!("{name}\n          34.8 s\n"));
+        }
+    }
+
+    #[test]
+    fn a_command_stays_on_one_line() {
+        let found = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
+        let lines: Vec<&str> = found.lines().collect();
+        assert_eq!(lines[1], "          `run 'a b'` ends", "{found}");
+    }
+}
