@@ -30,11 +30,11 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     }
     let after = |leg: usize| (leg + 1 < n || closed).then_some((leg + 1) % n);
     let before = |leg: usize| (leg > 0 || closed).then_some((leg + n - 1) % n);
-    let is_stem = |leg: usize| {
+    let is_stems = (0..n).map(|leg: usize| {
         let beside = [before(leg), after(leg)].into_iter().flatten().map(|leg| lengths[leg]);
         lengths[leg] >= LONG && lengths[leg] >= STEM * beside.fold(f64::INFINITY, f64::min)
-    };
-    let stems: Vec<bool> = (0..n).map(is_stem).collect();
+    });
+    let stems: Vec<bool> = is_stems.collect();
     // The tangent at the end of a leg; none at a corner, or where the run ends.
     let tangent = |leg: usize| {
         let next = after(leg)?;
@@ -84,11 +84,11 @@ mod tests {
 
     #[test]
     fn points_on_a_circle_become_the_circle() {
-        let at = |k: i32| {
+        let ats = (0..=12).map(|k: i32| {
             let (sin, cos) = libm::sincos(f64::from(k % 12) * std::f64::consts::TAU / 12.0);
             [0.4 * cos, 0.4 * sin]
-        };
-        let run: Vec<[f64; 2]> = (0..=12).map(at).collect();
+        });
+        let run: Vec<[f64; 2]> = ats.collect();
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let off = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();

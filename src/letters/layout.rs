@@ -219,8 +219,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
             Fit::Box => options.box_width_m() + options.box_gap_m(),
             Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
         };
-        let spaces_m = |trimmed: &str| space_m * (part.len() - trimmed.len()) as f64;
-        let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')].map(spaces_m);
+        let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
+            .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
             spaces_m.reverse();
         }

@@ -118,14 +118,14 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
             continue;
         }
         let at = |index: usize| samples[index % samples.len()];
-        let on_rim = |index: usize| {
+        let on_rims = (0..samples.len()).map(|index: usize| {
             let (a, b) = (at(index), at(index + 1));
             let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
             // A hundredth of an edge to either side.
             let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
             ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
-        };
-        let kept: Vec<bool> = (0..samples.len()).map(on_rim).collect();
+        });
+        let kept: Vec<bool> = on_rims.collect();
         let Some(first_gap) = kept.iter().position(|kept| !kept) else {
             samples.push(samples[0]);
             runs.push(samples);

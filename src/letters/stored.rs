@@ -23,8 +23,8 @@ const BACK: f64 = -0.999;
 
 /// Whether most of some outlines have a contour without area.
 pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
-    let has_thin = |path: &&BezPath| contours(path).any(|contour| is_thin(&contour));
-    2 * paths.iter().filter(has_thin).count() > paths.len()
+    2 * paths.iter().filter(|path| contours(path).any(|contour| is_thin(&contour))).count()
+        > paths.len()
 }
 
 /// Whether a contour, closed, has no area.

@@ -77,11 +77,10 @@ fn seconds_from_date(cell: &str) -> Option<f64> {
     let (text, half) = half_day(&lower);
     // The date ends at a blank, or at a T among digits.
     let of_day = text.find(':').unwrap_or_default();
-    let ends = |(at, sign): &(usize, char)| {
+    let (date, time) = match text.char_indices().rfind(|(at, sign)| {
         *at < of_day
             && (matches!(sign, ' ' | '_') || *sign == 't' && !text[at + 1..].starts_with(' '))
-    };
-    let (date, time) = match text.char_indices().rfind(ends) {
+    }) {
         Some((at, _)) => (Some(text[..at].trim_end()), &text[at + 1..]),
         None => (None, text),
     };

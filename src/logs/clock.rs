@@ -152,8 +152,8 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
     }
     let firmware = recording.firmware.as_deref();
     let named = firmware.and_then(|firmware| Some((Release::of(firmware)?, firmware)));
-    let of_block = |block: &Block| Some((shown_rate(block)?, block.name.clone()));
-    let shown = recording.blocks.iter().find_map(of_block);
+    let shown =
+        recording.blocks.iter().find_map(|block| Some((shown_rate(block)?, block.name.clone())));
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))

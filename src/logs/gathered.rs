@@ -36,15 +36,14 @@ pub struct GatheredLog {
 ///
 /// [`Error::Io`] where it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
-    let is_its_own = |path: &PathBuf| {
+    Ok(entries_in(folder)?.iter().any(|path| {
         // What cannot be read is no file of cfclient's; its import says why.
         let head = || LIMIT.beginning(path, HEAD_BYTES).ok();
         cfclient_csv::may_be_its_own(path)
             && path.is_file()
             && head()
                 .is_some_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::of(&head).bytes)))
-    };
-    Ok(entries_in(folder)?.iter().any(is_its_own))
+    }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of

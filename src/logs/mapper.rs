@@ -51,8 +51,8 @@ pub(super) fn flight(
     let sample_bytes = size_of::<FlightSample>() + size_of::<f64>() * n_extra;
     budget.bytes(n_samples.saturating_mul(sample_bytes))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    let sample = |&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s));
-    let samples: Vec<FlightSample> = axis.stamps_s.iter().map(sample).collect();
+    let samples: Vec<FlightSample> =
+        axis.stamps_s.iter().map(|&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s))).collect();
     check_numbers(&recording.file, &samples)?;
     let mut extra = mapper.extra(&axis.stamps_s);
     let mut warnings = quantities.left_out.clone();
@@ -192,7 +192,7 @@ impl Mapper<'_> {
     /// Names measured quantities other than the pose that are held over gaps of their own.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<String> {
         let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-        let of_quantity = |quantity: Quantity| {
+        let of_quantities = measured.into_iter().filter_map(|quantity| {
             let channels = self.quantities.channels.get(&quantity)?;
             let is_held = |stamp_s: &&f64| {
                 let is_apart = |channel| self.between((quantity, channel), **stamp_s).is_none();
@@ -203,8 +203,8 @@ impl Mapper<'_> {
             let text =
                 format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
             (n > 0).then_some(text)
-        };
-        measured.into_iter().filter_map(of_quantity).collect()
+        });
+        of_quantities.collect()
     }
 
     /// All columns that belong to no quantity, held.

@@ -56,8 +56,8 @@ pub(super) fn read(
     if head.titles.is_empty() {
         let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
         let names: &[&str] = if is_tum { &TUM } else { &UNNAMED };
-        let other = |number: usize| format!("column{number}");
-        let others = (names.len() + 1..=head.n_columns).map(other);
+        let others =
+            (names.len() + 1..=head.n_columns).map(|number: usize| format!("column{number}"));
         head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
         head.titles.truncate(head.n_columns);
         unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));
@@ -205,14 +205,14 @@ impl Columns {
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
     const OWN: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
-    let of_group = |(group, name): (&str, &str)| {
-        let plain =
-            |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
-        plain(group) && plain(name) && group != "field"
-    };
     OWN.split(' ').any(|own| own == title)
         || is_standard_column(title)
-        || title.split_once('.').is_some_and(of_group)
+        || title.split_once('.').is_some_and(|(group, name)| {
+            let plain = |text: &str| {
+                !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+            };
+            plain(group) && plain(name) && group != "field"
+        })
 }
 
 /// Times in s of a column of stamps, and what was guessed.

@@ -161,11 +161,11 @@ impl Recording {
     /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
-            let empty = |Column { name, values, .. }: &Column| {
+            let empties = block.columns.iter().filter_map(|Column { name, values, .. }| {
                 let n = values.iter().filter(|value| !is_number(**value)).count();
                 (n > 0).then(|| format!("{name} ({n} of {})", values.len()))
-            };
-            let empty: Vec<String> = block.columns.iter().filter_map(empty).collect();
+            });
+            let empty: Vec<String> = empties.collect();
             if !empty.is_empty() {
                 let list = shortened(&empty);
                 self.warnings.push(format!("cells without a number are left out: {list}"));

@@ -98,11 +98,10 @@ pub(super) fn join_stamps(
         return Ok(());
     }
     let dated = |is_meant: fn(&f64) -> bool| {
-        let is_all = |column: &SheetColumn| {
+        columns.iter().position(|column| {
             let known = || column.values.iter().filter(|value| value.is_finite());
             are_dated[column.number - 1] && known().count() > 0 && known().all(is_meant)
-        };
-        columns.iter().position(is_all)
+        })
     };
     let Some(date) = dated(|value| *value > 0.0 && value % DAY_S == 0.0) else { return Ok(()) };
     if let Some(clock) = dated(|value| *value <= DAY_S).filter(|clock| *clock != date) {
@@ -132,9 +131,8 @@ pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
 
 /// Whether whole seconds have their fraction in another column.
 pub(super) fn is_fraction(seconds: &[f64], parts: &[f64], size: f64) -> bool {
-    let is_whole = |value: &f64| value.is_nan() || value.fract() == 0.0;
-    let is_part = |value: &f64| value.is_nan() || (0.0..1.0).contains(&(value * size));
-    seconds.iter().all(is_whole) && parts.iter().all(is_part)
+    seconds.iter().all(|value: &f64| value.is_nan() || value.fract() == 0.0)
+        && parts.iter().all(|value: &f64| value.is_nan() || (0.0..1.0).contains(&(value * size)))
 }
 
 /// Adds a column, in units of some seconds, to one of stamps.

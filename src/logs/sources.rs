@@ -191,8 +191,8 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     }
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocity = search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware));
-    let is_world = |(source, _): &(&Source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1);
-    let has_world_velocity = velocity.as_ref().is_some_and(is_world);
+    let has_world_velocity =
+        velocity.as_ref().is_some_and(|(source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1));
     channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
     let moving_s = moving_s(channels.get(&Quantity::Position));
@@ -233,10 +233,8 @@ impl Search<'_> {
             Some((source, channels))
         });
         // Numbers of a drone's world.
-        let is_sound = |(_, channels): &(&Source, Vec<Channel>)| {
-            numbers(channels).all(|value| value.abs() <= MAX_QUANTITY)
-        };
-        let (mut logged, diverged): (Vec<_>, Vec<_>) = logged.partition(is_sound);
+        let (mut logged, diverged): (Vec<_>, Vec<_>) = logged
+            .partition(|(_, channels)| numbers(channels).all(|value| value.abs() <= MAX_QUANTITY));
         if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
             let names = shortened(&names(source.1).collect::<Vec<_>>());
             let instead =
@@ -290,11 +288,11 @@ impl Search<'_> {
             }
             return true;
         }
-        let shown = |channel| {
+        let showns = channels.iter().map(|channel| {
             let text = format!("{:.6}", on_grid(last(channel)));
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        };
-        let values = channels.iter().map(shown).collect::<Vec<_>>().join(", ");
+        });
+        let values = showns.collect::<Vec<_>>().join(", ");
         self.left_out.push(format!(
             "{}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged",
             quantity.name()
@@ -455,8 +453,8 @@ mod tests {
     use crate::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {
-        let column = |(name, value): &(&str, f64)| Column::new((*name).into(), vec![*value]);
-        let columns = columns.iter().map(column).collect();
+        let columns =
+            columns.iter().map(|(name, value)| Column::new((*name).into(), vec![*value])).collect();
         let block = Block { time_s: vec![0.0], columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }
     }

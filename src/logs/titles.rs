@@ -98,12 +98,11 @@ impl Title {
         }
         // A name that ends in its unit.
         let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
-        let named = |(name, end)| {
+        match { parts }.find_map(|(name, end)| {
             let name = known(name)?;
             let unit = unit(end, name == "t")?;
             Some((name, Some(unit)))
-        };
-        match { parts }.find_map(named) {
+        }) {
             Some((name, unit)) => of(name, unit, body),
             None => Self { name: title.to_owned(), ..Self::default() },
         }

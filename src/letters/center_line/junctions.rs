@@ -145,8 +145,8 @@ fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
     let corner = |at| vec![Knot { at, corner: true }];
     if through.is_empty() {
         let crossing = crossing(arms).filter(|p| {
-            let onward = |arm: &Arm| dot(minus(*p, arm.from), arm.away) < 0.0;
-            joint.is_near(*p, FAR) && arms.iter().all(onward)
+            joint.is_near(*p, FAR)
+                && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
         });
         let point = crossing.map_or(middle, |crossing| joint.meeting_point(arms, crossing));
         for arm in arms {

@@ -116,19 +116,19 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 /// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
 fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
     let legs: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
-    let untouched = |node: usize| {
+    let untouched = (0..whole.len()).map(|node| {
         legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
-    };
-    let untouched: Vec<bool> = (0..whole.len()).map(untouched).collect();
+    });
+    let untouched: Vec<bool> = untouched.collect();
     let mut links = whole.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
     }
-    let length = |part: &Vec<usize>| {
+    let lengths = parts(&links).into_iter().map(|part| {
         let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
         0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
-    };
-    let longest = parts(&links).iter().map(length).fold(0.0, f64::max);
+    });
+    let longest = lengths.fold(0.0, f64::max);
     if longest > LOST * half_width { longest } else { 0.0 }
 }
 
@@ -196,8 +196,8 @@ mod tests {
         let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
         for line in center_lines(&contours, &budget()).lines {
             #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
-            let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
-            let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
+            let mut line: Vec<[i64; 2]> =
+                line.iter().map(|point| point.map(|x| (100.0 * x).round() as i64)).collect();
             line.dedup();
             if line[0] == line[line.len() - 1] {
                 line.pop();
@@ -242,8 +242,8 @@ mod tests {
 
     #[test]
     fn a_stroke_that_no_line_touches_is_lost() {
-        let contour = |[l, b, r, t]: [f64; 4]| vec![[l, b], [r, b], [r, t], [l, t]];
-        let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]].map(contour);
+        let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]]
+            .map(|[l, b, r, t]| vec![[l, b], [r, b], [r, t], [l, t]]);
         assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
         let budget = budget();
         let ink = Filled::new(&tee, &budget);

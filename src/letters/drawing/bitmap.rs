@@ -105,11 +105,11 @@ pub(super) fn read(
     };
     budget.check()?;
     let lines = lines.into_iter().filter(|line| line.len() > 1);
-    let colored = |line: Vec<[f64; 2]>| {
+    let coloreds = lines.map(|line| {
         let color = field.hue(&line);
         (line, color)
-    };
-    let lines: Vec<ColoredLine> = lines.map(colored).collect();
+    });
+    let lines: Vec<ColoredLine> = coloreds.collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }

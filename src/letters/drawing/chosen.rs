@@ -42,11 +42,11 @@ pub(super) fn all<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<SourceStroke> {
-    let of = |(points, color): (&Vec<[f64; 2]>, Option<[u8; 3]>)| SourceStroke {
+    let ofs = strokes.map(|(points, color)| SourceStroke {
         points: points.iter().map(|[x, y]| in_file([*x, -y])).collect(),
         color: color.map(name),
-    };
-    strokes.map(of).collect()
+    });
+    ofs.collect()
 }
 
 /// Which strokes a list such as `2,5-7,red` names; every part of it has to be in the drawing.

@@ -106,8 +106,7 @@ impl Field {
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let by_level = |(ink, level): (&f64, &f64)| (ink / level.max(faint / RIM)).min(1.0);
         let ink: Vec<f64> = contrast.iter().zip(&levels).map(by_level).collect();
-        let is_faint = |level: &&f64| (least..faint).contains(*level);
-        let n_faint = levels.iter().filter(is_faint).count();
+        let n_faint = levels.iter().filter(|level: &&f64| (least..faint).contains(*level)).count();
         let shades = if is_clean { 0.0 } else { shades(&contrast, width, strong) };
         (inked().count() > 0).then_some(Self {
             width,
@@ -199,14 +198,14 @@ pub(super) fn even_paper(picture: &RgbImage) -> Option<Even> {
 fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
     let channels = channels(picture, f64::from);
     let [width, height] = [picture.width() as usize, picture.height() as usize];
-    let ink = |pixel: usize| {
+    let inks = (0..channels[0].len()).map(|pixel: usize| {
         let place = [(pixel % width) as f64 / width as f64, (pixel / width) as f64 / height as f64];
         let (paper, values) = (paper.at(place), [0, 1, 2].map(|c| channels[c][pixel]));
         let contrast = |c: usize| (values[c] - paper[c]).abs() / paper[c].max(255.0 - paper[c]);
         let most = (0..CHANNELS).map(contrast).fold(0.0, f64::max);
         (most.min(1.0), values.map(|value| value / 255.0))
-    };
-    (0..channels[0].len()).map(ink).collect()
+    });
+    inks.collect()
 }
 
 /// The ink of each pixel, dark or light ink alone, by the paper around it.
@@ -227,17 +226,17 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
         ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
     };
     // What is wider than a pen and no shadow is a patch of ink, as is its rim.
-    let is_patch = |pixel: usize| {
+    let is_patches = (0..channels[0].len()).map(|pixel: usize| {
         let (near, far) = papers(pixel);
         let shares = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
             [f64::min, f64::max].map(|extreme| shares.into_iter().fold(shares[0], extreme));
         let is_dark = shares.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
         f64::from(u8::from(is_dark || most > HUE * least))
-    };
-    let patches: Vec<f64> = (0..channels[0].len()).map(is_patch).collect();
+    });
+    let patches: Vec<f64> = is_patches.collect();
     let patches = extremes(&patches, width, NEAR, f64::max);
-    let ink = |pixel: usize| {
+    let inks = (0..channels[0].len()).map(|pixel: usize| {
         let (near, far) = papers(pixel);
         let paper = if patches[pixel] > 0.0 { far } else { near };
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
@@ -248,8 +247,8 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
             left[c] = if is_light { (255.0 - value) / 255.0 } else { (value / paper[c]).min(1.0) };
         }
         (most, left)
-    };
-    (0..channels[0].len()).map(ink).collect()
+    });
+    inks.collect()
 }
 
 /// Whether ink is lighter than its paper: where few of a block's pixels are far brighter than most

@@ -58,13 +58,13 @@ pub(super) fn contours(
 /// Each pixel averaged with its neighbors, 1 2 1 in both directions: noise has no contours.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     let pass = |values: &[f64], step: usize, n: usize| -> Vec<f64> {
-        let mean = |at: usize| {
+        let means = (0..values.len()).map(|at: usize| {
             let place = at / step % n;
             let before = if place > 0 { values[at - step] } else { values[at] };
             let after = if place + 1 < n { values[at + step] } else { values[at] };
             0.25 * (before + after) + 0.5 * values[at]
-        };
-        (0..values.len()).map(mean).collect()
+        });
+        means.collect()
     };
     pass(&pass(values, 1, width), width, values.len() / width)
 }

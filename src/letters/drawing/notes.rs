@@ -235,10 +235,10 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     is_broken.then_some(("path data that breaks off".into(), "drawn up to there"))
                 }
                 "pathLength" => {
-                    let is_dashed =
-                        |it: Node<'_, '_>| styles.value(it, "stroke-dasharray").is_some();
                     let note = (name.to_owned(), "its dashes are drawn as a line");
-                    node.ancestors().any(is_dashed).then_some(note)
+                    node.ancestors()
+                        .any(|it| styles.value(it, "stroke-dasharray").is_some())
+                        .then_some(note)
                 }
                 "transform" => {
                     is_left_out |= !is_neutral && svgtypes::Transform::from_str(value).is_err();
@@ -310,11 +310,11 @@ mod tests {
 
     /// Six levels of an element, each of ten that refer to the next.
     fn levels(open: &str, part: &str, close: &str) -> String {
-        let level = |n: usize| {
+        let levels = (0..12).map(|n: usize| {
             let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);
             open.replace("THIS", &format!("e{n}")) + &part + close
-        };
-        (0..12).map(level).collect()
+        });
+        levels.collect()
     }
 
     #[test]

@@ -187,10 +187,9 @@ impl Edges {
         let mut corners = [a, b, c, d];
         let [right, bottom] = self.size();
         let slack = OUTSIDE * right.max(bottom);
-        let inside = |[x, y]: &[f64; 2]| {
+        if !corners.iter().all(|[x, y]| {
             (-slack..right + slack).contains(x) && (-slack..bottom + slack).contains(y)
-        };
-        if !corners.iter().all(inside) {
+        }) {
             return None;
         }
         let area = area(&corners);
@@ -249,12 +248,12 @@ impl Edges {
             for (i, j) in (0..=SHIFTS).flat_map(|i| (0..=SHIFTS).map(move |j| (i, j))) {
                 let shift = |n: u32| 0.5 * f64::from(n) - 0.25 * f64::from(SHIFTS);
                 let [from, to] = [ahead(a, inward, shift(i)), ahead(b, inward, shift(j))];
-                let rise = |piece: u32| {
+                let rises = (2..POINTS - 2).map(|piece: u32| {
                     let place = on_side(from, to, f64::from(piece));
                     let [within, without] = [1.0, -1.0].map(|x| self.at(ahead(place, inward, x)));
                     (within - without).max(0.0)
-                };
-                let rise: f64 = (2..POINTS - 2).map(rise).sum();
+                });
+                let rise: f64 = rises.sum();
                 if rise > best.0 {
                     best = (rise, [from, to]);
                 }

@@ -24,15 +24,15 @@ const LIGHT: [f64; 3] = [214.0, 214.0, 210.0];
 
 /// Lines of a boat on a sheet, in its width: x to the right, y down, to 1/√2.
 fn boat() -> Vec<Vec<[f64; 2]>> {
-    let arc = |k: i32| {
+    let arcs = (0..=40).map(|k: i32| {
         let t = f64::from(k) / 40.0;
         [0.2 + 0.6 * t, 0.6 - 0.03 * libm::sin(3.0 * PI * t).abs()]
-    };
+    });
     vec![
         vec![[0.3, 0.45], [0.72, 0.45], [0.66, 0.53], [0.36, 0.53], [0.3, 0.45]],
         vec![[0.5, 0.42], [0.5, 0.12], [0.66, 0.39], [0.5, 0.39]],
         vec![[0.48, 0.16], [0.38, 0.38], [0.48, 0.38], [0.48, 0.16]],
-        (0..=40).map(arc).collect(),
+        arcs.collect(),
         (0..=30)
             .map(|k| {
                 let (sin, cos) = libm::sincos(f64::from(k) * PI / 15.0);

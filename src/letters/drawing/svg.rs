@@ -427,15 +427,14 @@ fn dashed(
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
-        let stays = |element: &PathEl| match element {
-            PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
-            PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
-            PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
-            PathEl::ClosePath => true,
-        };
         let is_point = match elements[..] {
             [PathEl::LineTo(end)] => first.distance(end) <= shortest,
-            _ => elements.iter().all(stays),
+            _ => elements.iter().all(|element| match element {
+                PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
+                PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
+                PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
+                PathEl::ClosePath => true,
+            }),
         };
         if !is_point {
             kept.move_to(first);

@@ -71,14 +71,13 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
     let tries = (LONGEST_S / STEP_S).round() as u32;
     let lags_s = (0..=tries).map(|step| f64::from(step) * STEP_S);
-    let pushes = |lag_s: f64| changes(&runs, |run| torques(run, lag_s));
-    let pushes: Vec<Changes> = lags_s.map(pushes).collect();
-    let stretch = |index| Stretch::new(index, &designs, &turns, &pushes);
-    let stretches: Vec<Stretch> = (0..STRETCHES).map(stretch).collect();
+    let pushes: Vec<Changes> =
+        lags_s.map(|lag_s: f64| changes(&runs, |run| torques(run, lag_s))).collect();
+    let stretches: Vec<Stretch> =
+        (0..STRETCHES).map(|index| Stretch::new(index, &designs, &turns, &pushes)).collect();
     let all = explained(&stretches, None)?;
     let lag_s = peak(&all.curve);
-    let without = |index| Some(peak(&explained(&stretches, Some(index))?.curve));
-    let others = (0..STRETCHES).map(without);
+    let others = (0..STRETCHES).map(|index| Some(peak(&explained(&stretches, Some(index))?.curve)));
     let half_width_s = T_95 * jackknife_sigma(&others.collect::<Option<Vec<_>>>()?);
     Some(RotorLag { lag_s, half_width_s, explained: all.share })
 }

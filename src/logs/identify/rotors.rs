@@ -38,18 +38,17 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
 /// Roots of the commands at each sample. Between two logged commands the motors had others: on a
 /// straight line, not the first one held.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
-    let root = |sample: &FlightSample| sample.motors.map(|command| command.max(0.0).sqrt());
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
-        let [first, last] = [from, to].map(root);
+        let [first, last] =
+            [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
         let share =
             |s: &FlightSample| (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
-        let between = |s: &FlightSample| {
+        line.extend(held.iter().map(|s| {
             [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share(s))
-        };
-        line.extend(held.iter().map(between));
+        }));
     }
     line
 }

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::record::DITHER;
-use super::sources::{Branch, Rgb, Tree, exposures_lx_s, reflected, trees};
+use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
 use super::{ExposeOptions, Film, Room};
 use crate::light::LightTrace;
 use crate::narrow;
@@ -161,13 +161,13 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
-        let foot_px = |branch: &Branch| {
+        let foots_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
             let height_px = (source_m.z - z_m) * camera.focal_length_px() / image.depth_m;
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
-        };
-        let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(foot_px).collect();
+        });
+        let feet_px = foots_px.collect();
         let n_lamps = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
@@ -204,8 +204,8 @@ impl<'a> Floor<'a> {
         // The floor does not light itself.
         let is_floor = surface.normal == Vector3::z();
         let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
-        let lit = || exposures_lx_s(lights, points_m, surface, toward);
-        let lit: [Rgb; N] = pulp::Arch::new().dispatch(lit);
+        let lit: [Rgb; N] =
+            pulp::Arch::new().dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 

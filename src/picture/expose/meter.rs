@@ -147,7 +147,7 @@ fn is_color(rgb: [f64; 3]) -> bool {
 /// such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
-    let brightest = |colored: bool| {
+    [true, false].map(|colored| {
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
         let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
@@ -155,8 +155,7 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
             reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
         });
         found.max_by(f64::total_cmp)
-    };
-    [true, false].map(brightest)
+    })
 }
 
 /// The trail of a lamp in the picture, in a channel that has a share of its light.

@@ -8,7 +8,6 @@
 //! by their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -43,8 +42,7 @@ const FULL_CD: f64 = 1.0;
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
     let bare = bare.to_lowercase();
-    let is_known = |(_, titles): &&(_, &str)| titles.split(' ').any(|known| known == bare);
-    let name = TITLES.iter().find(is_known)?.0;
+    let name = TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0;
     match bracket {
         None => Some((name, None)),
         Some(bracket) => Some((name, Some(unit(&simplified(bracket), name == "t")?))),
@@ -130,12 +128,12 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         }
     }
     let [x_m, y_m, z_m] = ["x", "y", "z"].map(|name| size(name).unwrap_or(1.0));
-    let instant = |row: usize| Instant {
+    let instants = (0..t.len()).map(|row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
         position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
-    };
-    let instants: Vec<Instant> = (0..t.len()).map(instant).collect();
+    });
+    let instants: Vec<Instant> = instants.collect();
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
     Ok((LightTrace { lamps }, warnings))
 }
@@ -184,15 +182,14 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
             |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
         return (0..3).map(channel).collect();
     }
-    let one = |(rows, brightest): (Range<usize>, &Instant)| {
+    let ones = stretches.into_iter().map(|(rows, brightest)| {
         let rgb = brightest.rgb_cd.map(|c| c / brightest.strength_cd());
         let first = rows.start.saturating_sub(1);
-        let level = |i, instant: &Instant| {
+        lamp(&run[first..(rows.end + 1).min(run.len())], rgb, |i, instant: &Instant| {
             if rows.contains(&(first + i)) { instant.strength_cd() } else { 0.0 }
-        };
-        lamp(&run[first..(rows.end + 1).min(run.len())], rgb, level)
-    };
-    stretches.into_iter().map(one).collect()
+        })
+    });
+    ones.collect()
 }
 
 /// Whether two rows have one color, within the resolution of the file.
@@ -263,12 +260,12 @@ mod tests {
     #[test]
     fn light_logs_of_other_programs_are_traces_in_their_colors() {
         let body = |separator: &str, unit: f64| -> String {
-            let row = |i: u32| {
+            let rows = (0..5).map(|i: u32| {
                 let t = f64::from(i) * 0.2 * unit;
                 let cells = [format!("{t:.3}"), "0.5".into(), "0.1".into(), "1.2".into()];
                 cells.join(separator) + separator + &["255", "128", "0"].join(separator) + "\n"
-            };
-            (0..5).map(row).collect()
+            });
+            rows.collect()
         };
         let logs = [
             format!("# time,X,Y,Z,R,G,B\n{}", body(",", 1.0)),

@@ -197,7 +197,7 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
     let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
     let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
-    let fit = |step: u8| {
+    let fits = (0..=16).map(|step: u8| {
         let scale_cd = white_cd * (FITTED[0] + (FITTED[1] - FITTED[0]) * f64::from(step) / 16.0);
         let off = |die: usize, byte: u8| (cd(die, byte) / scale_cd - color[die]).abs();
         let bytes: [u8; 3] = std::array::from_fn(|die| {
@@ -206,8 +206,8 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
         });
         let error: f64 = (0..3).map(|die| off(die, bytes[die]) / white[die]).sum();
         (bytes, error)
-    };
-    (0..=16).map(fit).min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
+    });
+    fits.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
 /// Luminance of each die of a row for a color of the screen (sRGB) whose strongest channel is full,

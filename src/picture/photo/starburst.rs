@@ -108,15 +108,14 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
             if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x])) {
                 continue;
             }
-            let light = |c: usize| {
+            let light: [f64; 3] = std::array::from_fn(|c: usize| {
                 let sum = |reach| -> u64 {
                     around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
                 };
                 // A trail leaves three cells of light in the block and two in the ring around.
                 let (block, both) = (sum(REACH_CELLS), sum(margin));
                 (block as f64 - 1.5 * (both - block) as f64).max(0.0)
-            };
-            let light: [f64; 3] = std::array::from_fn(light);
+            });
             if light.iter().any(|light| *light >= bright) {
                 let corner = [x - REACH_CELLS, y - REACH_CELLS];
                 let center_px = center_px(film, corner);

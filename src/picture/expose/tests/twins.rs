@@ -147,8 +147,8 @@ fn the_shader_is_valid_and_uses_no_floating_point() {
 fn constants_of_the_shader_equal_those_of_the_cpu() {
     let (module, _) = module();
     let found = |wanted: &str| {
-        let named = |(_, c): &(_, &naga::Constant)| c.name.as_deref() == Some(wanted);
-        let (_, constant) = module.constants.iter().find(named).expect(wanted);
+        let (_, constant) =
+            module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(wanted)).expect(wanted);
         match module.global_expressions[constant.init] {
             naga::Expression::Literal(naga::Literal::U32(value)) => i64::from(value),
             naga::Expression::Literal(naga::Literal::I32(value)) => i64::from(value),
