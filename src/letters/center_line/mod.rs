@@ -9,14 +9,14 @@ use super::outline::{Contour, Filled, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
 use super::vector::legs;
 use axis::Axis;
-use limbs::Knot;
+use branches::Knot;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
 use noctograph_core::statistics::median;
 
 mod axis;
+mod branches;
 mod junctions;
-mod limbs;
 mod prune;
 
 /// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
@@ -80,8 +80,8 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
     let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
     for part in parts {
-        let by_radius = |a: &&usize, b: &&usize| axis.radii[**a].total_cmp(&axis.radii[**b]);
-        let fattest = *part.iter().max_by(by_radius).expect("a part has nodes");
+        let fattest = part.iter().max_by(|a, b| axis.radii[**a].total_cmp(&axis.radii[**b]));
+        let fattest = *fattest.expect("a part has nodes");
         let (middle, radius) = (axis.middles[fattest], axis.radii[fattest]);
         let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
         let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
@@ -154,7 +154,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
 
 /// A line smoothed between its corners, and simplified.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
-    let closed = line.len() > 3 && line[0].at == line[line.len() - 1].at;
+    let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();
     if closed {
         // A closed line begins at a corner if it has one.
@@ -168,7 +168,8 @@ fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let cuts: Vec<usize> = std::iter::once(0).chain(corners).chain([line.len() - 1]).collect();
     let mut fitted: Vec<[f64; 2]> = Vec::new();
     for span in cuts.windows(2) {
-        let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
+        let points: Vec<[f64; 2]> =
+            line[span[0]..=span[1]].iter().map(|knot| knot.position).collect();
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let n_smoothed = (polyline_length_m(&points) / SPACING) as usize;
         if !budget.spend_steps(STEPS[1] * (n_smoothed.min(MAX_POINTS) + points.len())) {

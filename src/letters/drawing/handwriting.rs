@@ -63,9 +63,9 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
     if let Some(sides @ [left, bottom, right, top]) = canvas
         && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= 1e9))
     {
-        let found = format!("the canvas {:?}", page.canvas);
+        let canvas = format!("the canvas {:?}", page.canvas);
         let wanted = "left, top, right, bottom with an extent";
-        return Err(Error::input(file, found, wanted, "leave `canvas` out"));
+        return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
     }
     let mut traces = Vec::new();
     let mut n_values = None;
