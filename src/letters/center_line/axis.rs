@@ -23,7 +23,7 @@ pub(super) struct Axis {
 }
 
 /// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
-pub(super) type NodePath = Vec<usize>;
+pub(super) type Path = Vec<usize>;
 
 impl Axis {
     /// The axis of the ink within a rim; empty where there is none.
@@ -71,12 +71,7 @@ impl Axis {
     }
 
     /// The way from a node through a neighbor, up to a node for which `ends` is true.
-    pub(super) fn way(
-        &self,
-        from: usize,
-        through: usize,
-        ends: &dyn Fn(usize) -> bool,
-    ) -> NodePath {
+    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
         let mut way = vec![from, through];
         loop {
             let (before, node) = (way[way.len() - 2], way[way.len() - 1]);
@@ -103,7 +98,7 @@ impl Axis {
     }
 
     /// All paths between nodes for which `ends` is true, and all loops without such a node.
-    pub(super) fn paths(&self, ends: &dyn Fn(usize) -> bool) -> Vec<NodePath> {
+    pub(super) fn paths(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Path> {
         let mut seen = vec![false; self.middles.len()];
         let mut paths = Vec::new();
         for node in (0..self.middles.len()).filter(|node| ends(*node)) {

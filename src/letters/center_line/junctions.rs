@@ -3,7 +3,7 @@
 
 use super::super::outline::Filled;
 use super::super::vector::{ahead, cross, dot, legs, mean, minus};
-use super::axis::{Axis, NodePath};
+use super::axis::{Axis, Path};
 use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
@@ -81,7 +81,7 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
 
 /// For each node the junction it belongs to, by its smallest node; and which paths lie within
 /// one.
-fn clusters(axis: &Axis, paths: &[NodePath]) -> (Vec<usize>, Vec<bool>) {
+fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut inner = vec![false; paths.len()];
     for (path, inner) in paths.iter().zip(&mut inner) {

@@ -2,7 +2,7 @@
 //! them.
 
 use super::super::vector::{direction, dot};
-use super::axis::{Axis, NodePath};
+use super::axis::{Axis, Path};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
@@ -50,7 +50,7 @@ const ASKEW: f64 = 0.2;
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first: they split branches.
-    let kinds: [fn(&Axis, &NodePath) -> bool; 3] =
+    let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
     for is_unwanted in kinds {
         while spend_walks(axis, budget) && cut_spurs(axis, &mut bends, is_unwanted) {}
@@ -77,24 +77,20 @@ fn cut_tips(axis: &mut Axis) {
         let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
         (cut && whole + 1 < way.len()).then_some(tip)
     });
-    for tip in tips.collect::<Vec<NodePath>>() {
+    for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
 /// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
-fn cut_spurs(
-    axis: &mut Axis,
-    bends: &mut [bool],
-    unwanted: impl Fn(&Axis, &NodePath) -> bool,
-) -> bool {
+fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = ends.filter_map(|end| {
         let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
         way.reverse();
         (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
     });
-    let spurs: Vec<NodePath> = spurs.collect();
+    let spurs: Vec<Path> = spurs.collect();
     for spur in &spurs {
         bends[spur[0]] |= protrusion(axis, spur) > BENDS;
         axis.cut(spur);
@@ -102,12 +98,12 @@ fn cut_spurs(
     !spurs.is_empty()
 }
 
-fn protrusion(axis: &Axis, spur: &NodePath) -> f64 {
+fn protrusion(axis: &Axis, spur: &Path) -> f64 {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     (axis.length(spur) + end - root) / root
 }
 
-fn is_spur(axis: &Axis, spur: &NodePath) -> bool {
+fn is_spur(axis: &Axis, spur: &Path) -> bool {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
     let protrusion = protrusion(axis, spur);
@@ -115,7 +111,7 @@ fn is_spur(axis: &Axis, spur: &NodePath) -> bool {
 }
 
 /// A stub is the tip of two legs that meet at its root.
-fn is_stub(axis: &Axis, spur: &NodePath) -> bool {
+fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];
     let end = axis.radii[tip];

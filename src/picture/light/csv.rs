@@ -5,7 +5,7 @@
 //!
 //! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
 //! after `#`, in every form of table that [`Head`] knows; units in brackets; stamps in ms, µs or ns
-//! by their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
+//! by their steps; levels from 0 to 255, where 255 is 1 cd. Guesses and omissions are warnings.
 
 use std::collections::BTreeMap;
 
@@ -62,7 +62,7 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 }
 
 /// Reads the text of a light trace or of another program's light log; `file` is its name in
-/// messages. Returns what was guessed and what was left out as well.
+/// messages. Also returns warnings of guesses and omissions.
 ///
 /// # Errors
 ///
@@ -96,11 +96,10 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
 
     let mut unit_s = size("t").unwrap_or(1.0);
     if !own && size("t").is_none() {
-        let found = unit_of(table.column("t")?);
-        unit_s = found.unit_s;
+        let stamps = unit_of(table.column("t")?);
+        unit_s = stamps.unit_s;
         if unit_s != 1.0 {
-            let step = found.step;
-            warnings.push(format!("stamps {step} apart: taken as {unit_s} s a unit"));
+            warnings.push(format!("stamps {} apart: taken as {unit_s} s a unit", stamps.step));
         }
     }
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
@@ -153,12 +152,13 @@ impl Instant {
 
 /// Stretches with light, each with the dark instants at its ends.
 fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
-    let is_lit = |instant: &Instant| instant.rgb_cd != [0.0; 3];
+    let runs = instants.chunk_by(|a, b| (a.rgb_cd == [0.0; 3]) == (b.rgb_cd == [0.0; 3]));
     let mut end = 0;
-    instants.chunk_by(move |a, b| is_lit(a) == is_lit(b)).filter_map(move |run| {
+    runs.filter_map(move |run| {
         let start = end;
         end += run.len();
-        is_lit(&run[0]).then(|| &instants[start.saturating_sub(1)..(end + 1).min(instants.len())])
+        let run_and_ends = &instants[start.saturating_sub(1)..(end + 1).min(instants.len())];
+        (run[0].rgb_cd != [0.0; 3]).then_some(run_and_ends)
     })
 }
 
@@ -178,25 +178,26 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }
     stretches.push((start..run.len(), brightest));
     if stretches.len() > run.len() / 8 + 2 {
-        let channel =
-            |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
-        return (0..3).map(channel).collect();
+        let channels = (0..3).map(|c| {
+            lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
+        });
+        return channels.collect();
     }
-    let ones = stretches.into_iter().map(|(rows, brightest)| {
+    let lamps = stretches.into_iter().map(|(rows, brightest)| {
         let rgb = brightest.rgb_cd.map(|c| c / brightest.strength_cd());
         let first = rows.start.saturating_sub(1);
         lamp(&run[first..(rows.end + 1).min(run.len())], rgb, |i, instant: &Instant| {
             if rows.contains(&(first + i)) { instant.strength_cd() } else { 0.0 }
         })
     });
-    ones.collect()
+    lamps.collect()
 }
 
 /// Whether two rows have one color, within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    let (of_a, of_b) = (a.strength_cd(), b.strength_cd());
-    let off = |(x, y): (&f64, &f64)| (x * of_b - y * of_a).abs();
-    a.rgb_cd.iter().zip(&b.rgb_cd).all(|pair| off(pair) <= DIGIT_CD * (of_a + of_b))
+    let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
+    let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
+    channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
 /// A lamp without a beam, with its largest intensity at level 1.

@@ -32,12 +32,12 @@ pub use programs::{color_led_wrgb, ring_rgb};
 
 pub mod csv;
 pub mod gaps;
+mod lit_path;
 mod programs;
 mod radio;
 mod ring;
 #[cfg(test)]
 mod tests;
-mod way;
 
 /// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -168,14 +168,14 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
-    let fine = LazyCell::new(|| way::stretches(&samples, way::FINE_M));
-    let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
+    let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
+    let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
-            let samples = way::shine(stretches, fixture, &changes);
+            let samples = lit_path::shine(stretches, fixture, &changes);
             if !samples.is_empty() {
                 trace.lamps.push(Lamp { drone: None, emitter, samples });
             }
@@ -186,8 +186,8 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
 
 /// Refuses a flight without any of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
-    let is_command = |fixture: &&Fixture| matches!(fixture.drive, Drive::Command(_));
-    let commanded = fixtures.iter().filter(is_command).find_map(|it| it.drive.channel());
+    let commanded = fixtures.iter().filter(|it| matches!(it.drive, Drive::Command(_)));
+    let commanded = commanded.into_iter().find_map(|it| it.drive.channel());
     let Some(first) = commanded else { return Ok(()) };
     if flight.lights.keys().any(|channel| {
         fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
@@ -226,13 +226,13 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
             }
         }
     }
-    let shines = colors.iter().map(|color| {
+    let sources = colors.iter().map(|color| {
         let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
         let changes =
             moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
         (emitter(fixture, color), changes.collect())
     });
-    shines.collect()
+    sources.collect()
 }
 
 /// One source for each primary color of sRGB, with the share of it that every color has: dies lie
@@ -307,8 +307,8 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
-/// at its faces.
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ; colors outside sRGB are clipped at its
+/// faces.
 ///
 /// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
 /// saturation: a film holds no negative light.

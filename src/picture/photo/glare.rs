@@ -149,15 +149,15 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave takes its share of what the finer ones left.
+    // Down: each octave takes its share of the light that the finer ones leave.
     let mut left: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut rest = cells;
     let mut taken = Vec::with_capacity(octaves.len());
     for &octave in &octaves[..octaves.len() - 1] {
         let mut own = rest.clone();
-        let of_left = (u64::from(octave) << 16) / left;
+        let share = (u64::from(octave) << 16) / left;
         for (own, rest) in own.values.iter_mut().zip(&mut rest.values) {
-            *own = (*own >> 16) * of_left + (((*own & 0xffff) * of_left) >> 16);
+            *own = (*own >> 16) * share + (((*own & 0xffff) * share) >> 16);
             *rest -= *own;
         }
         left = (left - u64::from(octave)).max(1);
