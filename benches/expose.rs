@@ -6,7 +6,7 @@
 //! best: 0.35 ms of arithmetic unmerged on one core and 1.4 ms to clear and read the picture. Goals:
 //! the splat on one core in 2 ms merged, 7 ms unmerged.
 //!
-//! Processor time here, before and after lamps of one color shared a sheet and curves were drawn in
+//! Processor time here, before and after lamps of one color shared a plane and curves were drawn in
 //! registers, side by side on a busy machine: splat merged 1.9 and 1.5 ms, unmerged 12.8 and 5.7 ms;
 //! NOOR with its 42 lamps 13 and 10 ms. Of the merged one, a millisecond is to clear the picture; in
 //! a process that has not touched that memory before, page faults make it 8 ms, before and after.

@@ -1,6 +1,6 @@
-// Splat: every record adds its light to a sheet. Twin of src/expose/cpu.rs.
+// Splat: every record adds its light to tiles. Twin of src/expose/cpu.rs.
 // reads   lists, records : of a tile, 32 bytes each (gpu.rs); curves : what they multiply (curves.rs)
-// writes  sheet : counts of one color, tile after tile of 64 x 64 pixels
+// writes  tiles : counts of one color, tile after tile of 64 x 64 pixels
 // thread  every 8th column of one tile, through all of its records; a workgroup is a tile
 // repeats as all is integers, and no two threads add to one pixel
 
@@ -11,7 +11,7 @@ const TILE_PX: u32 = 64u;
 const THREADS: u32 = 8u;
 
 struct Record {
-    // First pixel in the sheet.
+    // First pixel in the buffer.
     place: u32,
     columns: u32,
     rows: u32,
@@ -27,7 +27,7 @@ struct Record {
 @group(0) @binding(0) var<storage, read> lists: array<vec2u>;
 @group(0) @binding(1) var<storage, read> records: array<Record>;
 @group(0) @binding(2) var<storage, read> curves: array<vec4u>;
-@group(0) @binding(3) var<storage, read_write> sheet: array<u32>;
+@group(0) @binding(3) var<storage, read_write> tiles: array<u32>;
 
 @compute @workgroup_size(THREADS)
 fn splat(
@@ -49,10 +49,10 @@ fn splat(
             var dither = record.dither + i * DITHER_X;
             for (var j = 0u; j < record.rows; j++) {
                 let across = curves[record.across + j];
-                sheet[place] += counts(along, across, dither, record.shift);
+                tiles[place] += counts(along, across, dither, record.shift);
                 if next < record.columns {
                     let dither_next = dither + THREADS * DITHER_X;
-                    sheet[place + THREADS] += counts(along_next, across, dither_next, record.shift);
+                    tiles[place + THREADS] += counts(along_next, across, dither_next, record.shift);
                 }
                 place += TILE_PX;
                 dither += DITHER_Y;

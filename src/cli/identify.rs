@@ -32,7 +32,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene))).transpose()?;
     let identified = flight
-        .map(|flight| identify(&flight, &Assumed::of(vehicle)))
+        .map(|flight| identify(&flight, &Assumed::from_vehicle(vehicle)))
         .transpose()
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));

@@ -78,18 +78,14 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
         json!({ "entries": entries.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
     });
-    let commands = |commands: &[Command]| -> Vec<Value> {
-        let one = |c: &Command| json!([c.time_s, c.parameter, c.value, c.channel, c.level]);
-        commands.iter().map(one).collect()
-    };
+
     let sent_until_s = end_s(plan, &stretch, &lights);
     let trajectory = match job.trajectory_clock {
         1.0 => Compressed::encode(plan, job.tolerance_m).and_then(|trajectory| {
-            let unsafe_to_fly = || Error::Infeasible {
+            job.flown.get(drone).map(|_| trajectory).ok_or_else(|| Error::Infeasible {
                 what: "as a trajectory on board the flight is not safe".into(),
                 hint: "export the trajectory to see why".into(),
-            };
-            job.flown.get(drone).map(|_| trajectory).ok_or_else(unsafe_to_fly)
+            })
         }),
         clock => {
             let wanted = "1 for a trajectory on board";
@@ -114,10 +110,10 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     // As `noctograph plan` writes it, so that a log finds its plan.
     let mut csv = Vec::new();
     plan.write_csv(&mut csv).expect("memory takes it");
-    // What the drone has so already is not sent.
+    // The script sends only the parameters that the drone does not have yet.
     let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
     let lamps = preparation(plan, job.light)?;
-    // These go back last, when the shutter is closed.
+    // The lamps are set back last, when the shutter is closed.
     let lamp_names: Vec<String> = lamps.iter().map(|(name, _)| name.clone()).collect();
     parameters.extend(lamps);
     Ok(json!({
@@ -142,23 +138,28 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters,
         "lamps": lamp_names,
-        "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
-            .collect::<Vec<_>>(),
-        "lights": commands(&lights),
+        "dark": dark(plan, job.light)?.iter()
+            .map(|c| json!([c.parameter, c.value, c.channel, c.level])).collect::<Vec<_>>(),
+        "lights": command_rows(&lights),
         "setpoints": setpoints(plan, sent_until_s)?,
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
             "start_bytes": START_BYTES,
             "start_s": zero_s(before_s),
             "refused": refused,
-            "lights": commands(&on_board),
+            "lights": command_rows(&on_board),
             "timing": timing,
             "end_s": trajectory_end_s,
         },
     }))
 }
 
-/// What the script judges a drone by, from the one table of limits.
+/// Light commands as `[time, parameter, value, channel, level]`.
+fn command_rows(commands: &[Command]) -> Vec<Value> {
+    commands.iter().map(|c| json!([c.time_s, c.parameter, c.value, c.channel, c.level])).collect()
+}
+
+/// Limits by which the script judges a drone, from the one table.
 fn limits(job: &Job<'_>, drone: usize) -> Value {
     let checks = job.checks;
     let platform = checks.platform;
@@ -166,7 +167,8 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
     let [low_m, high_m] = checks.volume_m;
-    let to_um = |length_m: f64| (1e6 * length_m).round() / 1e6;
+    let fence_m = [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)]
+        .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
     json!({
         "oldest_cflib": OLDEST_CFLIB,
         "oldest_firmware": safety::OLDEST_FIRMWARE,
@@ -185,13 +187,12 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "low_s": safety::LOW_BATTERY_S,
         "critical_v": platform.map_or(0.0, |_| safety::CRITICAL_BATTERY_V),
         "wrong_s": safety::WRONG_S,
-        "fence_m": [low_m.map(|m| to_um(m - safety::FENCE_M)), high_m.map(|m| to_um(m + safety::FENCE_M))],
+        "fence_m": fence_m,
         "stray_m": safety::STRAY_M,
     })
 }
 
-/// Decks that a flight needs, each with the parameters in `deck.` of which one is to be set
-/// (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let position = match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
@@ -241,34 +242,34 @@ pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
-/// What is sent over the radio: the plan in the air without the setpoints that only carry a light
+/// Whether a setpoint only continues the one before it, or holds its position.
+fn continues(plan: &Plan, from: usize, to: usize) -> bool {
+    let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
+    let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
+    held || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
+}
+
+/// The setpoints for the radio: the plan in the air without the setpoints that only carry a light
 /// command, each as `[time, position sent, position, velocity, acceleration]`.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
-    let in_the_air = |row: &usize| {
-        let setpoint = &plan.setpoints[*row];
-        !setpoint.on_floor() && setpoint.time_s <= end_s
-    };
-    for row in (0..plan.setpoints.len()).filter(in_the_air) {
-        let setpoint = &plan.setpoints[row];
-        let lasts_s = |before: usize| setpoint.time_s - plan.setpoints[before].time_s;
-        let is_soon = |before: &usize| lasts_s(*before) < MIN_INTERVAL_S - 1e-6;
-        let Some(before) = kept.last().copied().filter(is_soon) else {
+    for (row, setpoint) in plan.setpoints.iter().enumerate() {
+        if setpoint.on_floor() || setpoint.time_s > end_s {
+            continue;
+        }
+        let interval_s = kept.last().map(|last| setpoint.time_s - plan.setpoints[*last].time_s);
+        let Some(interval_s) = interval_s.filter(|s| *s < MIN_INTERVAL_S - 1e-6) else {
             kept.push(row);
             continue;
         };
-        // Too soon: of two setpoints the one that merely goes on is left out.
-        let goes_on = |from: usize, to: usize| {
-            let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
-            let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
-            held || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
-        };
+        // Two setpoints closer than the radio can send: drop the redundant one.
+        let before = kept[kept.len() - 1];
         let last = &plan.setpoints[before];
         let earlier = kept.len().checked_sub(2).map(|index| kept[index]);
-        if earlier.is_some_and(|earlier| goes_on(earlier, before)) {
+        if earlier.is_some_and(|earlier| continues(plan, earlier, before)) {
             *kept.last_mut().expect("a setpoint") = row;
-        } else if !goes_on(before, row) || setpoint.letter != last.letter {
-            let (hz, time_s) = (1.0 / lasts_s(before), last.time_s);
+        } else if !continues(plan, before, row) || setpoint.letter != last.letter {
+            let (hz, time_s) = (1.0 / interval_s, last.time_s);
             return Err(Error::Infeasible {
                 what: format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
                 hint: "raise plan.setpoint_interval_s, or fly a trajectory on board".into(),
@@ -580,7 +581,7 @@ mod tests {
 
     #[test]
     fn the_corners_of_the_canvas_are_those_of_the_letters_of_all_drones() {
-        let at = |x: f64, z: f64, letter| Setpoint {
+        let setpoint = |x: f64, z: f64, letter| Setpoint {
             time_s: 0.0,
             position_m: Vector3::new(x, 0.3, z),
             velocity_m_s: Vector3::zeros(),
@@ -589,11 +590,19 @@ mod tests {
         };
         let plan =
             |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
-        let one = plan(&[at(-3.0, 0.0, None), at(-1.0, 0.5, Some(0)), at(-0.5, 1.5, Some(0))]);
-        let two = plan(&[at(1.0, 1.0, Some(1)), at(0.0, 0.4, Some(1)), at(9.0, 9.0, None)]);
+        let one = plan(&[
+            setpoint(-3.0, 0.0, None),
+            setpoint(-1.0, 0.5, Some(0)),
+            setpoint(-0.5, 1.5, Some(0)),
+        ]);
+        let two = plan(&[
+            setpoint(1.0, 1.0, Some(1)),
+            setpoint(0.0, 0.4, Some(1)),
+            setpoint(9.0, 9.0, None),
+        ]);
         let want = [[-1.0, 0.3, 0.4], [1.0, 0.3, 0.4], [1.0, 0.3, 1.5], [-1.0, 0.3, 1.5]];
         assert_eq!(corners_m(&[one, two]), want);
-        assert_eq!(corners_m(&[plan(&[at(0.0, 0.0, None)])]), [[0.0; 3]; 0]);
+        assert_eq!(corners_m(&[plan(&[setpoint(0.0, 0.0, None)])]), [[0.0; 3]; 0]);
     }
 
     #[test]

@@ -30,17 +30,16 @@ const LINEAR_M: f64 = 0.0008;
 /// A piece that is cubic on three axes.
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 
-/// What ends a trajectory.
+/// Bytes that end a trajectory.
 const END: [u8; 3] = [0; 3];
 
-/// What ends a trajectory without a goal: a line along z that lasts no time, at which
-/// the firmware divides by zero. Its commander on board then gives no more setpoints
-/// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later; at
-/// [`END`] the drone is held for ever. So since release 2023.11.
+/// Bytes that end a trajectory without a goal: a line along z of zero duration, which makes the
+/// firmware divide by zero. Its commander then gives no more setpoints
+/// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later. At
+/// [`END`] the drone would hover for ever. True since release 2023.11.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
-/// Where in the bytes of a flight the place from which the drone takes off stands: along x, and
-/// along y.
+/// Offsets of the take-off position in the bytes of a flight: along x, and along y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
 /// A trajectory as the drone stores it: a piece at least.
@@ -92,11 +91,11 @@ impl Compressed {
             }
             until_s += piece.polynomials().duration_s;
         }
-        let found =
+        let needs =
             format!("{bytes} bytes compressed, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}");
         let hint = "share the word among more drones, accept a larger distance from the design, or \
                     send setpoints over the radio (script for cflib)";
-        Err(stretch.too_long(until_s, &found, hint))
+        Err(stretch.too_long(until_s, &needs, hint))
     }
 
     /// The same, whether or not it fits the memory.
@@ -174,8 +173,7 @@ impl Compressed {
 
     /// Its pieces as Bézier curves: duration in s, and four control points in m.
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
-        let curve = |piece: &Piece| (piece.polynomials().duration_s, piece.curve_m());
-        self.pieces.iter().map(curve).collect()
+        self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
@@ -229,15 +227,14 @@ impl Piece {
 
     /// The last control point, mm.
     pub(super) fn end_mm(&self) -> [i16; 3] {
-        let end_mm = |axis: usize| self.axes[axis].points_mm().last().copied();
-        std::array::from_fn(|axis| end_mm(axis).unwrap_or(self.start_mm[axis]))
+        [0, 1, 2].map(|k| *self.axes[k].points_mm().last().unwrap_or(&self.start_mm[k]))
     }
 
     /// Its motion as the firmware computes it.
     fn polynomials(&self) -> Polynomials {
         let duration_s = f64::from(self.duration_ms) / 1000.0;
-        let axis = |axis: usize| self.axes[axis].polynomial(self.start_mm[axis], duration_s);
-        Polynomials { duration_s, axes: [axis(0), axis(1), axis(2)] }
+        let axes = [0, 1, 2].map(|k| self.axes[k].polynomial(self.start_mm[k], duration_s));
+        Polynomials { duration_s, axes }
     }
 
     /// As a Bézier curve: its four control points, m.
@@ -259,17 +256,16 @@ fn piece(
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
     let duration_s = f64::from(duration_ms) / 1000.0;
     let (here, there) = (&stretch.setpoints[from], &stretch.setpoints[to]);
-    let axis = |axis: usize| {
+    let axes = [0, 1, 2].map(|axis| {
         let end_mm = round_mm(there.position_m[axis]);
         let forms = [(Axis::Constant, CONSTANT_M), (Axis::Linear(end_mm), LINEAR_M)];
-        let near = |(form, tolerance_m): &(Axis, f64)| {
+        let simple = forms.into_iter().find(|(form, tolerance_m)| {
             let [start_m, slope_m_s, ..] = form.polynomial(start_mm[axis], duration_s);
             stretch.check_times_s(from, to).all(|time_s| {
                 let line_m = start_m + slope_m_s * (time_s - stretch.time_s(from));
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
-        };
-        let simple = forms.iter().find(|form| near(form)).map(|(form, _)| *form);
+        });
         // From the rounded ends, so that the velocities at them are rounded once.
         let third_s = duration_s / 3.0;
         let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
@@ -278,24 +274,25 @@ fn piece(
             round_mm(f64::from(end_mm) / 1000.0 - behind_m),
             end_mm,
         ];
-        simple.unwrap_or(match rounding {
-            Rounding::Nearest => Axis::Cubic(cubic_mm),
-            Rounding::Gentlest => gentlest(start_mm[axis], cubic_mm),
-        })
-    };
-    Piece { start_mm, duration_ms, axes: std::array::from_fn(axis) }
+        match (simple, rounding) {
+            (Some((form, _)), _) => form,
+            (None, Rounding::Nearest) => Axis::Cubic(cubic_mm),
+            (None, Rounding::Gentlest) => gentlest(start_mm[axis], cubic_mm),
+        }
+    });
+    Piece { start_mm, duration_ms, axes }
 }
 
 /// The cubic whose inner control points are within a millimeter of given ones, with the least
 /// acceleration at its ends.
 fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> Axis {
-    let around = |mm: i16| [mm, mm.saturating_sub(1), mm.saturating_add(1)];
-    let cubics = around(b).into_iter().flat_map(|b| around(c).map(|c| [b, c, end_mm]));
-    let effort = |points_mm: &[i16; 3]| {
+    let [near_b, near_c] = [b, c].map(|mm| [mm, mm.saturating_sub(1), mm.saturating_add(1)]);
+    let cubics = near_b.into_iter().flat_map(|b| near_c.map(|c| [b, c, end_mm]));
+    let gentlest = cubics.min_by_key(|points_mm| {
         let [b, c, d] = points_mm.map(i32::from);
         (i32::from(start_mm) - 2 * b + c).abs().max((b - 2 * c + d).abs())
-    };
-    Axis::Cubic(cubics.min_by_key(effort).expect("nine cubics"))
+    });
+    Axis::Cubic(gentlest.expect("nine cubics"))
 }
 
 fn check_range(stretch: &Stretch) -> Result<()> {

@@ -19,7 +19,7 @@ use super::safety::{
     REST_V, START_RADIUS_M, WRONG_S, variance_m2,
 };
 use super::timeline::{Timeline, earliest_s, zero_s};
-use super::{File, Job, ascii, gains, numbered, stem, with_caution};
+use super::{File, Job, ascii, gains, per_drone, stem, with_caution};
 use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -46,35 +46,27 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         return Err(Error::input("controller.kind", kind.name(), wanted, hint));
     };
     let Some(platform) = job.checks.platform else {
-        let (found, wanted) = ("a drone without Bitcraze's firmware", "a Crazyflie");
-        return Err(Error::input(
-            "preset",
-            found,
-            wanted,
-            "name the preset of the drone that flies",
-        ));
+        let drone = "a drone without Bitcraze's firmware";
+        let hint = "name the preset of the drone that flies";
+        return Err(Error::input("preset", drone, "a Crazyflie", hint));
     };
-    if job.trajectory_clock != 1.0 {
+    let clock = job.trajectory_clock;
+    if clock != 1.0 {
         let hint = "plan with 1: the script paces the trajectory by the firmware's release";
-        let found = job.trajectory_clock;
-        return Err(Error::input("plan.trajectory_clock", found, "1 for Crazyswarm2", hint));
+        return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
     }
     let before_s = earliest_s(job.plans)?;
-    let csv = |(drone, plan)| {
-        let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
+    let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
         let over_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
         let trajectory = Poly4d::fit(plan, job.tolerance_m)?;
         let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
-        Ok(File::new(name, trajectory.flight(&timeline, over_s)?.to_csv()))
-    };
-    let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
-    let drones = job.plans.iter().zip(&files).enumerate();
-    let drones = drones
-        .map(|(index, (plan, csv))| {
-            drone(job, index, plan, &csv.name, controller, zero_s(before_s))
-        })
-        .collect::<Result<Vec<_>>>()?;
+        Ok(trajectory.flight(&timeline, over_s)?.to_csv().into_bytes())
+    })?;
+    let drones = job.plans.iter().zip(&files).enumerate().map(|(index, (plan, csv))| {
+        drone(job, index, plan, &csv.name, controller, zero_s(before_s))
+    });
+    let drones = drones.collect::<Result<Vec<_>>>()?;
     let checks = job.checks;
     let data = json!({
         "word": job.word,

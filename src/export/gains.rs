@@ -7,7 +7,7 @@
 //!   which the scene lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
 //!   `pid_rate`), which the scene flies.
-//! - `lqr` and its kin: the matrix as a C header, for a controller of one's own such as that of the
+//! - `lqr` and its variants: the matrix as a C header for a custom controller, such as that of the
 //!   AE483 course.
 
 use nalgebra::DMatrix;
@@ -54,36 +54,30 @@ fn lee(sim: &SimOptions) -> Parameters {
 fn mellinger(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mass_kg = vehicle.mass_kg;
-    let mut parameters = Parameters::new();
-    let mut add = |name: &str, axis: &str, gain: f64| {
-        parameters.push((format!("ctrlMel.{name}{axis}"), gain));
-    };
+    let mut gains = Vec::new();
     for axis in ["_xy", "_z"] {
-        add("kp", axis, mass_kg * k.k_position);
-        add("kd", axis, mass_kg * k.k_velocity);
-        add("ki", axis, mass_kg * k.k_position_integral);
+        gains.push(("kp", axis, mass_kg * k.k_position));
+        gains.push(("kd", axis, mass_kg * k.k_velocity));
+        gains.push(("ki", axis, mass_kg * k.k_position_integral));
     }
     // Commands per torque: half of a roll command goes to each of four motors on its lever, a yaw
     // command to each in full (`power_distribution_quadrotor.c`).
     let command = vehicle.motor_max / 65_535.0;
     let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
     let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
-    let mean = |of: &dyn Fn(usize) -> f64| f64::midpoint(of(0), of(1));
-    let torque = |gains: [f64; 3]| {
-        let of = |axis: usize| vehicle.inertia_kg_m2[axis] * gains[axis];
-        [("_xy", roll * mean(&of)), ("_z", yaw * of(2))]
-    };
     // The attitude error is twice the sine of the angle.
-    for (name, gains, share) in
+    for (name, accelerations, share) in
         [("kR", k.k_attitude, 0.5), ("kw", k.k_rate, 1.0), ("ki_m", k.k_attitude_integral, 0.5)]
     {
-        torque(gains).into_iter().for_each(|(axis, gain)| add(name, axis, share * gain));
+        let [x, y, z] = [0, 1, 2].map(|axis| vehicle.inertia_kg_m2[axis] * accelerations[axis]);
+        gains.push((name, "_xy", share * (roll * f64::midpoint(x, y))));
+        gains.push((name, "_z", share * (yaw * z)));
     }
-    add("kd_omega_rp", "", 0.0);
-    add("mass", "", mass_kg);
+    gains.push(("kd_omega_rp", "", 0.0));
+    gains.push(("mass", "", mass_kg));
     // A thrust command goes to all four motors.
-    add("massThrust", "", 1.0 / (4.0 * vehicle.k_f_n * command));
-    parameters
+    gains.push(("massThrust", "", 1.0 / (4.0 * vehicle.k_f_n * command)));
+    gains.into_iter().map(|(name, axis, gain)| (format!("ctrlMel.{name}{axis}"), gain)).collect()
 }
 
 /// The firmware's cascade.
@@ -105,11 +99,12 @@ fn pid(sim: &SimOptions) -> Parameters {
     parameters
 }
 
+fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
+    parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
+}
+
 /// The gains as files: `gains.json` with firmware parameters, or `gains.h`.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
-    let object = |parameters: Parameters| -> Map<String, serde_json::Value> {
-        parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
-    };
     let kind = sim.controller.kind;
     let json = match kind.law() {
         Law::Geometric => json!({
@@ -170,8 +165,8 @@ mod tests {
         let mut sim = SimOptions::default();
         assert_eq!(parameters(&sim), [], "a regulator of one's own has no parameters");
         sim.controller.kind = ControllerKind::Geometric;
-        let found = parameters(&sim);
-        let gain = |name: &str| found.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
+        let parameters = parameters(&sim);
+        let gain = |name: &str| parameters.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
         assert_eq!(gain("ctrlLee.Kpos_Pz"), Some(9.8));
         let torque = sim.vehicle.inertia_kg_m2[1] * 384.0;
         assert_eq!(gain("ctrlLee.KR_y"), Some(torque));
@@ -180,10 +175,10 @@ mod tests {
     #[test]
     fn mellingers_gains_ask_for_the_same_thrust_and_torques_as_lees() {
         let sim = SimOptions::default();
-        let of = |parameters: Parameters| -> std::collections::BTreeMap<String, f64> {
+        let by_name = |parameters: Parameters| -> std::collections::BTreeMap<String, f64> {
             parameters.into_iter().collect()
         };
-        let (lee, mellinger) = (of(lee(&sim)), of(mellinger(&sim)));
+        let (lee, mellinger) = (by_name(lee(&sim)), by_name(mellinger(&sim)));
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
@@ -202,9 +197,9 @@ mod tests {
 
     #[test]
     fn pid_gains_have_the_names_of_the_firmware() {
-        let found = pid(&SimOptions::default());
-        assert_eq!(found.len(), 37);
-        let gain = |name: &str| found.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
+        let parameters = pid(&SimOptions::default());
+        assert_eq!(parameters.len(), 37);
+        let gain = |name: &str| parameters.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
         assert_eq!(gain("posCtlPid.zKi"), Some(0.5));
         assert_eq!(gain("velCtlPid.vxKp"), Some(25.0));
         assert_eq!(gain("pid_attitude.yaw_kd"), Some(0.35));
@@ -233,7 +228,7 @@ mod tests {
             match (files(&sim), name) {
                 (Ok(files), Ok(name)) => assert_eq!(files[0].name, name, "{}", kind.name()),
                 (Err(error), Err(key)) => assert!(error.to_string().contains(key), "{error}"),
-                (found, _) => panic!("{}: {found:?}", kind.name()),
+                (parameters, _) => panic!("{}: {parameters:?}", kind.name()),
             }
         }
     }

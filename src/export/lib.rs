@@ -106,7 +106,7 @@ impl Format {
         }
     }
 
-    /// What its files are not for, where that is not plain.
+    /// Uses that its files do not serve, where that is not obvious.
     #[must_use]
     pub fn note(self) -> Option<&'static str> {
         match self {
@@ -185,21 +185,25 @@ fn ascii(json: &Value) -> String {
     text
 }
 
-/// A character of a comment as it is, or escaped where it would not be seen or turns the line.
-fn shown(c: char) -> impl Iterator<Item = char> {
-    let keeps = c.is_ascii() || c.is_alphanumeric() || c.escape_debug().len() == 1;
-    let (plain, escaped) = if keeps { (Some(c), None) } else { (None, Some(c.escape_unicode())) };
-    plain.into_iter().chain(escaped.into_iter().flatten())
+/// A script with a comment below its first line that says what speaks against flying it. The reason
+/// may quote a typed word: characters that are invisible or turn the line are escaped.
+fn with_caution(job: &Job<'_>, script: String) -> String {
+    let Some(reason) = job.unsafe_because else { return script };
+    let (first, rest) = script.split_once('\n').expect("a script has lines");
+    format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n{rest}", visible(reason))
 }
 
-/// A script with a comment below its first line that says what speaks against flying it.
-fn with_caution(job: &Job<'_>, script: String) -> String {
-    let Some(why) = job.unsafe_because else { return script };
-    let (first, rest) = script.split_once('\n').expect("a script has lines");
-    // A line of its own: what is quoted may hold a word that was typed.
-    let why: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    let why: String = why.chars().flat_map(shown).collect();
-    format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {why}\n{rest}")
+fn visible(text: &str) -> String {
+    let mut visible = String::new();
+    for c in text.chars() {
+        match c {
+            _ if c.is_control() => visible.push(' '),
+            _ if c.is_alphanumeric() || c.escape_debug().len() == 1 => visible.push(c),
+            _ if c.is_ascii() => visible.push(c),
+            _ => visible.extend(c.escape_unicode()),
+        }
+    }
+    visible
 }
 
 /// A file on its way.
@@ -231,21 +235,14 @@ impl File {
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
-    let (stem, n) = (stem(job.word), job.plans.len());
-    let each = |ending: &str, bytes: &dyn Fn(&Plan) -> Result<Vec<u8>>| {
-        let one = |(drone, plan)| {
-            Ok(File { name: numbered(&stem, drone, n, ending), bytes: bytes(plan)? })
-        };
-        job.plans.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
-    };
     match format {
         Format::Cflib => scripts(job),
-        Format::Compressed => each("traj", &|plan| {
+        Format::Compressed => per_drone(job, "traj", |_, plan| {
             Ok(compressed::Compressed::encode(plan, job.tolerance_m)?.to_bytes())
         }),
-        Format::Poly4d => {
-            each("poly4d", &|plan| Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes()))
-        }
+        Format::Poly4d => per_drone(job, "poly4d", |_, plan| {
+            Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes())
+        }),
         Format::Crazyswarm2 => crazyswarm::files(job),
         Format::Skyc => Ok(vec![skybrush::show(job)?]),
         Format::Vviz => Ok(vec![vviz::show(job)?]),
@@ -299,16 +296,13 @@ pub fn memory(plan: &Plan) -> Result<Memory> {
 }
 
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
-    let (stem, n) = (stem(job.word), job.plans.len());
     let before_s = earliest_s(job.plans)?;
-    let script = |drone| {
-        let text = cflib::script(job, drone, before_s)?;
-        Ok(File::new(numbered(&stem, drone, n, "py"), text))
-    };
-    let mut files = (0..n).map(script).collect::<Result<Vec<_>>>()?;
-    if n > 1 {
+    let mut files =
+        per_drone(job, "py", |drone, _| Ok(cflib::script(job, drone, before_s)?.into_bytes()))?;
+    if files.len() > 1 {
         let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
-        files.push(File::new(format!("fly_{stem}.py"), cflib::launcher(job, &names)));
+        let launcher = cflib::launcher(job, &names);
+        files.push(File::new(format!("fly_{}.py", stem(job.word)), launcher));
     }
     Ok(files)
 }
@@ -319,9 +313,18 @@ pub fn stem(word: &str) -> String {
     if stem.is_empty() { "drawing".to_owned() } else { stem }
 }
 
-/// The name of a drone's file, with its number where there are several.
-fn numbered(stem: &str, drone: usize, n: usize, ending: &str) -> String {
-    if n > 1 { format!("{stem}-{}.{ending}", drone + 1) } else { format!("{stem}.{ending}") }
+/// One file for each drone, with its number in the name where there are several.
+fn per_drone(
+    job: &Job<'_>,
+    ending: &str,
+    bytes: impl Fn(usize, &Plan) -> Result<Vec<u8>>,
+) -> Result<Vec<File>> {
+    let files = job.plans.iter().enumerate().map(|(drone, plan)| {
+        let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
+        let name = format!("{}{number}.{ending}", stem(job.word));
+        Ok(File { name, bytes: bytes(drone, plan)? })
+    });
+    files.collect()
 }
 
 /// Largest distance of the trajectories in a format from the design, m; `None` where it has none.
@@ -331,12 +334,12 @@ fn numbered(stem: &str, drone: usize, n: usize, ending: &str) -> String {
 /// As [`export`].
 pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
-    let worst_m = |plan: &Plan| -> Result<f64> {
+    let deviations_m = job.plans.iter().map(|plan| -> Result<f64> {
         let pieces = on_board::pieces(plan, form, job.tolerance_m, Length::Any)?;
         Ok(pieces::Stretch::new(plan)?.worst_m(&pieces))
-    };
-    let each = job.plans.iter().map(worst_m).collect::<Result<Vec<f64>>>()?;
-    Ok(Some(each.into_iter().fold(0.0, f64::max)))
+    });
+    let deviations_m = deviations_m.collect::<Result<Vec<f64>>>()?;
+    Ok(Some(deviations_m.into_iter().fold(0.0, f64::max)))
 }
 
 #[cfg(test)]
@@ -347,16 +350,16 @@ mod format_tests {
 
     #[test]
     fn the_memory_names_the_forms_that_hold_a_word() {
-        let of = |word: &str| {
+        let memory_of = |word: &str| {
             let strokes = write(word, &LetterOptions::default()).unwrap();
             memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
         };
-        let short = of("NO");
+        let short = memory_of("NO");
         assert_eq!(
             (&short.formats[..], short.fits_all),
             (&["compressed", "poly4d", "cflib"][..], true)
         );
-        let long = of(&"NOCTOGRAPH".repeat(2));
+        let long = memory_of(&"NOCTOGRAPH".repeat(2));
         assert_eq!((&long.formats[..], long.fits_all), (&["compressed", "cflib"][..], false));
         assert!(long.pieces > poly4d::MAX_PIECES && long.bytes <= TRAJECTORY_MEMORY_BYTES);
     }
@@ -366,25 +369,27 @@ mod format_tests {
         use Format::{Cflib, Compressed, Crazyswarm2, Gains, LogConfig, Poly4d, Skyc, Vviz};
         let all = [Cflib, Compressed, Poly4d, Crazyswarm2, Skyc, Vviz, Gains, LogConfig];
         assert_eq!(Format::ALL, all, "a new one is said here");
-        let of = |is: fn(Format) -> bool| -> Vec<Format> {
+        let formats = |is: fn(Format) -> bool| -> Vec<Format> {
             Format::ALL.iter().copied().filter(|format| is(*format)).collect()
         };
         let within_mm: Vec<f64> = Form::ALL.iter().map(|form| 1e3 * form.tolerance_m()).collect();
         assert_eq!(within_mm, [2.0, 5.0]);
-        assert_eq!(of(|format| !format.flies()), [Gains, LogConfig]);
-        assert_eq!(of(Format::stays_in_the_air), [Compressed, Poly4d]);
-        assert_eq!(of(|format| format.note().is_some()), [Skyc, Vviz]);
+        assert_eq!(formats(|format| !format.flies()), [Gains, LogConfig]);
+        assert_eq!(formats(Format::stays_in_the_air), [Compressed, Poly4d]);
+        assert_eq!(formats(|format| format.note().is_some()), [Skyc, Vviz]);
         assert_eq!(
-            of(|format| format.trajectory(Mode::Position).is_none()),
+            formats(|format| format.trajectory(Mode::Position).is_none()),
             [Cflib, Gains, LogConfig]
         );
-        assert_eq!(of(|format| format.trajectory(Mode::Trajectory).is_none()), [Gains, LogConfig]);
+        assert_eq!(
+            formats(|format| format.trajectory(Mode::Trajectory).is_none()),
+            [Gains, LogConfig]
+        );
     }
 
     #[test]
     fn a_comment_shows_what_is_in_it() {
-        let shown = |text: &str| text.chars().flat_map(shown).collect::<String>();
-        assert_eq!(shown("0.2 m/s², 10°, Ünï"), "0.2 m/s², 10°, Ünï");
-        assert_eq!(shown("A\u{202e}B\u{2028}C\u{ad}"), "A\\u{202e}B\\u{2028}C\\u{ad}");
+        assert_eq!(visible("0.2 m/s², 10°, Ünï"), "0.2 m/s², 10°, Ünï");
+        assert_eq!(visible("A\u{202e}B\u{2028}C\u{ad}"), "A\\u{202e}B\\u{2028}C\\u{ad}");
     }
 }

@@ -1,11 +1,11 @@
 //! Light commands as firmware parameters.
 //!
-//! Lamps listen to parameters: those of decks to the ones of [`CHANNELS`], a lamp of one's own to
-//! the one in its row of the emitter table. The firmware shows a change at its next tick of 50 ms;
-//! plans on the light's clock are led by the time of the radio and half a tick.
+//! Lamps listen to parameters: deck lamps to those of [`CHANNELS`], a custom lamp to the one in its
+//! row of the emitter table. The firmware shows a change at its next tick of 50 ms; plans on the
+//! light's clock are sent early by the radio delay and half a tick.
 //!
-//! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
-//! trajectory on board, so that a late packet moves none of them.
+//! A ring with few changes can play them from its timing memory (`Timing`) on the clock of a
+//! trajectory on board. A late packet then delays none of them.
 
 use nalgebra::Vector3;
 
@@ -43,19 +43,22 @@ pub struct Command {
     pub level: f64,
 }
 
-/// What a light channel of a plan sets.
+/// The parameter that a light channel of a plan sets.
 enum Target<'a> {
     /// The parameter of a deck.
     Deck(&'static Channel),
-    /// The parameter of a lamp of one's own, and its value at full level.
+    /// The parameter of a custom lamp, and its value at full level.
     Own(&'a str, u32),
 }
 
 impl<'a> Target<'a> {
-    fn of(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
+    fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
+        if let Some(channel) = Channel::of(channel) {
+            return Ok(Self::Deck(channel));
+        }
         let mut own = fixtures.iter().filter(|it| it.drive.channel() == Some(channel));
-        let own = || own.find_map(|it| Some(Self::Own(it.parameter.as_deref()?, it.parameter_max)));
-        Channel::of(channel).map(Self::Deck).or_else(own).ok_or_else(|| {
+        let own = own.find_map(|it| Some(Self::Own(it.parameter.as_deref()?, it.parameter_max)));
+        own.ok_or_else(|| {
             let names = CHANNELS.map(|channel| channel.name).join(", ");
             let wanted = format!("{names}, or a lamp that names its firmware parameter");
             let hint = "light with one of these, or set `parameter` of the lamp in light.fixtures";
@@ -63,17 +66,17 @@ impl<'a> Target<'a> {
         })
     }
 
-    /// The command at a level from 0 to 1 and, of a lamp with colors, in one.
+    /// The command at a level from 0 to 1, with the color for a lamp that has colors.
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
-        // A pin: whatever is dimmed is on.
-        let pin = || (u32::from(level > 0.0), level.ceil());
+        // A pin is on at any level above 0.
+        let pin = (u32::from(level > 0.0), level.ceil());
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (parameter, (value, level)) = match *self {
-            Self::Deck(Channel { parameter, colors: [], .. }) => (*parameter, pin()),
+            Self::Deck(Channel { parameter, colors: [], .. }) => (*parameter, pin),
             Self::Deck(Channel { parameter, colors, .. }) => {
                 (*parameter, (packed(&wrgb[4 - colors.len()..], level), level))
             }
-            Self::Own(parameter, 1) => (parameter, pin()),
+            Self::Own(parameter, 1) => (parameter, pin),
             Self::Own(parameter, most) => {
                 (parameter, ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level))
             }
@@ -86,12 +89,13 @@ impl<'a> Target<'a> {
 /// Light channels of a plan that can only be on or off.
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
-    let is_switch = |channel: &&str| match Target::of(channel, &fixtures) {
+    let channels = plan.lamps().map(|(channel, _)| channel.as_str());
+    let switches = channels.filter(|channel| match Target::new(channel, &fixtures) {
         Ok(Target::Deck(channel)) => channel.colors.is_empty(),
         Ok(Target::Own(_, most)) => most == 1,
         Err(_) => false,
-    };
-    plan.lamps().map(|(channel, _)| channel.as_str()).filter(is_switch).collect()
+    });
+    switches.collect()
 }
 
 /// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring:
@@ -127,7 +131,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
     for (channel, levels) in plan.lamps() {
-        let target = Target::of(channel, &fixtures)?;
+        let target = Target::new(channel, &fixtures)?;
         let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
             let wrgb = color(plan, channel, row, letters[row], options);
@@ -149,8 +153,10 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 /// As [`commands`].
 pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let fixtures = options.fixtures();
-    let one = |channel| Ok(Target::of(channel, &fixtures)?.command(0.0, channel, 0.0, [0; 4]));
-    plan.lamps().map(|(channel, _)| one(channel)).collect()
+    let commands = plan.lamps().map(|(channel, _)| {
+        Ok(Target::new(channel, &fixtures)?.command(0.0, channel, 0.0, [0; 4]))
+    });
+    commands.collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
@@ -161,11 +167,11 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
-    let is_there = |name: &str| fixtures.iter().any(|it| it.drive.channel() == Some(name));
+
     for Channel { name, ready, off, .. } in &CHANNELS {
         let set = match plan.lights.contains_key(*name) {
             true => *ready,
-            false if is_there(name) => *off,
+            false if fixtures.iter().any(|it| it.drive.channel() == Some(*name)) => *off,
             false => &[],
         };
         parameters.extend(set.iter().map(|(parameter, value)| ((*parameter).to_owned(), *value)));
@@ -184,8 +190,8 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Entries of the timing memory that the lights of a flight take, of those that light a ring alone;
-/// `None` of others.
+/// Entries of the timing memory that the lights of a flight take; `None` unless the ring is the only
+/// lamp.
 ///
 /// # Errors
 ///
@@ -237,10 +243,10 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 /// screen: red that writes is 3 of 255, and black in a show.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let deck = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
-    // Then the firmware makes the dies alike and bytes a screen's.
+    // With corrected levels the dies are equally bright and the bytes are sRGB.
     let alike = deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
-    for lamp in of_channel(&command.channel, options) {
+    for lamp in lamps_on(&command.channel, options) {
         // A deck's last bytes drive its dies; any other lamp has all of them on.
         let drives = deck.map_or([u8::MAX; 4], |_| command.value.to_be_bytes());
         let drives = drives.into_iter().rev().chain(std::iter::repeat(u8::MAX));
@@ -258,14 +264,15 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
-/// The lamps that follow a channel; where the scene has none, those of the deck with it.
-fn of_channel(channel: &str, options: &LightOptions) -> Vec<Fixture> {
-    let follows = |lamp: &Fixture| lamp.drive.channel() == Some(channel);
-    let lamps: Vec<Fixture> = options.fixtures().into_iter().filter(follows).collect();
-    if !lamps.is_empty() {
-        return lamps;
+/// The lamps on a channel: the scene's, or those of a deck where the scene has none.
+fn lamps_on(channel: &str, options: &LightOptions) -> Vec<Fixture> {
+    let mut lamps = options.fixtures();
+    lamps.retain(|lamp| lamp.drive.channel() == Some(channel));
+    if lamps.is_empty() {
+        lamps.extend(Deck::ALL.iter().flat_map(|deck| deck.fixtures()));
+        lamps.retain(|lamp| lamp.drive.channel() == Some(channel));
     }
-    Deck::ALL.iter().flat_map(|deck| deck.fixtures()).filter(follows).collect()
+    lamps
 }
 
 #[cfg(test)]
@@ -289,8 +296,8 @@ mod tests {
         Plan { setpoints: times_s.map(setpoint).collect(), lights, ..Plan::default() }
     }
 
-    fn of_deck(channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
-        Target::of(channel, &[]).unwrap().command(0.0, channel, level, wrgb)
+    fn deck_command(channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
+        Target::new(channel, &[]).unwrap().command(0.0, channel, level, wrgb)
     }
 
     #[test]
@@ -318,7 +325,7 @@ mod tests {
             parameter_max,
             ..Fixture::default()
         };
-        let of =
+        let with =
             |fixture| LightOptions { fixtures: Some(vec![fixture]), ..LightOptions::default() };
         let plan = lit("laser", &[0.0, 0.5, 1.0, 0.0]);
         let sent = |options: &LightOptions| -> Vec<u32> {
@@ -327,7 +334,7 @@ mod tests {
             commands.iter().map(|it| it.value).collect()
         };
         let (dimmer, switch) =
-            (of(lamp(Some("deckled.level"), 200)), of(lamp(Some("deckled.level"), 1)));
+            (with(lamp(Some("deckled.level"), 200)), with(lamp(Some("deckled.level"), 1)));
         assert_eq!((sent(&dimmer), sent(&switch)), (vec![100, 200, 0], vec![1, 0]));
         assert_eq!((switches(&plan, &dimmer), switches(&plan, &switch)), (vec![], vec!["laser"]));
         let before = preparation(&plan, &dimmer).unwrap();
@@ -335,9 +342,9 @@ mod tests {
         assert_eq!(before, both_off);
         let idle = preparation(&lit("headlights", &[0.0]), &dimmer).unwrap();
         assert_eq!(idle.last(), both_off.last(), "off where the plan does not use it");
-        assert!(commands(&plan, &of(lamp(None, 1))).is_err(), "nothing to set");
+        assert!(commands(&plan, &with(lamp(None, 1))).is_err(), "nothing to set");
         for wrong in ["level", "deck led.level", "a.b.c"] {
-            assert!(of(lamp(Some(wrong), 1)).check().is_err(), "{wrong}");
+            assert!(with(lamp(Some(wrong), 1)).check().is_err(), "{wrong}");
         }
     }
 
@@ -368,11 +375,11 @@ mod tests {
             for (channel, wrgb) in
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
-                let shown = screen_rgb(&of_deck(channel, 1.0, wrgb), &options);
+                let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
                 // Dies that are farther out than the screen's, and few steps of their drives.
-                for (found, wanted) in shown.iter().zip(srgb) {
-                    let off = f64::from(*found) - f64::from(wanted);
-                    assert!(off.abs() <= 20.0, "{channel}: {shown:?} instead of {srgb:?}");
+                for (actual, wanted) in shown.iter().zip(srgb) {
+                    let error = f64::from(*actual) - f64::from(wanted);
+                    assert!(error.abs() <= 20.0, "{channel}: {shown:?} instead of {srgb:?}");
                 }
                 assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
             }
@@ -401,7 +408,7 @@ mod tests {
         assert_eq!(blue, 0, "of all dies");
         assert_eq!(shown(&laser(&[[0.3127, 0.329]])), [255; 3]);
         let screen = |channel, level, wrgb| {
-            screen_rgb(&of_deck(channel, level, wrgb), &LightOptions::default())
+            screen_rgb(&deck_command(channel, level, wrgb), &LightOptions::default())
         };
         assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
@@ -421,18 +428,14 @@ mod tests {
             timing(&plan, &commands(&plan, &options).unwrap())
         };
         // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
-        let found = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
-        let (on, off, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
-        assert_eq!(found.entries, [(51, on), (25, off), (25, half), (2, off)]);
-        let times: Vec<f64> = found.changes.iter().map(|(time_s, _)| *time_s).collect();
-        for (found, want) in times.iter().zip([1.01, 3.03, 4.04, 5.05]) {
-            assert!(
-                (found - want).abs() <= RING_TIMING_S / 2.0 + 1e-9,
-                "{found} instead of {want}"
-            );
+        let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
+        let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
+        assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);
+        for ((time_s, _), want) in played.changes.iter().zip([1.01, 3.03, 4.04, 5.05]) {
+            assert!((time_s - want).abs() <= RING_TIMING_S / 2.0 + 1e-9, "{time_s} s");
         }
         let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;
-        assert_eq!(long, [(255, on), (255, on), (115, on), (2, off)], "10.2 s each at most");
+        assert_eq!(long, [(255, on), (255, on), (115, on), (2, dark)], "10.2 s each at most");
         let many: Vec<f64> = (0..11).map(|row| f64::from(row % 2)).collect();
         assert_eq!(timing("ring", &many, 1.0).unwrap().entries.len(), RING_TIMING_ENTRIES + 1);
         assert_eq!(timing("ring", &many[..10], 1.0), None, "still lit at the end");
@@ -445,17 +448,17 @@ mod tests {
     /// tick.
     fn shown(entries: &[(u8, [u8; 3])], phase_s: f64, clock: f64, ticks: u32) -> Vec<[u8; 3]> {
         let ms = |time_s: f64| (1e3 * clock * time_s + 1e-6).floor();
-        let (mut at, mut began_ms, mut color) = (0, 0.0, [0; 3]);
+        let (mut entry, mut began_ms, mut color) = (0, 0.0, [0; 3]);
         let mut colors = Vec::new();
         for tick in 0..ticks {
             let now_ms = if tick == 0 { 0.0 } else { ms(phase_s + 0.05 * f64::from(tick)) };
-            while let Some((units, _)) = entries.get(at)
+            while let Some((units, _)) = entries.get(entry)
                 && began_ms + 40.0 * f64::from(*units) < now_ms
             {
                 began_ms += 40.0 * f64::from(*units);
-                at += 1;
+                entry += 1;
             }
-            if let Some((_, entry)) = entries.get(at) {
+            if let Some((_, entry)) = entries.get(entry) {
                 color = *entry;
             }
             colors.push(color);

@@ -52,11 +52,11 @@ const CARD_HZ: u32 = 250;
 
 /// Blocks as a Python dictionary.
 pub(super) fn python(blocks: &[Block]) -> String {
-    let block = |(name, variables): &Block| {
+    let blocks = blocks.iter().map(|(name, variables)| {
         let variables = variables.split(' ').map(|name| format!("{name:?}: {:?}", kind(name)));
         format!("    {name:?}: {{{}}},\n", variables.collect::<Vec<_>>().join(", "))
-    };
-    format!("{{\n{}}}", blocks.iter().map(block).collect::<String>())
+    });
+    format!("{{\n{}}}", blocks.collect::<String>())
 }
 
 /// One configuration of cfclient for each block, and `config.txt` for the µSD card.

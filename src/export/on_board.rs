@@ -28,8 +28,8 @@ settings! {
 }
 
 impl Form {
-    /// Distance from the design that each form is exported within, unless another is asked for, m:
-    /// polynomials of degree 7 need more memory for the same.
+    /// Default tolerance of each form, m: polynomials of degree 7 need more memory for the same
+    /// distance from the design.
     #[must_use]
     pub fn tolerance_m(self) -> f64 {
         match self {
@@ -53,8 +53,8 @@ pub enum Length {
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] where a drone that hovers
-/// at its beginning is in another one's way, of trajectories on board.
+/// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on board
+/// where a drone that hovers at its start is in the way of another.
 pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Result<Vec<Plan>> {
     let before_s = earliest_s(plans)?;
     let flown = plans.iter().map(|plan| {
@@ -104,7 +104,7 @@ fn flown_alone(
     let ends_m = [position_m(0.0), position_m(stretch.duration_s())];
     let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
     let (zero_s, end_s) = (timeline.zero_s, timeline.after[1].0);
-    let way = |time_s: f64| timeline.position_m(time_s, &position_m);
+
     let mut changes_s: Vec<f64> = plan.setpoints.iter().map(|s| s.time_s - zero_s).collect();
     changes_s.retain(|time_s| *time_s > 0.0 && *time_s < end_s);
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
@@ -125,7 +125,8 @@ fn flown_alone(
         }
         // Derivatives to the right: a piece may begin here.
         let h = DIFFERENCE_S;
-        let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(way);
+        let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h]
+            .map(|time_s| timeline.position_m(time_s, &position_m));
         out.setpoints.push(Setpoint {
             time_s,
             position_m: a,

@@ -51,9 +51,8 @@ impl Stretch {
     /// [`Error::Input`] for a plan without letters, [`Error::Infeasible`] for one that reaches the
     /// floor.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
-        let writes = |setpoint: &Setpoint| setpoint.letter.is_some();
-        let first = plan.setpoints.iter().position(writes);
-        let last = plan.setpoints.iter().rposition(writes);
+        let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
+        let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
         let Some((first, last)) = first.zip(last).filter(|(first, last)| first < last) else {
             let hint = "plan a word, not only a take-off";
             return Err(Error::input("plan", "no letter", "setpoints that write a letter", hint));
@@ -146,25 +145,25 @@ impl Stretch {
         for piece in pieces {
             let steps = (piece.duration_s / STEP_S).ceil().max(1.0);
             let times_s = (0..).map(f64::from).take_while(|step| *step <= steps);
-            let off_m = |step: f64| {
+            let distances_m = times_s.map(|step| {
                 let t = piece.duration_s * step / steps;
-                (piece.at(t)[0] - self.position_m(start_s + t)).norm()
-            };
-            worst_m = times_s.map(off_m).fold(worst_m, f64::max);
+                (piece.evaluate(t)[0] - self.position_m(start_s + t)).norm()
+            });
+            worst_m = distances_m.fold(worst_m, f64::max);
             start_s += piece.duration_s;
         }
         worst_m
     }
 
-    /// A trajectory that is longer than the drone's memory: how many letters fit before `until_s`.
-    pub(super) fn too_long(&self, until_s: f64, found: &str, hint: &str) -> Error {
-        let letters = |until_s: f64| {
+    /// The error for a trajectory that `needs` more than the drone's memory, with the number of
+    /// letters that fit before `until_s`.
+    pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
+        let [begun, all] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
             flown.filter_map(|setpoint| setpoint.letter).collect::<BTreeSet<_>>().len()
-        };
-        // The letter that does not end in time does not fit.
-        let (fit, all) = (letters(until_s).saturating_sub(1), letters(f64::INFINITY));
-        let what = format!("{found}: {fit} of {all} letters fit");
+        });
+        // The last letter that begins in time does not end in time.
+        let what = format!("{needs}: {} of {all} letters fit", begun.saturating_sub(1));
         Error::Infeasible { what, hint: hint.to_owned() }
     }
 
@@ -196,7 +195,7 @@ impl Polynomials {
     /// (`pptraj.c`, `poly7_nojerk`).
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let way_m = to_m - from_m;
-        let axis = |axis: usize| {
+        let axes = [0, 1, 2].map(|axis| {
             let mut power = 1.0;
             let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|share| {
                 let coefficient = way_m[axis] * share / power;
@@ -205,19 +204,18 @@ impl Polynomials {
             });
             polynomial[0] = from_m[axis];
             polynomial
-        };
-        Self { duration_s, axes: [axis(0), axis(1), axis(2)] }
+        });
+        Self { duration_s, axes }
     }
 
     /// Position, velocity and acceleration at a time since its start, in m and s.
-    pub(super) fn at(&self, t: f64) -> [Vector3<f64>; 3] {
+    pub(super) fn evaluate(&self, t: f64) -> [Vector3<f64>; 3] {
         // Horner's scheme for the value, the first derivative and half the second one.
-        let axis = |c: Polynomial| {
+        let axes = self.axes.map(|c| {
             c.iter().rev().fold([0.0; 3], |[p, v, a], c| [p * t + c, v * t + p, a * t + v])
-        };
-        let axes = self.axes.map(axis);
-        let all = |k: usize| Vector3::from(axes.map(|axis| axis[k]));
-        [all(0), all(1), 2.0 * all(2)]
+        });
+        let [p, v, a] = [0, 1, 2].map(|k| Vector3::from(axes.map(|axis| axis[k])));
+        [p, v, 2.0 * a]
     }
 }
 
@@ -227,10 +225,10 @@ pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     let (mut left_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
         if left_s < piece.duration_s {
-            return piece.at(left_s);
+            return piece.evaluate(left_s);
         }
         left_s -= piece.duration_s;
-        end[0] = piece.at(piece.duration_s)[0];
+        end[0] = piece.evaluate(piece.duration_s)[0];
     }
     end
 }
@@ -244,11 +242,11 @@ pub(super) enum Rounding {
     Gentlest,
 }
 
-/// The pieces of a stretch, each the longest within `tolerance_m` of the design and `max_piece_s`
-/// whose speed and acceleration stay within those of the design; where that leaves no such piece
-/// for the setpoints after it, a shorter one. `piece` makes the piece between two setpoints after
-/// the pieces so far. Where the design states no acceleration the distance alone decides, and the
-/// piece to the next setpoint is taken in any case.
+/// The pieces of a stretch. Each is the longest that stays within `tolerance_m` of the design, within
+/// `max_piece_s`, and within the speed and acceleration of the design. Where no piece can follow it,
+/// a shorter one is taken. `piece` makes the piece between two setpoints after the pieces so far.
+/// Where the design states no acceleration the distance alone decides, and the piece to the next
+/// setpoint is taken in any case.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -256,38 +254,41 @@ pub(super) fn pieces<P>(
     piece: impl Fn(usize, usize, &[P], Rounding) -> P,
     polynomials: impl Fn(&P) -> Polynomials,
 ) -> Vec<P> {
-    let motion = |at: usize, to: usize, before: &[P], rounding: Rounding| {
-        polynomials(&piece(at, to, before, rounding))
+    let fit = Fit {
+        stretch,
+        limits: stretch.limits(),
+        tolerance_m,
+        max_piece_s,
+        motion: &|from, to, before, rounding| polynomials(&piece(from, to, before, rounding)),
     };
-    let limits = stretch.limits();
-    let fit = Fit { stretch, limits, tolerance_m, max_piece_s, motion: &motion };
     // The pieces, and for each its first setpoint and the ends that were not tried.
     let (mut done, mut tried): (Vec<P>, Vec<(usize, Range<usize>)>) = (Vec::new(), Vec::new());
-    let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
+    let (mut start, mut stuck_start, mut retries) = (0, 0, 0);
     let mut untried = fit.ends(0, &done);
-    while at < stretch.last() {
-        let mut next = fit.longest(at, &mut untried, &done);
+    while start < stretch.last() {
+        let mut next = fit.longest(start, &mut untried, &done);
         if next.is_none() {
-            (stuck_at, retries) = if at > stuck_at { (at, 1) } else { (stuck_at, retries + 1) };
-            let other = |index: usize| {
-                let (from, untried) = &mut tried[index];
-                Some((index, fit.longest(*from, untried, &done[..index])?))
-            };
-            let other = (0..done.len()).rev().filter(|_| retries <= RETRIES).find_map(other);
+            (stuck_start, retries) =
+                if start > stuck_start { (start, 1) } else { (stuck_start, retries + 1) };
+            let other =
+                (0..done.len()).rev().filter(|_| retries <= RETRIES).find_map(|index: usize| {
+                    let (from, untried) = &mut tried[index];
+                    Some((index, fit.longest(*from, untried, &done[..index])?))
+                });
             if let Some((index, to)) = other {
                 done.truncate(index);
-                (at, untried) = tried.swap_remove(index);
+                (start, untried) = tried.swap_remove(index);
                 tried.truncate(index);
                 next = Some(to);
             }
         }
-        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(at, &done));
+        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(start, &done));
         let (to, rounding) = next.expect("the next setpoint");
-        let made = piece(at, to, &done, rounding);
+        let made = piece(start, to, &done, rounding);
         done.push(made);
-        tried.push((at, untried));
-        at = to;
-        untried = fit.ends(at, &done);
+        tried.push((start, untried));
+        start = to;
+        untried = fit.ends(start, &done);
     }
     done
 }
@@ -295,7 +296,7 @@ pub(super) fn pieces<P>(
 /// Motion of the piece between two setpoints after the pieces so far.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
-/// What is wanted of pieces.
+/// The requirements of pieces.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],
@@ -305,62 +306,63 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    fn is_near(&self, at: usize, to: usize, before: &[P], rounding: Rounding) -> bool {
-        let made = (self.motion)(at, to, before, rounding);
-        let start_s = self.stretch.time_s(at);
-        let off_m = |t: f64| {
-            (made.at((t - start_s).min(made.duration_s))[0] - self.stretch.position_m(t)).norm()
-        };
+    fn is_near(&self, from: usize, to: usize, before: &[P], rounding: Rounding) -> bool {
+        let made = (self.motion)(from, to, before, rounding);
+        let start_s = self.stretch.time_s(from);
         self.stretch.time_s(to) - start_s < self.max_piece_s
-            && self.stretch.check_times_s(at, to).all(|t| off_m(t) <= self.tolerance_m)
+            && self.stretch.check_times_s(from, to).all(|t| {
+                let position_m = made.evaluate((t - start_s).min(made.duration_s))[0];
+                (position_m - self.stretch.position_m(t)).norm() <= self.tolerance_m
+            })
     }
 
-    fn farthest(&self, at: usize, before: &[P]) -> usize {
-        longest(at, self.stretch.last(), |to| self.is_near(at, to, before, Rounding::Nearest))
+    fn farthest(&self, from: usize, before: &[P]) -> usize {
+        longest(from, self.stretch.last(), |to| self.is_near(from, to, before, Rounding::Nearest))
     }
 
     /// Largest speed or acceleration relative to the design's.
-    fn effort(&self, at: usize, to: usize, before: &[P], rounding: Rounding) -> f64 {
-        let made = (self.motion)(at, to, before, rounding);
+    fn effort(&self, from: usize, to: usize, before: &[P], rounding: Rounding) -> f64 {
+        let made = (self.motion)(from, to, before, rounding);
         let [max_m_s, max_m_s2] = self.limits;
-        let start_s = self.stretch.time_s(at);
-        let times_s = self.stretch.check_times_s(at, to).map(|t| t - start_s);
+        let start_s = self.stretch.time_s(from);
+        let times_s = self.stretch.check_times_s(from, to).map(|t| t - start_s);
         let efforts = [0.0].into_iter().chain(times_s).map(|t| {
-            let [_, v, a] = made.at(t);
+            let [_, v, a] = made.evaluate(t);
             f64::max(v.norm() / max_m_s, a.norm() / max_m_s2)
         });
         efforts.fold(0.0, f64::max)
     }
 
     /// Ends of pieces from a setpoint to be tried.
-    fn ends(&self, at: usize, before: &[P]) -> Range<usize> {
-        if at == self.stretch.last() {
+    fn ends(&self, from: usize, before: &[P]) -> Range<usize> {
+        if from == self.stretch.last() {
             return 0..0;
         }
-        let farthest = self.farthest(at, before);
-        let shortest = if self.limits[1] > 0.0 { at + 1 } else { farthest };
+        let farthest = self.farthest(from, before);
+        let shortest = if self.limits[1] > 0.0 { from + 1 } else { farthest };
         shortest..farthest + 1
     }
 
-    /// The end of the longest piece that keeps to the limits; takes it and those beyond it away.
-    fn longest(&self, at: usize, ends: &mut Range<usize>, before: &[P]) -> Option<usize> {
+    /// The end of the longest piece that keeps to the limits. Removes it and those beyond it from
+    /// `ends`.
+    fn longest(&self, from: usize, ends: &mut Range<usize>, before: &[P]) -> Option<usize> {
         let rounding = Rounding::Nearest;
         ends.rfind(|to| {
             self.limits[1] == 0.0
-                || self.effort(at, *to, before, rounding) <= OVER_LIMITS
-                    && self.is_near(at, *to, before, rounding)
+                || self.effort(from, *to, before, rounding) <= OVER_LIMITS
+                    && self.is_near(from, *to, before, rounding)
         })
     }
 
     /// End and rounding of the piece with the least effort; to the next setpoint in any case.
-    fn gentlest(&self, at: usize, before: &[P]) -> Option<(usize, Rounding)> {
-        let ends = (at + 1..=self.farthest(at, before))
+    fn gentlest(&self, from: usize, before: &[P]) -> Option<(usize, Rounding)> {
+        let ends = (from + 1..=self.farthest(from, before))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
-        let allowed = |(to, rounding): &(usize, Rounding)| {
-            (*to, *rounding) == (at + 1, Rounding::Nearest)
-                || self.is_near(at, *to, before, *rounding)
-        };
-        let efforts = ends.filter(allowed).map(|end| (end, self.effort(at, end.0, before, end.1)));
+        let allowed = ends.filter(|(to, rounding)| {
+            (*to, *rounding) == (from + 1, Rounding::Nearest)
+                || self.is_near(from, *to, before, *rounding)
+        });
+        let efforts = allowed.map(|end| (end, self.effort(from, end.0, before, end.1)));
         efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end)
     }
 }

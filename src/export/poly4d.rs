@@ -52,12 +52,12 @@ impl Poly4d {
         }
         let until_s = all.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
         let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
-        let found = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
+        let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
         let hint = format!(
             "export it compressed ({compressed} of {TRAJECTORY_MEMORY_BYTES} bytes), or accept a larger \
              distance from the design"
         );
-        Err(stretch.too_long(until_s, &found, &hint))
+        Err(stretch.too_long(until_s, &needs, &hint))
     }
 
     /// The same in any number of pieces, for drones with more memory.
@@ -73,7 +73,7 @@ impl Poly4d {
     }
 
     /// The flight from the floor to the floor, after which the firmware stops the motors: its last
-    /// piece is no number, at which the commander on board gives no more setpoints
+    /// piece is NaN, so that the commander on board gives no more setpoints
     /// (`crtp_commander_high_level.c`, "invalid eval") and the watchdog ends the flight 2 s later.
     /// The script lands `over_s` after the trajectory's end.
     ///
@@ -81,13 +81,9 @@ impl Poly4d {
     ///
     /// [`noctograph_core::error::Error::Infeasible`] where the drone's memory does not hold it.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
-        let pieces_of = |legs: &[Leg]| -> Vec<Polynomials> {
-            let legs = legs.iter().filter(|leg| leg.duration_s > LEAST_LEG_S);
-            legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
-        };
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
-        let before = pieces_of(&timeline.legs_before());
-        let after = pieces_of(&timeline.legs_alone(over_s));
+        let before = leg_pieces(&timeline.legs_before());
+        let after = leg_pieces(&timeline.legs_alone(over_s));
         let pieces = [before, self.pieces, after, vec![no_goal]].concat();
         let n = pieces.len();
         if n > MAX_PIECES {
@@ -104,7 +100,7 @@ impl Poly4d {
     /// Where it begins and ends.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
-        [first.at(0.0)[0], last.at(last.duration_s)[0]]
+        [first.evaluate(0.0)[0], last.evaluate(last.duration_s)[0]]
     }
 
     /// The bytes that the drone stores.
@@ -121,17 +117,22 @@ impl Poly4d {
     /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
     #[must_use]
     pub fn to_csv(&self) -> String {
-        let row = |piece: &Polynomials| {
+        let rows = self.pieces.iter().map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
             let numbers = [piece.duration_s].into_iter().chain(axes);
             numbers.map(|number| format!("{number:?}")).collect::<Vec<_>>().join(",")
-        };
-        let rows = self.pieces.iter().map(row);
+        });
         [HEADER.to_owned()].into_iter().chain(rows).map(|line| line + "\n").collect()
     }
 }
 
-/// The polynomial that is a number at all times.
+/// Legs from rest to rest as pieces.
+fn leg_pieces(legs: &[Leg]) -> Vec<Polynomials> {
+    let legs = legs.iter().filter(|leg| leg.duration_s > LEAST_LEG_S);
+    legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
+}
+
+/// The constant polynomial.
 fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
@@ -147,20 +148,17 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
-    // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
-    let bumps = |t: f64| {
-        let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
-        let bump = 64.0 * share * share * share * rest * rest * rest;
-        [bump, bump * (2.0 * share - 1.0)]
-    };
     let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        let row = Vector2::from(bumps(t));
-        let off_m = stretch.position_m(time_s) - piece.at(t)[0];
+        // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
+        let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
+        let bump = 64.0 * share * share * share * rest * rest * rest;
+        let row = Vector2::new(bump, bump * (2.0 * share - 1.0));
+        let residual_m = stretch.position_m(time_s) - piece.evaluate(t)[0];
         normal += row * row.transpose();
         for axis in 0..3 {
-            sides[axis] += row * off_m[axis];
+            sides[axis] += row * residual_m[axis];
         }
     }
     if let Some(inverse) = normal.try_inverse() {
@@ -291,7 +289,7 @@ mod tests {
             let [max_m_s, max_m_s2] = stretch.limits();
             for piece in &trajectory.pieces {
                 for k in 0..=50 {
-                    let [_, v, a] = piece.at(piece.duration_s * f64::from(k) / 50.0);
+                    let [_, v, a] = piece.evaluate(piece.duration_s * f64::from(k) / 50.0);
                     let (v, a) = (v.norm(), a.norm());
                     proptest::prop_assert!(
                         v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2,
@@ -306,12 +304,12 @@ mod tests {
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));
-        let piece = |chunk: &[u8]| {
+        let pieces = bytes.chunks(PIECE_BYTES).map(|chunk| {
             let numbers: Vec<f64> = chunk.chunks(4).map(number).collect();
-            let axis = |at: usize| numbers[at..at + 8].try_into().unwrap();
-            Polynomials { duration_s: numbers[32], axes: [axis(0), axis(8), axis(16)] }
-        };
-        let pieces = bytes.chunks(PIECE_BYTES).map(piece).collect();
+            let axes = [0, 8, 16].map(|k| numbers[k..k + 8].try_into().unwrap());
+            Polynomials { duration_s: numbers[32], axes }
+        });
+        let pieces = pieces.collect();
         (bytes, rows, Poly4d { pieces, yaw_rad: 0.0 })
     }
 

@@ -10,19 +10,18 @@ use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
 
-/// Largest distance by which what stands in a room may be outside of it, m: rooms are typed to the
-/// decimeter, and a station that hangs on the wall is measured to some centimeters. More would let
-/// an origin at a wall of a small room pass.
+/// Tolerance for objects outside the room, m: rooms are typed to the decimeter, and a station on the
+/// wall is measured to some centimeters. More would let an origin at a wall of a small room pass.
 pub const FRAME_M: f64 = 0.15;
-/// Largest distance of the drone from the plan's start before take-off, m. Farther off, the way to
-/// the first letter is another than that which was checked.
+/// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path to
+/// the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
 /// the ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
 /// Largest roll and pitch before take-off, rad: 5°. More is a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
-/// Largest distance of what the drone reads at a corner of the canvas from that corner, m.
+/// Largest error of the drone's position at a corner of the canvas, m.
 pub const CORNER_M: f64 = 0.02;
 /// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what
 /// the volume keeps from a room's walls.
@@ -32,14 +31,14 @@ pub const FENCE_M: f64 = 0.1;
 pub const STRAY_M: f64 = 0.8;
 /// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
 pub const SINK_M_S: f64 = 0.3;
-/// Time for which something has to be wrong in the air before the script lands, s: a single bad
-/// sample ends no flight. The firmware levels a silent drone after as much
+/// Time for which something has to be wrong in the air before the script lands, s, so that a single
+/// bad sample does not end a flight. The firmware levels a silent drone after the same time
 /// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
-/// Voltage at rest that scripts want where the scene's drone has no battery, V: a Crazyflie's cell
-/// is then charged by some 28 %; a flight of a word should begin with more.
+/// Least voltage at rest where the scene's drone has no battery, V: a Crazyflie's cell is then
+/// charged to some 28 %, and a flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Variance of a coordinate at which its position is lost in the air, over that which is settled.
+/// Variance of a coordinate whose position is lost in the air, relative to a settled one.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
@@ -120,13 +119,13 @@ fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
 /// Steps in which the least charge is looked for: a hundredth of a percent.
 const CHARGE_STEPS: u32 = 10_000;
 
-/// What a flight takes of its battery.
+/// The load of a flight on its battery.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Battery {
     /// Voltage at rest of the scene's battery as it is charged, V.
     pub rest_v: f64,
-    /// Least voltage at rest with which the flight keeps the firmware's limit, V; `None`: a full
-    /// battery does not.
+    /// Least voltage at rest with which the flight stays above the firmware's limit, V; `None`:
+    /// not even a full battery does.
     pub least_rest_v: Option<f64>,
     /// Greatest drop below the voltage at rest during the flight, V.
     pub sag_v: f64,
@@ -135,18 +134,16 @@ pub struct Battery {
 impl Battery {
     /// The battery of a simulated flight; `None` where the scene's drone has none.
     ///
-    /// The flight's voltages tell its currents, and these, from another charge on, other voltages.
+    /// Currents are computed from the flight's voltages. They give the voltages of the same flight
+    /// from any other charge.
     #[must_use]
-    pub fn of(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
+    pub fn new(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
         if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
             return None;
         }
         let times = flight.samples.iter().map(|sample| sample.time_s);
         let voltages: Vec<(f64, f64)> =
             times.zip(flight.extra.get(BATTERY_V)?.iter().copied()).collect();
-        let rest_v = |charge_frac: f64| {
-            options.open_circuit_v(charge_frac) - options.resistance_ohm * options.idle_current_a
-        };
         // Charge spent and drop at the resistance at each sample.
         let (mut spent_frac, mut before_s) = (0.0, voltages.first()?.0);
         let loads = voltages.iter().map(|(time_s, voltage_v)| {
@@ -158,24 +155,26 @@ impl Battery {
             (*time_s, spent_frac, drop_v)
         });
         let loads: Vec<(f64, f64, f64)> = loads.collect();
-        let is_enough = |charge_frac: f64| {
-            let voltage_v = |(time_s, spent_frac, drop_v): &(f64, f64, f64)| {
-                (*time_s, options.open_circuit_v((charge_frac - spent_frac).max(0.0)) - drop_v)
-            };
-            lasts(loads.iter().map(voltage_v), low_v)
-        };
-        let share = |step: u32| f64::from(step) / f64::from(CHARGE_STEPS);
-        let (mut low, mut high) = (0, CHARGE_STEPS);
+        let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
         while low < high {
             let middle = low.midpoint(high);
-            if is_enough(share(middle)) { high = middle } else { low = middle + 1 }
+            let charge_frac = f64::from(middle) / f64::from(CHARGE_STEPS);
+            let voltages = loads.iter().map(|(time_s, spent_frac, drop_v)| {
+                (*time_s, options.open_circuit_v((charge_frac - spent_frac).max(0.0)) - drop_v)
+            });
+            if lasts(voltages, low_v) {
+                (least_frac, high) = (Some(charge_frac), middle);
+            } else {
+                low = middle + 1;
+            }
         }
-        let now_v = rest_v(options.charge_frac);
+        let idle_v = options.resistance_ohm * options.idle_current_a;
+        let rest_v = options.open_circuit_v(options.charge_frac) - idle_v;
         let lowest_v = voltages.iter().map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
         Some(Self {
-            rest_v: now_v,
-            least_rest_v: is_enough(share(high)).then(|| rest_v(share(high))),
-            sag_v: now_v - lowest_v,
+            rest_v,
+            least_rest_v: least_frac.map(|frac| options.open_circuit_v(frac) - idle_v),
+            sag_v: rest_v - lowest_v,
         })
     }
 
@@ -189,16 +188,16 @@ impl Battery {
 /// The facts behind a flight's checks that its files carry: what was checked is what flies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checks {
-    /// The drone; `None`: none that the script can tell.
+    /// The drone; `None` where the script cannot tell it.
     pub platform: Option<Platform>,
     /// Its positioning.
     pub positioning: Positioning,
-    /// Least and greatest x, y, z of the volume in which `check` keeps the plans; in a room, within
-    /// it.
+    /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room if
+    /// there is one.
     pub volume_m: [[f64; 3]; 2],
     /// Width, depth and height of the room, where it is known.
     pub room_m: Option<[f64; 3]>,
-    /// What the flight of each plan takes of its battery; `None` where that was not simulated.
+    /// The battery load of each plan's flight; `None` where it was not simulated.
     pub batteries: Vec<Option<Battery>>,
     /// SHA-256 of the scene as it is printed.
     pub scene_sha256: String,
@@ -266,7 +265,7 @@ mod tests {
         let low_v = Platform::Crazyflie2.low_battery_v();
         let times = flight.samples.iter().map(|sample| sample.time_s);
         let voltages = times.zip(flight.extra[BATTERY_V].iter().copied());
-        (Battery::of(&options.battery, &flight, low_v).unwrap(), lasts(voltages, low_v))
+        (Battery::new(&options.battery, &flight, low_v).unwrap(), lasts(voltages, low_v))
     }
 
     #[test]
@@ -296,7 +295,7 @@ mod tests {
         };
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight { samples, extra, ..Flight::default() };
-        let battery = Battery::of(&options, &flight, low_v).unwrap();
+        let battery = Battery::new(&options, &flight, low_v).unwrap();
         // It may be low for the last 5 s: at 55 s, 3.7 V at no load, where the curve is steep.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
@@ -307,9 +306,9 @@ mod tests {
         assert!((battery.sag_v - (battery.rest_v - lowest_v)).abs() < 1e-9, "{battery:?}");
         assert_eq!(battery.lasts(), battery.rest_v >= least_v);
         let none = BatteryOptions { capacity_ah: 0.0, ..options.clone() };
-        assert_eq!(Battery::of(&none, &flight, low_v), None, "no battery");
+        assert_eq!(Battery::new(&none, &flight, low_v), None, "no battery");
         let stiff = BatteryOptions { resistance_ohm: 0.0, ..options };
-        assert_eq!(Battery::of(&stiff, &flight, low_v), None, "no load can be told from it");
+        assert_eq!(Battery::new(&stiff, &flight, low_v), None, "no load can be told from it");
     }
 
     #[test]
@@ -342,6 +341,6 @@ mod tests {
     #[test]
     fn a_drone_without_a_battery_is_not_judged() {
         let flight = Flight::default();
-        assert_eq!(Battery::of(&BatteryOptions::default(), &flight, 3.2), None);
+        assert_eq!(Battery::new(&BatteryOptions::default(), &flight, 3.2), None);
     }
 }

@@ -36,11 +36,10 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let before_s = earliest_s(job.plans)?;
     let drones =
         job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, before_s));
-    let speeds = |part: fn(&Vector3<f64>) -> f64| {
-        let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
-        setpoints.map(|s| part(&s.velocity_m_s)).fold(1.0, f64::max)
-    };
-    let heights = job.plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m.z);
+    let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
+    let level_m_s = setpoints.clone().map(|s| s.velocity_m_s.xy().norm());
+    let vertical_m_s = setpoints.clone().map(|s| s.velocity_m_s.z.abs());
+    let heights = setpoints.map(|s| s.position_m.z);
     let show = json!({
         "version": 1,
         "environment": { "type": "indoor", "cameras": [camera(job.camera)] },
@@ -48,8 +47,8 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
             "cues": { "version": 1, "items": [] },
             "validation": {
                 "maxAltitude": (heights.fold(0.0, f64::max) + 0.5).ceil(),
-                "maxVelocityXY": speeds(|v| v.xy().norm()),
-                "maxVelocityZ": speeds(|v| v.z.abs()),
+                "maxVelocityXY": level_m_s.fold(1.0, f64::max),
+                "maxVelocityZ": vertical_m_s.fold(1.0, f64::max),
                 "minDistance": MIN_HORIZONTAL_M,
             },
         },
@@ -60,27 +59,29 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
+/// A leg that ends at a time: from rest to rest, with control points at the ends.
+fn leg(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
+    match from == to {
+        true => json!([time_s, to.as_slice(), []]),
+        false => json!([time_s, to.as_slice(), [from.as_slice(), to.as_slice()]]),
+    }
+}
+
 fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
     let curves = trajectory.curves();
     let ends_m = [curves[0].1[0], curves[curves.len() - 1].1[3]];
     let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
-    let place = |p: Vector3<f64>| [p.x, p.y, p.z];
-    // Control points at the ends: from rest to rest.
-    let leg = |from: Vector3<f64>, time_s: f64, to: Vector3<f64>| match from == to {
-        true => json!([time_s, place(to), []]),
-        false => json!([time_s, place(to), [place(from), place(to)]]),
-    };
     let home_m = timeline.before[0].1;
-    let mut points = vec![json!([0.0, place(home_m), []])];
+    let mut points = vec![json!([0.0, home_m.as_slice(), []])];
     // The first drone of a fleet waits for none.
     let legs = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
     points.extend(legs.map(|ends| leg(ends[0].1, ends[1].0, ends[1].1)));
     let mut time_s = timeline.before[3].0;
     for (duration_s, [_, b, c, d]) in curves {
         time_s += duration_s;
-        points.push(json!([time_s, place(d), [place(b), place(c)]]));
+        points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
     points.push(leg(ends_m[1], timeline.after[0].0, ends_m[1]));
     points.push(leg(ends_m[1], timeline.after[1].0, timeline.after[1].1));
@@ -91,8 +92,8 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
         "type": "generic",
         "settings": {
             "name": format!("Drone {}", index + 1),
-            "home": place(home_m),
-            "landAt": place(timeline.after[1].1),
+            "home": home_m.as_slice(),
+            "landAt": timeline.after[1].1.as_slice(),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
             "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&colors)) },
             // Degrees clockwise from above, from the x axis of the show.
@@ -144,10 +145,9 @@ fn camera(camera: &Camera) -> Value {
         * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let turn = Rotation3::from_matrix_unchecked(world_from_camera);
     let q = UnitQuaternion::from_rotation_matrix(&turn);
-    let at = camera.position_m;
     json!({
         "name": "Photographer", "type": "perspective", "default": true,
-        "position": [at.x, at.y, at.z],
+        "position": camera.position_m.as_slice(),
         "orientation": [q.w, q.i, q.j, q.k],
         "focalLength": FILM_MM * camera.focal_length_m / camera.sensor_width_m,
     })
@@ -184,8 +184,8 @@ mod tests {
                 .camera([-1.0, 0.5, 1.0, 1.0], 1.0)
                 .unwrap()
         };
-        let found = super::camera(&camera);
-        let part = |k: usize| found["orientation"][k].as_f64().unwrap();
+        let photographer = super::camera(&camera);
+        let part = |k: usize| photographer["orientation"][k].as_f64().unwrap();
         let q = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
             part(0),
             part(1),

@@ -21,11 +21,11 @@ pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
     let mut rows = Vec::new();
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         if let Some(hex) = line.strip_prefix("bytes ") {
-            let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+            let byte = |offset: usize| u8::from_str_radix(&hex[offset..offset + 2], 16).unwrap();
             bytes.extend((0..hex.len()).step_by(2).map(byte));
         } else {
             let n: Vec<f64> = line.split_whitespace().map(|n| n.parse().unwrap()).collect();
-            let vector = |at: usize| Vector3::new(n[at], n[at + 1], n[at + 2]);
+            let vector = |offset: usize| Vector3::new(n[offset], n[offset + 1], n[offset + 2]);
             rows.push((n[0], [vector(1), vector(4), vector(7)]));
         }
     }
@@ -35,16 +35,16 @@ pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
 
 /// A trajectory from its bytes.
 pub(super) fn decoded(bytes: &[u8]) -> Compressed {
-    let int16 = |at: usize| i16::from_le_bytes([bytes[at], bytes[at + 1]]);
-    let (mut start_mm, yaw, mut at) = ([0, 2, 4].map(int16), int16(6), 8);
+    let int16 = |offset: usize| i16::from_le_bytes([bytes[offset], bytes[offset + 1]]);
+    let (mut start_mm, yaw, mut offset) = ([0, 2, 4].map(int16), int16(6), 8);
     let mut pieces = Vec::new();
-    while bytes[at + 1..at + 3] != [0; 2] {
-        let (header, duration_ms) = (bytes[at], int16(at + 1).cast_unsigned());
-        at += 3;
+    while bytes[offset + 1..offset + 3] != [0; 2] {
+        let (header, duration_ms) = (bytes[offset], int16(offset + 1).cast_unsigned());
+        offset += 3;
         let axes = [0, 2, 4].map(|shift| {
             let n = [0, 1, 3, 7][usize::from(header >> shift & 3)];
-            let points_mm: Vec<i16> = (0..n).map(|k| int16(at + 2 * k)).collect();
-            at += 2 * n;
+            let points_mm: Vec<i16> = (0..n).map(|k| int16(offset + 2 * k)).collect();
+            offset += 2 * n;
             match points_mm[..] {
                 [] => Axis::Constant,
                 [end_mm] => Axis::Linear(end_mm),
@@ -54,7 +54,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
         pieces.push(Piece { start_mm, duration_ms, axes });
         start_mm = pieces[pieces.len() - 1].end_mm();
     }
-    assert_eq!(bytes[at..], [0; 3], "the end");
+    assert_eq!(bytes[offset..], [0; 3], "the end");
     Compressed { pieces, yaw }
 }
 
@@ -64,8 +64,8 @@ pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     for (time_s, want) in rows {
         let answer = motion(pieces, *time_s);
         for (k, tolerance) in [2e-6, 2e-5, 1e-3].into_iter().enumerate() {
-            let off = (answer[k] - want[k]).norm();
-            assert!(off <= tolerance, "derivative {k} at {time_s} s: {off}");
+            let error = (answer[k] - want[k]).norm();
+            assert!(error <= tolerance, "derivative {k} at {time_s} s: {error}");
         }
     }
 }

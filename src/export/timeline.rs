@@ -22,8 +22,9 @@ const ALONE_S: f64 = 3.0;
 const BELOW_FLOOR_M: f64 = 0.1;
 /// Shortest landing, s.
 const MIN_LAND_S: f64 = 2.0;
-/// The command to take off before trajectories of which the first starts at a time, in the time of
-/// their plans, s.
+
+/// Time of the take-off command when the first trajectory starts at `before_s`, both in the time of
+/// the plans, s.
 pub(super) fn zero_s(before_s: f64) -> f64 {
     before_s - 2.0 * TAKE_OFF_S
 }
@@ -48,12 +49,12 @@ pub(super) struct Leg {
 }
 
 const UP: &[usize] = &[2];
-/// Both, even where the plan's ends are the same: a drone that stands beside the plan's start flies
-/// there.
+/// Both axes, even where the plan's ends are the same: a drone that stands beside the plan's start
+/// flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
-/// When a drone with a trajectory on board is where; time zero is the start of the trajectory.
+/// Positions of a drone with a trajectory on board; time zero is the command to take off.
 pub(super) struct Timeline {
     /// That command in the time of the plan, s.
     pub(super) zero_s: f64,
@@ -109,7 +110,7 @@ impl Timeline {
         ]
     }
 
-    /// Where it is at a time, with the trajectory as a function of the time since its beginning.
+    /// Position at a time, with the trajectory as a function of the time since its beginning.
     pub(super) fn position_m(
         &self,
         time_s: f64,
@@ -125,7 +126,7 @@ impl Timeline {
         if time_s >= to_s {
             return to_m;
         }
-        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).at(time_s - from_s)[0]
+        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).evaluate(time_s - from_s)[0]
     }
 }
 

@@ -57,8 +57,8 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
 
 fn steps(flown: &Plan) -> Vec<Value> {
     // Rounded places, so that the rounding does not add up.
-    let tenths = rows(flown, POSITION_HZ).map(|(_, at)| (at * 1e4).map(f64::round));
-    let places: Vec<_> = tenths.collect();
+    let places = rows(flown, POSITION_HZ).map(|(_, place_m)| (place_m * 1e4).map(f64::round));
+    let places: Vec<_> = places.collect();
     let from = places.first().copied().into_iter().chain(places.iter().copied());
     let steps = from.zip(&places).map(|(a, b)| (b - a) / 1e4);
     steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
@@ -66,13 +66,13 @@ fn steps(flown: &Plan) -> Vec<Value> {
 
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
-    let color = |(time_s, _)| {
+    let colors = rows(flown, COLOR_HZ).map(|(time_s, _)| {
         // The nearest frame shows a change.
         let now = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
         let [r, g, b] = now.map_or([0; 3], |command| screen_rgb(command, job.light));
         json!({ "r": r, "g": g, "b": b })
-    };
-    Ok(rows(flown, COLOR_HZ).map(color).collect())
+    });
+    Ok(colors.collect())
 }
 
 /// Times and places of a plan at a rate, to its end.

@@ -11,8 +11,8 @@ use noctograph_core::geometry::distance;
 /// to 53° at a vertex (s), their corners by 63° (?) and more.
 const CORNER_COS: f64 = 0.5;
 
-/// Length of a move, in cap heights, that is no piece of a curve where it is `STEM` times as long
-/// as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
+/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is `STEM`
+/// times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
 const LONG: f64 = 5.5 / 21.0;
 const STEM: f64 = 1.8;
 
@@ -28,16 +28,19 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     if n < 2 || lengths.contains(&0.0) {
         return points.to_vec();
     }
-    let after = |leg: usize| (leg + 1 < n || closed).then_some((leg + 1) % n);
-    let before = |leg: usize| (leg > 0 || closed).then_some((leg + n - 1) % n);
-    let is_stem = |leg: usize| {
-        let beside = [before(leg), after(leg)].into_iter().flatten().map(|leg| lengths[leg]);
+    let neighbors = (0..n).map(|leg| {
+        let before = (leg > 0 || closed).then_some((leg + n - 1) % n);
+        [before, (leg + 1 < n || closed).then_some((leg + 1) % n)]
+    });
+    let neighbors: Vec<[Option<usize>; 2]> = neighbors.collect();
+    let stems = (0..n).map(|leg| {
+        let beside = neighbors[leg].into_iter().flatten().map(|leg| lengths[leg]);
         lengths[leg] >= LONG && lengths[leg] >= STEM * beside.fold(f64::INFINITY, f64::min)
-    };
-    let stems: Vec<bool> = (0..n).map(is_stem).collect();
-    // The tangent at the end of a leg; none at a corner, or where the run ends.
-    let tangent = |leg: usize| {
-        let next = after(leg)?;
+    });
+    let stems: Vec<bool> = stems.collect();
+    // The tangent at the end of a leg; `None` at a corner, or where the run ends.
+    let tangents = (0..n).map(|leg| {
+        let next = neighbors[leg][1]?;
         let corner = dot(along[leg], along[next]) <= CORNER_COS
             || (lengths[leg] >= LONG && lengths[next] >= LONG);
         match (stems[leg], stems[next]) {
@@ -50,27 +53,28 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
                 Some(direction([0.0; 2], ahead(sum, along[next], lengths[leg])))
             }
         }
-    };
-    let tangents: Vec<Option<[f64; 2]>> = (0..n).map(tangent).collect();
+    });
+    let tangents: Vec<Option<[f64; 2]>> = tangents.collect();
     let mut curve = vec![points[0]];
     for leg in 0..n {
         let (from, to, chord) = (points[leg], points[leg + 1], along[leg]);
         // An arc of a circle begins as it ends, mirrored at its chord.
-        let mirrored = |t: [f64; 2]| ahead(t.map(|x| -x), chord, 2.0 * dot(t, chord));
-        let (begin, end) = (before(leg).and_then(|leg| tangents[leg]), tangents[leg]);
-        let ends = begin.or(end.map(mirrored)).zip(end.or(begin.map(mirrored)));
+        let (begin, end) = (neighbors[leg][0].and_then(|leg| tangents[leg]), tangents[leg]);
+        let [mirrored_begin, mirrored_end] = [begin, end]
+            .map(|tangent| tangent.map(|t| ahead(t.map(|x| -x), chord, 2.0 * dot(t, chord))));
+        let ends = begin.or(mirrored_end).zip(end.or(mirrored_begin));
         if let Some((begin, end)) = ends.filter(|_| !stems[leg]) {
-            let half = |t: [f64; 2]| libm::acos(dot(t, chord).clamp(-1.0, 1.0));
-            let turn = half(begin) + half(end);
+            let halves = [begin, end].map(|t| libm::acos(dot(t, chord).clamp(-1.0, 1.0)));
+            let turn = halves[0] + halves[1];
             let pieces = (turn / STEP_RAD - 1e-6).ceil();
             // With tangents of this length its middle is that of an arc.
             let reach = lengths[leg] / libm::pow(libm::cos(0.25 * turn), 2.0);
             for t in counts(pieces).skip(1).map(|k| k / pieces) {
                 let (rise, from_rise, to_rise) =
                     (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
-                let at = ahead(from, chord, rise * lengths[leg]);
-                let at = ahead(at, begin, from_rise * reach);
-                curve.push(ahead(at, end, to_rise * reach));
+                let point = ahead(from, chord, rise * lengths[leg]);
+                let point = ahead(point, begin, from_rise * reach);
+                curve.push(ahead(point, end, to_rise * reach));
             }
         }
         curve.push(to);
@@ -84,11 +88,11 @@ mod tests {
 
     #[test]
     fn points_on_a_circle_become_the_circle() {
-        let at = |k: i32| {
+        let ats = (0..=12).map(|k: i32| {
             let (sin, cos) = libm::sincos(f64::from(k % 12) * std::f64::consts::TAU / 12.0);
             [0.4 * cos, 0.4 * sin]
-        };
-        let run: Vec<[f64; 2]> = (0..=12).map(at).collect();
+        });
+        let run: Vec<[f64; 2]> = ats.collect();
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let off = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();

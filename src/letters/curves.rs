@@ -41,19 +41,19 @@ pub(super) fn polylines(
 /// The subpaths of a path: where each begins, and its other elements. After one that is closed the
 /// next begins at the same place.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
-    let mut found: Vec<(Point, Vec<PathEl>)> = Vec::new();
+    let mut subpaths: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {
-        match (*element, found.last_mut()) {
-            (PathEl::MoveTo(p), _) => found.push((p, Vec::new())),
+        match (*element, subpaths.last_mut()) {
+            (PathEl::MoveTo(p), _) => subpaths.push((p, Vec::new())),
             (element, Some((first, elements))) if elements.last() == Some(&PathEl::ClosePath) => {
                 let first = *first;
-                found.push((first, vec![element]));
+                subpaths.push((first, vec![element]));
             }
             (element, Some((_, elements))) => elements.push(element),
             (_, None) => {}
         }
     }
-    found
+    subpaths
 }
 
 #[cfg(test)]

@@ -38,25 +38,30 @@ impl Fonts {
         Some(shape.lost).filter(|length| *length > 0.0)
     }
 
-    /// The parts of a line in one font each, as it is read. What no font has is in the first.
+    /// The parts of a line in one font each, in reading order. Characters without a font are in the
+    /// first.
     pub(super) fn parts(&self, line: &str) -> Vec<Part<'_>> {
         let mut parts: Vec<(usize, Range<usize>)> = Vec::new();
-        for (at, character) in line.char_indices() {
-            let end = at + character.len_utf8();
-            let stays = |font: usize| {
-                // Spaces, marks and signs go with the letters before them.
-                let goes_along = character == ' ' || is_mark(character);
-                goes_along || !character.is_alphabetic() && self.0[font].face.has(character)
-            };
-            let has = |font: &Font| character != ' ' && font.draws(character);
-            let first = self.0.iter().position(has).unwrap_or(0);
+        for (start, character) in line.char_indices() {
+            let end = start + character.len_utf8();
+            let mut fonts = self.0.iter();
+            let first = fonts.position(|font| character != ' ' && font.draws(character));
+            let first = first.unwrap_or(0);
             match parts.last_mut() {
-                Some((font, part)) if stays(*font) || *font == first => part.end = end,
+                // Spaces, marks and signs go with the letters before them.
+                Some((font, part))
+                    if character == ' '
+                        || is_mark(character)
+                        || !character.is_alphabetic() && self.0[*font].face.has(character)
+                        || *font == first =>
+                {
+                    part.end = end;
+                }
                 // A space before the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
                     (*font, part.end) = (first, end);
                 }
-                _ => parts.push((first, at..end)),
+                _ => parts.push((first, start..end)),
             }
         }
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()

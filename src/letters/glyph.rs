@@ -38,15 +38,14 @@ const STEPS: [usize; 2] = [20_000, 100];
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
     budget.spend_steps(STEPS[0]).then_some(())?;
     let mut pen = Pen(BezPath::new());
-    let spend = |n| budget.spend_steps(STEPS[1] * n).then_some(());
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
             let code = draw_charstring(&cff, &mut pen);
-            spend(code.unwrap_or(MAX_CODE))?;
+            budget.spend_steps(STEPS[1] * code.unwrap_or(MAX_CODE)).then_some(())?;
             code?;
         }
         OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
-            spend(glyf.plan().num_points as usize)?;
+            budget.spend_steps(STEPS[1] * glyf.plan().num_points as usize).then_some(())?;
             let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
             OutlineGlyph::Glyf(glyf).draw(&options, DrawMemory::Scratch, &mut pen).ok()?;
         }
@@ -62,7 +61,7 @@ fn draw_charstring(glyph: &CffGlyph<'_>, pen: &mut Pen) -> Option<usize> {
     let (face, part) = (glyph.cff_font(), glyph.subfont());
     let local = match part.subrs_offset() as usize {
         0 => Index::Empty,
-        at => Index::new(face.data().get(at..)?, face.version() == 2).ok()?,
+        offset => Index::new(face.data().get(offset..)?, face.version() == 2).ok()?,
     };
     let code = face.charstrings().get(glyph.glyph().to_u32() as usize)?;
     let called = Subroutines { global: face.global_subrs(), local, code: Cell::new(code.len()) };
@@ -82,8 +81,9 @@ struct Subroutines<'a> {
 
 impl<'a> Subroutines<'a> {
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
-        let at = number.checked_add(index.subr_bias()).and_then(|at| usize::try_from(at).ok());
-        let code = at.and_then(|at| index.get(at)).ok_or(Error::Malformed)?;
+        let place = number.checked_add(index.subr_bias());
+        let place = place.and_then(|place| usize::try_from(place).ok());
+        let code = place.and_then(|place| index.get(place)).ok_or(Error::Malformed)?;
         self.code.set(self.code.get() + code.len());
         if self.code.get() > MAX_CODE { Err(Error::LimitExceeded) } else { Ok(code) }
     }

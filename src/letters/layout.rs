@@ -84,19 +84,19 @@ fn fitting(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
 /// the space nearest to its middle.
 fn broken(text: &str, breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
-    let length = |line: &str| line.chars().count();
     for _ in 0..breaks {
-        let breakable = (0..lines.len()).filter(|at| lines[*at].trim().contains(' '));
-        let Some(at) = breakable.max_by_key(|at| (length(&lines[*at]), lines.len() - at)) else {
-            break;
-        };
-        let line = lines[at].trim().to_owned();
-        let uneven = |at: &usize| length(&line[..*at]).abs_diff(length(&line[at + 1..]));
-        let spaces = line.match_indices(' ').map(|(at, _)| at);
-        let space = spaces.min_by_key(uneven).expect("the line has a space");
-        let [before, after] =
-            [&line[..space], &line[space + 1..]].map(|part| part.trim().to_owned());
-        lines.splice(at..=at, [before, after]);
+        let breakable = (0..lines.len()).filter(|index| lines[*index].trim().contains(' '));
+        let longest =
+            breakable.max_by_key(|index| (lines[*index].chars().count(), lines.len() - index));
+        let Some(longest) = longest else { break };
+        let line = lines[longest].trim().to_owned();
+        let parts = line.match_indices(' ').map(|(space, _)| [&line[..space], &line[space + 1..]]);
+        let evenest = parts.min_by_key(|parts| {
+            let [before, after] = parts.map(|part| part.chars().count());
+            before.abs_diff(after)
+        });
+        let parts = evenest.expect("the line has a space").map(|part| part.trim().to_owned());
+        lines.splice(longest..=longest, parts);
     }
     lines.join("\n")
 }
@@ -116,57 +116,60 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 
 /// A part of a line in characters that its font has, with so many characters before it.
 fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
-    let known = |character: char| {
-        character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
-    };
-    let lacks = |index: usize, letter: char| {
-        let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
-        let hint = if is_shaped(part) {
-            format!("name a typeface of this script in letters.fallback: {} has none", font.name())
-        } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
-            format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
-        } else {
-            "name a typeface that has it in letters.fallback, such as one of the Noto fonts"
-                .to_owned()
-        };
-        let characters = font.characters();
-        let wanted = match characters.chars().count() {
-            ..=LISTED => format!("one of {}", characters.replace(|c| !known(c), "")),
-            _ => format!("a letter of the font {}", font.name()),
-        };
-        Error::Letter { position: before + index + 1, letter, wanted, hint }
-    };
     if is_shaped(part)
         && let Some(line) = font.face.line(part, SPACE)
     {
-        let index = |byte: usize| part[..byte].chars().count();
-        let place = |byte: usize| format!("word, position {}", before + index(byte) + 1);
-        let name = font.name();
-        return match line {
-            Ok(_) => Ok(part.to_owned()),
-            Err(Unset::Missing(byte)) => {
-                Err(lacks(index(byte), part[byte..].chars().next().unwrap_or(' ')))
+        let Err(unset) = line else { return Ok(part.to_owned()) };
+        let (Unset::Missing(byte) | Unset::Unshaped(byte) | Unset::TooLarge(byte, _)) = unset;
+        let position = before + part[..byte].chars().count() + 1;
+        let (place, name) = (format!("word, position {position}"), font.name());
+        return Err(match unset {
+            Unset::Missing(_) => {
+                missing(part, font, position, part[byte..].chars().next().unwrap_or(' '))
             }
-            Err(Unset::Unshaped(byte)) => Err(input_error!(
-                place(byte),
+            Unset::Unshaped(_) => input_error!(
+                place,
                 "a word that the rules of {name} make endless",
                 "letters that end",
                 "write it with another font, or fewer of its letters in a row",
-            )),
+            ),
             // Letters that touch are traced as one outline.
-            Err(Unset::TooLarge(byte, n)) => Err(input_error!(
-                place(byte),
+            Unset::TooLarge(_, n) => input_error!(
+                place,
                 "{n} letters in a row that touch each other",
                 "fewer: they are one outline, of at most {MAX_POINTS} points",
                 "put a space or a line end among them",
-            )),
-        };
+            ),
+        });
     }
     let drawn = part.chars().enumerate().map(|(index, typed)| {
-        let drawn = [Some(typed), capital(typed)].into_iter().flatten().find(|c| known(*c));
-        drawn.ok_or_else(|| lacks(index, typed))
+        let mut forms = [Some(typed), capital(typed)].into_iter().flatten();
+        let drawn = forms.find(|character| is_drawn(font, *character));
+        drawn.ok_or_else(|| missing(part, font, before + index + 1, typed))
     });
     drawn.collect()
+}
+
+fn is_drawn(font: &Font, character: char) -> bool {
+    character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
+}
+
+/// The error of a letter that a font lacks.
+fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
+    let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
+    let hint = if is_shaped(part) {
+        format!("name a typeface of this script in letters.fallback: {} has none", font.name())
+    } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
+        format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
+    } else {
+        "name a typeface that has it in letters.fallback, such as one of the Noto fonts".to_owned()
+    };
+    let characters = font.characters();
+    let wanted = match characters.chars().count() {
+        ..=LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
+        _ => format!("a letter of the font {}", font.name()),
+    };
+    Error::Letter { position, letter, wanted, hint }
 }
 
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
@@ -177,8 +180,8 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    let loss = |glyph: &Glyph| Some((glyph.character, fonts.lost(glyph.character)?));
-    let lost = glyphs.iter().filter_map(loss).collect();
+    let lost = glyphs.iter().map(|glyph| glyph.character);
+    let lost = lost.filter_map(|character| Some((character, fonts.lost(character)?))).collect();
     let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
     Strokes { word, font, lost, glyphs, order, ..Strokes::default() }
 }
@@ -187,8 +190,8 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
     let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
-    let end = |cell: &Placed| cell.at_m + cell.width_m;
-    let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.at_m), cells.last().map_or(0.0, end));
+    let begin_m = cells.first().map_or(0.0, |cell| cell.at_m);
+    let end_m = cells.last().map_or(0.0, |cell| cell.at_m + cell.width_m);
     let left_m = match options.align {
         // A product, not a sum: rounded as in the reference flight.
         Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
@@ -219,8 +222,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
             Fit::Box => options.box_width_m() + options.box_gap_m(),
             Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
         };
-        let spaces_m = |trimmed: &str| space_m * (part.len() - trimmed.len()) as f64;
-        let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')].map(spaces_m);
+        let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
+            .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
             spaces_m.reverse();
         }
@@ -239,11 +242,12 @@ fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
         (_, Some(letters)) => {
             let (letters, size_m) =
                 (letters.expect("the text was made drawable"), options.cap_height_m);
-            let ends = letters.iter().map(|(_, at, shape)| at + shape.ink()[2]);
+            let ends = letters.iter().map(|(_, pen, shape)| pen + shape.ink()[2]);
             let end = ends.fold(0.0, f64::max);
-            let of = |byte: usize| line[byte..].chars().next().unwrap_or(' ');
-            let cell = |(byte, at, shape)| placed(of(byte), at, shape, size_m);
-            (letters.into_iter().map(cell).collect(), end * size_m)
+            let cells = letters.into_iter().map(|(byte, pen, shape)| {
+                placed(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
+            });
+            (cells.collect(), end * size_m)
         }
         (Fit::Box, None) => boxes(line, font, options),
         (Fit::Proportional, None) => advances(line, font, options),
@@ -269,12 +273,12 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
 /// Characters in boxes.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
-    let cell = |(index, character)| {
+    let cells = line.chars().enumerate().map(|(index, character)| {
         let shape = font.face.shape(character).filter(|_| character != ' ');
         let at_m = (width_m + gap_m) * index as f64;
         Placed { character, shape, at_m, width_m, fit: Fit::Box }
-    };
-    let cells: Vec<_> = line.chars().enumerate().map(cell).collect();
+    });
+    let cells: Vec<_> = cells.collect();
     let end_m = (width_m + gap_m) * cells.len() as f64;
     (cells, end_m)
 }
@@ -285,7 +289,7 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     let mut cells: Vec<Placed> = Vec::new();
     let mut last_pen = 0.0;
     for character in line.chars() {
-        // A mark that no letter of Unicode has is put on the letter before it.
+        // A mark without a composed letter in Unicode goes on the letter before it.
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape

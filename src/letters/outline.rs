@@ -13,8 +13,8 @@ const STEPS: usize = 2;
 /// Most samples of an outline; a longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them, each
-/// of which is a step of the budget.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them; each
+/// test is a step of the budget.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
@@ -71,7 +71,7 @@ impl<'a> Filled<'a> {
         winding
     }
 
-    /// Adds where edges cross a leg, as shares of its length; some of them more than once.
+    /// Adds the crossings of edges with a leg, as shares of its length; some of them twice.
     pub(super) fn crossings(&self, [from, to]: [[f64; 2]; 2], shares: &mut Vec<f64>) {
         let along = minus(to, from);
         let (first, last) = (self.bin(from[1].min(to[1])), self.bin(from[1].max(to[1])));
@@ -82,10 +82,9 @@ impl<'a> Filled<'a> {
         for place in self.bins[first..=last].iter().flatten() {
             let [a, b] = self.edges[*place as usize];
             let edge = minus(b, a);
-            let (area, off) = (cross(along, edge), minus(a, from));
-            let (share, on_edge) = (cross(off, edge) / area, cross(off, along) / area);
-            let on_leg = |share: &f64| (-1e-9..=1.0 + 1e-9).contains(share);
-            if on_leg(&share) && on_leg(&on_edge) {
+            let (area, gap) = (cross(along, edge), minus(a, from));
+            let (share, on_edge) = (cross(gap, edge) / area, cross(gap, along) / area);
+            if [share, on_edge].iter().all(|share| (-1e-9..=1.0 + 1e-9).contains(share)) {
                 shares.push(share.clamp(0.0, 1.0));
             }
         }
@@ -117,24 +116,24 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
         if samples.len() < 3 {
             continue;
         }
-        let at = |index: usize| samples[index % samples.len()];
-        let on_rim = |index: usize| {
-            let (a, b) = (at(index), at(index + 1));
+        let n = samples.len();
+        let kept = (0..n).map(|index| {
+            let (a, b) = (samples[index], samples[(index + 1) % n]);
             let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
             // A hundredth of an edge to either side.
             let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
             ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
-        };
-        let kept: Vec<bool> = (0..samples.len()).map(on_rim).collect();
+        });
+        let kept: Vec<bool> = kept.collect();
         let Some(first_gap) = kept.iter().position(|kept| !kept) else {
             samples.push(samples[0]);
             runs.push(samples);
             continue;
         };
-        let n = samples.len();
         let legs: Vec<usize> = (first_gap..first_gap + n).map(|leg| leg % n).collect();
         for run in legs.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
-            runs.push(run.iter().copied().chain([run[run.len() - 1] + 1]).map(at).collect());
+            let ends = run.iter().copied().chain([run[run.len() - 1] + 1]);
+            runs.push(ends.map(|index| samples[index % n]).collect());
         }
     }
     runs

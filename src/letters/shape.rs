@@ -58,10 +58,12 @@ impl Shape {
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let moves = match fit {
             Fit::Box => {
-                let place = |[x, y]: [f64; 2]| {
-                    [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
-                };
-                self.runs.iter().flat_map(|run| moves(run, place)).collect()
+                let moves = self.runs.iter().flat_map(|run| {
+                    moves(run, |[x, y]| {
+                        [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
+                    })
+                });
+                moves.collect()
             }
             Fit::Proportional => {
                 let [left, _, right, _] = self.ink();

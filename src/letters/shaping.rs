@@ -36,7 +36,7 @@ pub(super) fn is_mark(character: char) -> bool {
 /// A glyph of a face, and its place in font units from the beginning of its line.
 pub(super) struct Placed {
     pub(super) glyph: GlyphId,
-    pub(super) at: [i32; 2],
+    pub(super) units: [i32; 2],
     /// The first character that it stands for, by its byte in the line.
     pub(super) byte: usize,
 }
@@ -61,10 +61,10 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
-        let mut at = run.start;
+        let mut end = run.start;
         let words = line[run].split(' ').map(|word| {
-            at += word.len() + 1;
-            (at - word.len() - 1, word)
+            end += word.len() + 1;
+            (end - word.len() - 1, word)
         });
         let mut words: Vec<(usize, &str)> = words.collect();
         if leftward {
@@ -90,8 +90,8 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
                 if glyph == GlyphId::NOTDEF {
                     return Err(Unset::Missing(byte));
                 }
-                let at = [pen.saturating_add(step.x_offset), step.y_offset];
-                placed.push(Placed { glyph, at, byte });
+                let units = [pen.saturating_add(step.x_offset), step.y_offset];
+                placed.push(Placed { glyph, units, byte });
                 pen = pen.saturating_add(step.x_advance);
             }
         }

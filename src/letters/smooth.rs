@@ -40,11 +40,11 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
     let mut leg = 0;
     for k in counts(if line.len() > 1 { n_pieces } else { 0.0 }) {
-        let at = length * k / n_pieces;
-        while leg + 2 < line.len() && along[leg + 1] < at {
+        let way = length * k / n_pieces;
+        while leg + 2 < line.len() && along[leg + 1] < way {
             leg += 1;
         }
-        let share = (at - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
+        let share = (way - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
         points.push(between(line[leg], line[leg + 1], share.min(1.0)));
     }
     points.push(last);
@@ -71,7 +71,9 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         first[k + 2] -= 2.0 * stiffness;
         second[k + 2] += stiffness;
     }
-    let less = |[x, y]: [f64; 2], share: f64, [dx, dy]: [f64; 2]| [x - share * dx, y - share * dy];
+    fn less([x, y]: [f64; 2], share: f64, [dx, dy]: [f64; 2]) -> [f64; 2] {
+        [x - share * dx, y - share * dy]
+    }
     let pin = 1e9 * (1.0 + stiffness);
     let mut rhs = points.to_vec();
     for end in [0, n - 1] {

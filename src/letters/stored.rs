@@ -1,9 +1,8 @@
-//! Stored strokes: faces for plotters and engravers, whose contours are no outlines.
+//! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
 //! TrueType knows closed contours alone. A single stroke is stored as an open line, which the
-//! format closes by a straight edge back to its beginning, or as a line drawn there and back again.
-//! Filled, it would have no area, or a wrong one; it is drawn as stored, without the edge that
-//! nobody drew, and once.
+//! format closes by a straight edge back to its beginning, or as a line there and back again. Filled,
+//! it would have no area, or a wrong one. It is drawn once, without the closing edge.
 
 use kurbo::{BezPath, PathEl, Shape as _};
 
@@ -23,8 +22,8 @@ const BACK: f64 = -0.999;
 
 /// Whether most of some outlines have a contour without area.
 pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
-    let has_thin = |path: &&BezPath| contours(path).any(|contour| is_thin(&contour));
-    2 * paths.iter().filter(has_thin).count() > paths.len()
+    2 * paths.iter().filter(|path| contours(path).any(|contour| is_thin(&contour))).count()
+        > paths.len()
 }
 
 /// Whether a contour, closed, has no area.
@@ -74,15 +73,15 @@ fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         around.pop();
     }
     let n = around.len();
-    let turns_back = |index: &usize| {
-        let [before, at, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
-        dot(direction(before, at), direction(at, after)) < BACK
-    };
-    let turns: Vec<usize> = (0..n).filter(turns_back).collect();
+    let turns = (0..n).filter(|index| {
+        let [before, here, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
+        dot(direction(before, here), direction(here, after)) < BACK
+    });
+    let turns: Vec<usize> = turns.collect();
     let [from, to] = turns[..] else { return line };
     let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
     let [length, way_back] = [there, &back].map(polyline_length_m);
-    // An open line may turn back for a part of its way; it is no line there and back.
+    // An open line may turn back for a part of its way only.
     let is_same = (length - way_back).abs() <= 0.01 * length;
     if is_same { there.to_vec() } else { line }
 }

@@ -66,10 +66,10 @@ impl StrokeFont {
                 None => font.parse_letter(line, units),
             };
             read.ok_or_else(|| {
-                let found: String = line.chars().take(60).collect();
+                let start: String = line.chars().take(60).collect();
                 let error = input_error!(
                     "",
-                    "`{found}`",
+                    "`{start}`",
                     "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
                      points, {MAX_FONT_POINTS} in all",
                     "compare with fonts/ae483.strokes and fonts/simplex.strokes",

@@ -31,13 +31,13 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::distance;
 
-/// Most parts of the table of pairs that are looked at: each is searched for every pair.
+/// Most parts of the kerning table that are read: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
 
 /// Steps of looking for the nearest of two strokes.
 const NEAREST: usize = 5;
 
-/// Most characters that are searched for an outline in a face without letters that are known.
+/// Most characters that are searched for an outline in a face without known letters.
 const SEARCHED: usize = 300;
 
 /// Largest coordinate of an outline, in cap heights.
@@ -46,9 +46,8 @@ const MAX_COORDINATE: f64 = 100.0;
 /// Largest distance of an outline's polyline from its curves, in cap heights.
 const CURVES: f64 = 2e-4;
 
-/// A glyph is an area where it is so many times as thick as the face's letters, and its center
-/// lines are shorter than so many of its thicknesses: a bold I has 4, but it is as thick as a
-/// letter.
+/// Least thickness of an area in those of the face's letters, and greatest length of its center
+/// lines in its own thicknesses. A bold I has 4, but it is as thick as a letter.
 const THICK: f64 = 2.5;
 const LONG: f64 = 6.0;
 
@@ -60,14 +59,14 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of its strokes in cap heights; 0 where outlines are traced.
     half_width: f64,
-    /// Whether the width is that of letters, with which other glyphs are compared.
+    /// Whether the width is that of known letters.
     has_stems: bool,
     /// Whether its contours are strokes.
     is_stored: bool,
     traced: Mutex<Traced>,
 }
 
-/// The glyphs traced so far, alone and together, and the work that is left to the others.
+/// The glyphs traced so far, alone and together, and the remaining budget.
 struct Traced {
     shapes: BTreeMap<Vec<Part>, Option<Arc<Shape>>>,
     budget: Budget,
@@ -89,26 +88,22 @@ const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 impl Typeface {
     /// Reads a face; `file` is its name in messages. Of a collection it is the first.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
-        let refuse = |found: String| {
-            let wanted = "a TrueType or OpenType face with outlines";
-            let hint = "name another font file";
-            Error::input(file, found, wanted, hint)
-        };
         let budget = Budget::of(file, "name another font file, or a font of the program");
-        let face = Font::new(bytes, 0).ok_or_else(|| refuse("another file".into()))?;
+        let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
         let mut typeface = Self { face, trace, cap, half_width, has_stems, is_stored, traced };
-        // Of a face without any of them, such as one of emoji, it is the first that has an outline.
-        let outline = |c| outline(&typeface.face, typeface.glyph(c)?, &typeface.traced().budget);
-        let known = CAPITALS.chars().chain(typeface.characters().take(SEARCHED)).find_map(outline);
-        let is_stored = stored::SIGNS.iter().any(|signs| {
-            stored::are_strokes(&signs.chars().filter_map(outline).collect::<Vec<BezPath>>())
+        // A face without any of them, such as one of emoji, is measured by its first outline.
+        let mut capitals = CAPITALS.chars().chain(typeface.characters().take(SEARCHED));
+        let known = capitals.find_map(|character| typeface.outline(character));
+        drop(capitals);
+        typeface.is_stored = stored::SIGNS.iter().any(|signs| {
+            let outlines = signs.chars().filter_map(|character| typeface.outline(character));
+            stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        typeface.is_stored = is_stored;
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
-            return Err(refuse("no letters".into()));
+            return Err(refused(file, "no letters"));
         }
         if trace == Trace::CenterLine && !typeface.is_stored {
             let traced = typeface.traced();
@@ -122,8 +117,8 @@ impl Typeface {
             let width = widths.into_iter().find(|(_, width)| (1e-4..=0.4).contains(width));
             traced.budget.check()?;
             drop(traced);
-            let found = width.ok_or_else(|| refuse("no strokes".into()))?;
-            (typeface.has_stems, typeface.half_width) = found;
+            (typeface.has_stems, typeface.half_width) =
+                width.ok_or_else(|| refused(file, "no strokes"))?;
         }
         Ok(typeface)
     }
@@ -132,11 +127,17 @@ impl Typeface {
         self.face.charmap().map_unicode(character)
     }
 
+    fn outline(&self, character: char) -> Option<BezPath> {
+        outline(&self.face, self.glyph(character)?, &self.traced().budget)
+    }
+
     /// The strokes of glyphs together.
     fn joined(&self, parts: &[Part]) -> Option<Arc<Shape>> {
         let Traced { shapes, budget } = &mut *self.traced();
-        let shape = || self.draw(parts, budget).filter(|_| budget.check().is_ok());
-        shapes.entry(parts.to_vec()).or_insert_with(|| shape().map(Arc::new)).clone()
+        let shape = shapes.entry(parts.to_vec()).or_insert_with(|| {
+            self.draw(parts, budget).filter(|_| budget.check().is_ok()).map(Arc::new)
+        });
+        shape.clone()
     }
 
     /// The letters of a line, shaped.
@@ -145,12 +146,11 @@ impl Typeface {
         let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
-        let sides = |placed: &Placed| {
+        let sided = glyphs.into_iter().filter_map(|placed| {
             let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
             let bounds = path.control_box();
-            Some([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.at[0])))
-        };
-        let sided = glyphs.into_iter().filter_map(|placed| Some((sides(&placed)?, placed)));
+            Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
+        });
         let mut sided: Vec<([f64; 2], Placed)> = sided.collect();
         sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
@@ -165,15 +165,16 @@ impl Typeface {
         }
         let joined = groups.iter().map(|(_, group)| {
             let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
-            let start = group[0].at[0];
-            let part = |placed: &Placed| (placed.glyph, [placed.at[0] - start, placed.at[1]]);
-            let shape = self.joined(&group.iter().map(part).collect::<Vec<_>>());
-            let missing = |placed: &&Placed| self.joined(&[(placed.glyph, [0; 2])]).is_none();
-            let unset = || match group.iter().find(missing) {
-                Some(placed) => Unset::Missing(placed.byte),
-                None => Unset::TooLarge(byte, group.len()),
-            };
-            Ok((byte, unit * f64::from(start), shape.ok_or_else(unset)?))
+            let start = group[0].units[0];
+            let parts = group.iter().map(|it| (it.glyph, [it.units[0] - start, it.units[1]]));
+            let shape = self.joined(&parts.collect::<Vec<_>>()).ok_or_else(|| {
+                let mut glyphs = group.iter();
+                match glyphs.find(|placed| self.joined(&[(placed.glyph, [0; 2])]).is_none()) {
+                    Some(placed) => Unset::Missing(placed.byte),
+                    None => Unset::TooLarge(byte, group.len()),
+                }
+            });
+            Ok((byte, unit * f64::from(start), shape?))
         });
         joined.collect()
     }
@@ -209,31 +210,31 @@ impl Typeface {
         let mut lost = 0.0;
         let lines = match self.trace {
             Trace::CenterLine => {
-                let found = center_lines(&contours, budget);
-                if self.is_area(&found) {
+                let center = center_lines(&contours, budget);
+                if self.is_area(&center) {
                     outlines(&contours, budget)
                 } else {
-                    lost = found.lost;
-                    found.lines
+                    lost = center.lost;
+                    center.lines
                 }
             }
             Trace::Outline => outlines(&contours, budget),
         };
         budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
-        let place = |[x, y]: [f64; 2]| [x * scale, (y - self.half_width) * scale];
-        let runs = in_reading_order(lines)
-            .into_iter()
-            .map(|line| Run { lit: true, points: line.into_iter().map(place).collect() });
+        let runs = in_reading_order(lines).into_iter().map(|line| {
+            let points = line.into_iter().map(|[x, y]| [x * scale, (y - self.half_width) * scale]);
+            Run { lit: true, points: points.collect() }
+        });
         let shape = Shape { advance, runs: runs.collect(), lost };
         (!shape.runs.is_empty()).then_some(shape)
     }
 
-    /// Whether a glyph is an area and no stroke: thicker than the face's letters, and short for its
+    /// Whether a glyph is an area, not a stroke: thicker than the face's letters, and short for its
     /// thickness.
-    fn is_area(&self, found: &CenterLines) -> bool {
-        let is_thick = !self.has_stems || found.thickest > THICK * self.half_width;
-        is_thick && found.length() < 2.0 * LONG * found.thickest
+    fn is_area(&self, center: &CenterLines) -> bool {
+        let is_thick = !self.has_stems || center.thickest > THICK * self.half_width;
+        is_thick && center.length() < 2.0 * LONG * center.thickest
     }
 
     /// Font units in cap heights between center lines.
@@ -256,10 +257,10 @@ impl Typeface {
     /// The path of glyphs in cap heights.
     fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
-        for (id, at) in parts {
+        for (id, [x, y]) in parts {
             let mut part = outline(&self.face, *id, budget)?;
-            if *at != [0; 2] {
-                part.apply_affine(Affine::translate((at[0].into(), at[1].into())));
+            if [*x, *y] != [0; 2] {
+                part.apply_affine(Affine::translate(((*x).into(), (*y).into())));
             }
             path.extend(part);
         }
@@ -304,6 +305,11 @@ impl Face for Typeface {
     }
 }
 
+fn refused(file: &str, content: &str) -> Error {
+    let wanted = "a TrueType or OpenType face with outlines";
+    Error::input(file, content, wanted, "name another font file")
+}
+
 /// Whether the first face of a file has an outline of a character.
 pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
@@ -315,17 +321,18 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
 /// left end.
 fn in_reading_order(mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
     for line in &mut lines {
-        let late = |[x, y]: [f64; 2]| x - 2.0 * y;
-        let last = line[line.len() - 1];
-        if late(last) < late(line[0]) {
+        let [first, last] = [line[0], line[line.len() - 1]].map(|[x, y]| x - 2.0 * y);
+        if last < first {
             line.reverse();
         }
     }
     let mut ordered: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut pen = [0.0, 1.0];
     while !lines.is_empty() {
-        let far = |line: &Vec<[f64; 2]>| distance(pen, line[0]);
-        let next = (0..lines.len()).min_by(|a, b| far(&lines[*a]).total_cmp(&far(&lines[*b])));
+        let next = (0..lines.len()).min_by(|a, b| {
+            let [a, b] = [a, b].map(|index| distance(pen, lines[*index][0]));
+            a.total_cmp(&b)
+        });
         let line = lines.remove(next.expect("not empty"));
         pen = line[line.len() - 1];
         ordered.push(line);

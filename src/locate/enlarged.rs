@@ -73,10 +73,10 @@ impl Enlarged {
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, in_a_row(moved_m));
         let by_motion = slopes(&moved_m);
-        let entry = |row: usize, column: usize| (row, column, by_motion[(row, column)]);
         let rows = 3 * n..by_motion.nrows();
         let all = rows.flat_map(|row| (0..3 * n).map(move |column| (row, column)));
-        let transition: Vec<Entry> = all.map(|(row, column)| entry(row, column)).collect();
+        let transition: Vec<Entry> =
+            all.map(|entry| (entry.0, entry.1, by_motion[entry])).collect();
         let by_noise = slopes(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += lifted(&moved_m);
@@ -106,7 +106,7 @@ impl Enlarged {
     }
 
     /// Place of a drone, and its covariance.
-    pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+    pub fn estimate(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         let place_m = self.normal.three(3 * drone) + self.origin_m;
         (place_m, self.normal.block(3 * drone, 3 * drone))
     }
@@ -127,14 +127,18 @@ impl Enlarged {
         let whiten = DMatrix::from_diagonal(&roots)
             * eigen.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale);
-        let problem = |p: &DVector<f64>| (&whiten * slopes(p), &whiten * (mean - lifted(p)));
+
         let places = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = places.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
         let along = weakest.eigenvectors.column(k) * weakest.eigenvalues[k].max(0.0).sqrt();
         let starts = STARTS.map(|sigmas| mean.rows(0, m) + &along * sigmas).into_iter();
         let fits = starts.chain([self.mirrored(&along)]).map(|start| {
-            let (mut cost, mut places_m, slopes) = descend(problem, |diagonal| diagonal, start);
+            let (mut cost, mut places_m, slopes) = descend(
+                |p| (&whiten * slopes(p), &whiten * (mean - lifted(p))),
+                |diagonal| diagonal,
+                start,
+            );
             for i in 0..self.n {
                 let mut place_m = places_m.fixed_rows_mut::<3>(3 * i);
                 place_m += self.origin_m;
@@ -174,12 +178,13 @@ fn in_a_row(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
 
 /// Positions, squares and products of positions.
 fn lifted(p: &DVector<f64>) -> DVector<f64> {
-    let (n, at) = (p.len() / 3, |i: usize| p.fixed_rows::<3>(3 * i));
+    let n = p.len() / 3;
     let mut x = p.clone().resize_vertically(n_states(n), 0.0);
     for i in 0..n {
-        x[3 * n + i] = at(i).norm_squared();
+        let place_m = p.fixed_rows::<3>(3 * i);
+        x[3 * n + i] = place_m.norm_squared();
         for j in i + 1..n {
-            x[product(n, i, j)] = at(i).dot(&at(j));
+            x[product(n, i, j)] = place_m.dot(&p.fixed_rows::<3>(3 * j));
         }
     }
     x
@@ -256,8 +261,8 @@ pub fn locate_enlarged(
             }
         }
         located.push(time_s, |drone| match &handed_over {
-            None => linear.at(drone),
-            Some(positions) => positions.at(drone),
+            None => linear.estimate(drone),
+            Some(positions) => positions.estimate(drone),
         });
     }
     located.nis = innovations.nis();
@@ -293,21 +298,21 @@ mod tests {
             filter.correct(link, distance_m, 1e-4);
         }
         for drone in 0..2 {
-            let off_m = (filter.at(drone).0 - place(drone, 40.0)).norm();
+            let off_m = (filter.estimate(drone).0 - place(drone, 40.0)).norm();
             assert!(off_m < 1e-6, "drone {drone}: {off_m} m");
         }
     }
 
     /// How many of 60 starts, 5 m off over both drones, are within 25 cm after 20 s of writing: by
     /// the linear filter, handed over in a room, or by the extended Kalman filter alone.
-    fn found(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
+    fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();
         let run = |run: u64| {
             let mut random = Random(run + 1);
-            let off = [random.vector(), random.vector()];
-            let length = (off[0].norm_squared() + off[1].norm_squared()).sqrt();
-            let starts_m = [0, 1].map(|d| place(d, 0.0) + off[d] * (5.0 / length));
+            let shifts = [random.vector(), random.vector()];
+            let length = (shifts[0].norm_squared() + shifts[1].norm_squared()).sqrt();
+            let starts_m = [0, 1].map(|d| place(d, 0.0) + shifts[d] * (5.0 / length));
             let sigma_m = 5.0 / f64::sqrt(6.0);
             let mut first = Enlarged::new(&anchors_m, &starts_m, sigma_m);
             let mut second = (!linear).then(|| Positions::new(&anchors_m, &starts_m, sigma_m, 1e6));
@@ -336,7 +341,7 @@ mod tests {
             }
             let second = second.expect("handed over");
             let off_m2: f64 =
-                (0..2).map(|d| (second.at(d).0 - place(d, 20.0)).norm_squared()).sum();
+                (0..2).map(|d| (second.estimate(d).0 - place(d, 20.0)).norm_squared()).sum();
             off_m2.sqrt() < 0.25
         };
         (0..60).filter(|k| run(*k)).count()
@@ -347,12 +352,13 @@ mod tests {
         let room =
             Room { low_m: Vector3::new(-3.0, -2.6, -0.5), high_m: Vector3::new(3.0, 2.6, 3.0) };
         for (name, anchors_m) in GEOMETRIES {
-            let [linear, ekf] = [true, false].map(|linear| found(anchors_m, linear, Some(&room)));
+            let [linear, ekf] =
+                [true, false].map(|linear| converged(anchors_m, linear, Some(&room)));
             assert!(linear >= 59, "{name}: {linear} of 60");
             assert!(ekf < 55, "{name}: EKF {ekf} of 60");
         }
         // Without the room, the mirror image behind the wall is as good.
-        let blind = found(GEOMETRIES[1].1, true, None);
+        let blind = converged(GEOMETRIES[1].1, true, None);
         assert!(blind < 59, "{blind}");
     }
 
@@ -360,10 +366,10 @@ mod tests {
     fn five_links_and_the_motion_place_two_drones_without_a_start() {
         let (anchors_m, tracks, samples) = flight(0.06);
         let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
-        let found = locate_enlarged(&anchors_m, &tracks, &samples, &options).unwrap();
-        let off_m = off_m(&found, path());
+        let located = locate_enlarged(&anchors_m, &tracks, &samples, &options).unwrap();
+        let off_m = off_m(&located, path());
         assert!(off_m < 0.25, "{off_m} m");
-        assert!(found.nis.is_some_and(|nis| (0.5..1.3).contains(&nis)), "NIS {:?}", found.nis);
-        assert!(found.refused_frac < 0.01, "{}", found.refused_frac);
+        assert!(located.nis.is_some_and(|nis| (0.5..1.3).contains(&nis)), "NIS {:?}", located.nis);
+        assert!(located.refused_frac < 0.01, "{}", located.refused_frac);
     }
 }

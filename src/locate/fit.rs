@@ -15,7 +15,7 @@ pub(super) struct Observation {
     pub(super) distance_m: f64,
 }
 
-/// Slopes of the ranges over the places, and what the places leave of the ranges.
+/// Slopes of the ranges over the places, and the residuals of the ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
@@ -34,40 +34,40 @@ pub(super) fn residuals(
     (slopes, left)
 }
 
-/// The places that fit some ranges, and the sum of squares that they leave.
+/// The sum of squared residuals, and the places with the best fit.
 pub(super) fn fit(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
     places_m: DVector<f64>,
 ) -> (f64, DVector<f64>) {
-    let residuals = |places_m: &DVector<f64>| residuals(anchors_m, ranges, places_m);
-    let (cost, places_m, _) = descend(residuals, |_| 1.0, places_m);
+    let (cost, places_m, _) =
+        descend(|places_m| residuals(anchors_m, ranges, places_m), |_| 1.0, places_m);
     (cost, places_m)
 }
 
-/// Steps of Gauss and Newton from a start, given the slopes of a problem and what it leaves there:
-/// the sum of squares, the solution, and the slopes at it. `unit` is that of Levenberg's damping,
-/// for a diagonal element of the normal matrix.
+/// Gauss-Newton steps from a start. `problem` gives the slopes and the residuals at a state. Returns
+/// the sum of squares, the solution, and the slopes there. `unit` scales Levenberg's damping for a
+/// diagonal element of the normal matrix.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,
-    mut at: DVector<f64>,
+    mut solution: DVector<f64>,
 ) -> (f64, DVector<f64>, DMatrix<f64>) {
-    let (mut slopes, mut left) = problem(&at);
+    let (mut slopes, mut left) = problem(&solution);
     let mut damping = 1e-2;
     for _ in 0..FIT_STEPS {
         let mut normal = slopes.transpose() * &slopes;
-        (0..at.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
+        (0..solution.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
         let right = slopes.transpose() * &left;
         let Some(step) = normal.cholesky().map(|normal| normal.solve(&right)) else { break };
-        let next = &at + step;
+        let next = &solution + step;
         let (next_slopes, next_left) = problem(&next);
         if next_left.norm_squared() < left.norm_squared() {
-            (at, slopes, left) = (next, next_slopes, next_left);
+            (solution, slopes, left) = (next, next_slopes, next_left);
             damping = (damping * 0.2).max(1e-12);
         } else {
             damping *= 5.0;
         }
     }
-    (left.norm_squared(), at, slopes)
+    (left.norm_squared(), solution, slopes)
 }

@@ -54,7 +54,7 @@ impl Link {
         Self::Drones(one.min(other), one.max(other))
     }
 
-    /// The way along it to its first drone, with the drones at these places.
+    /// The vector along it to its first drone, with the drones at these places.
     pub fn away_m(
         self,
         anchors_m: &[Vector3<f64>],
@@ -97,6 +97,13 @@ pub struct RangeSample {
     pub link: Link,
     /// Measured distance.
     pub distance_m: f64,
+}
+
+impl RangeSample {
+    /// Whether its numbers can be a measurement.
+    fn is_measurement(&self) -> bool {
+        self.distance_m > 0.0 && self.distance_m < 1e4 && self.time_s.is_finite()
+    }
 }
 
 /// A box that holds all drones.
@@ -173,11 +180,10 @@ mod tests {
         let (anchors_m, place, mut random) =
             (GEOMETRIES[0].1.map(Vector3::from), path(), Random(3));
         let track = |drone: usize| {
-            let speed = |k: u32| {
+            Track::new((0..2000).map(|k: u32| {
                 let time_s = f64::from(k) * 0.01;
                 (time_s, (place(drone, time_s + 1e-4) - place(drone, time_s - 1e-4)) / 2e-4)
-            };
-            Track::new((0..2000).map(speed))
+            }))
         };
         let tracks = [track(0), track(1)];
         let sample = |k: u32| {
@@ -188,9 +194,10 @@ mod tests {
         (anchors_m, tracks, (0..4000).map(sample).collect())
     }
 
-    pub(super) fn off_m(found: &Located, place: impl Fn(usize, f64) -> Vector3<f64>) -> f64 {
-        let last = found.time_s.len() - 1;
-        let off = |d: usize| found.position_m[d][last] - place(d, found.time_s[last]);
-        off(0).norm().max(off(1).norm())
+    pub(super) fn off_m(located: &Located, place: impl Fn(usize, f64) -> Vector3<f64>) -> f64 {
+        let last = located.time_s.len() - 1;
+        let errors_m =
+            [0, 1].map(|d| (located.position_m[d][last] - place(d, located.time_s[last])).norm());
+        errors_m[0].max(errors_m[1])
     }
 }

@@ -21,19 +21,20 @@ pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
         }
     }
     first_logs.values_mut().for_each(|ranges| ranges.sort_by(|a, b| a.0.total_cmp(&b.0)));
-    let is_copy = |sample: &RangeSample| {
-        let Link::Drones(i, j) = sample.link else { return false };
-        let Some(ranges) = first_logs.get(&(j, i)) else { return false };
+    let mut kept = Vec::new();
+    for sample in samples {
+        let Link::Drones(i, j) = sample.link else {
+            kept.push(*sample);
+            continue;
+        };
+        let ranges = first_logs.get(&(j, i)).map_or(&[][..], Vec::as_slice);
         let from = ranges.partition_point(|(time_s, _)| *time_s < sample.time_s - SAME_S);
-        let near = ranges[from..].iter().take_while(|(t, _)| *t <= sample.time_s + SAME_S);
-        near.into_iter().any(|(_, distance_m)| (distance_m - sample.distance_m).abs() <= SAME_M)
-    };
-    let link = |link: Link| match link {
-        Link::Drones(i, j) => Link::between(i, j),
-        to_anchor @ Link::Anchor { .. } => to_anchor,
-    };
-    let kept = samples.iter().filter(|sample| !is_copy(sample));
-    kept.map(|sample| RangeSample { link: link(sample.link), ..*sample }).collect()
+        let mut near = ranges[from..].iter().take_while(|(t, _)| *t <= sample.time_s + SAME_S);
+        if !near.any(|(_, distance_m)| (distance_m - sample.distance_m).abs() <= SAME_M) {
+            kept.push(RangeSample { link: Link::between(i, j), ..*sample });
+        }
+    }
+    kept
 }
 
 /// Leaves out the ranges of a pair before the log of either drone begins with a range to an anchor:
@@ -46,13 +47,10 @@ pub(super) fn since_both_are_logged(samples: &mut Vec<RangeSample>) {
             *begin_s = begin_s.min(sample.time_s);
         }
     }
-    let begun =
-        |drone: usize, time_s| begins_s.get(&drone).is_none_or(|begin_s| time_s >= *begin_s);
-    let is_kept = |sample: &RangeSample| match sample.link {
-        Link::Drones(i, j) => begun(i, sample.time_s) && begun(j, sample.time_s),
-        Link::Anchor { .. } => true,
-    };
-    samples.retain(is_kept);
+    samples.retain(|sample| {
+        let mut begins_s = sample.link.drones().filter_map(|drone| begins_s.get(&drone));
+        begins_s.all(|begin_s| sample.time_s >= *begin_s)
+    });
 }
 
 #[cfg(test)]

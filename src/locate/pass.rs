@@ -20,7 +20,7 @@ pub(super) const STEP_S: f64 = 0.01;
 /// A drone whose first range comes this much later than the first of all stands until then.
 pub(super) const LATE_S: f64 = 0.25;
 
-/// What the passes know of a log.
+/// What all passes over a log share.
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
@@ -28,7 +28,7 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// What the filter found of its ranges.
+/// Statistics of the filter's innovations.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     /// Sum of the normalized innovations squared of the ranges that were taken, and their number.
@@ -90,8 +90,10 @@ impl<'a> Model<'a> {
         options: &'a LocateOptions,
     ) -> Self {
         let first_s = heard_s.iter().map(|heard| heard[0]).fold(f64::INFINITY, f64::min);
-        let until = |heard: &[f64; 2]| if heard[0] > first_s + LATE_S { heard[0] } else { first_s };
-        Self { anchors_m, options, stands_until_s: heard_s.iter().map(until).collect() }
+        let until_s = heard_s.iter().map(|heard| heard[0]);
+        let until_s =
+            until_s.map(|from_s| if from_s > first_s + LATE_S { from_s } else { first_s });
+        Self { anchors_m, options, stands_until_s: until_s.collect() }
     }
 
     pub(super) fn n_drones(&self) -> usize {
@@ -122,9 +124,9 @@ impl<'a> Model<'a> {
         }
         let predicted = normal.clone();
         for sample in step {
-            let at = here.unwrap_or(normal.mean.as_slice());
-            let (slope, expected_m) = slope(sample.link, self.anchors_m, at, STATES);
-            let value = sample.distance_m - expected_m + along(&slope, at);
+            let states = here.unwrap_or(normal.mean.as_slice());
+            let (slope, expected_m) = slope(sample.link, self.anchors_m, states, STATES);
+            let value = sample.distance_m - expected_m + along(&slope, states);
             let measurement = Measurement { slope: &slope, value, variance };
             let taken = gate.correct(normal, sample.link, &measurement);
             innovations.note(sample.link, taken.map(|innovation| innovation.nis()));

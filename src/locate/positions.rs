@@ -33,7 +33,7 @@ impl Positions {
     }
 
     /// Place of a drone, and its covariance.
-    pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+    pub fn estimate(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
     }
 
@@ -49,25 +49,26 @@ impl Positions {
     /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that
     /// is refused five times in a row is believed again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
-        let at = self.normal.mean.as_slice();
-        let (slope, expected_m) = slope(link, &self.anchors_m, at, 3);
-        let value = distance_m - expected_m + along(&slope, at);
+        let states = self.normal.mean.as_slice();
+        let (slope, expected_m) = slope(link, &self.anchors_m, states, 3);
+        let value = distance_m - expected_m + along(&slope, states);
         let measurement = Measurement { slope: &slope, value, variance: sigma_m * sigma_m };
         let innovation = self.gate.correct(&mut self.normal, link, &measurement);
         innovation.map(|innovation| innovation.nis())
     }
 }
 
-/// Slope of a range over states of which the first three of every `stride` are a drone's place, and
-/// the range itself.
+/// Slope of a range over the states, and the range itself. A drone's place is the first three of
+/// every `stride` states.
 pub(super) fn slope(
     link: Link,
     anchors_m: &[Vector3<f64>],
     states: &[f64],
     stride: usize,
 ) -> (Vec<Part>, f64) {
-    let at = |drone: usize| Vector3::from_column_slice(&states[stride * drone..][..3]);
-    let (direction, length_m) = toward(&link.away_m(anchors_m, at));
+    let away_m =
+        link.away_m(anchors_m, |drone| Vector3::from_column_slice(&states[stride * drone..][..3]));
+    let (direction, length_m) = toward(&away_m);
     let ends = link.drones().zip([direction, -direction]);
     (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }

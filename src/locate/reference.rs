@@ -23,10 +23,10 @@ pub struct Reference<'a> {
 impl Reference<'_> {
     /// The position between the two nearest samples; `None` beyond the ends and in gaps.
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
-        let (samples, at_s) = (&self.flight.samples, time_s - self.offset_s);
-        let after = samples.partition_point(|s| s.time_s < at_s);
+        let (samples, own_s) = (&self.flight.samples, time_s - self.offset_s);
+        let after = samples.partition_point(|s| s.time_s < own_s);
         let (a, b) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
-        let share = (at_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
+        let share = (own_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
         (b.time_s - a.time_s <= LONGEST_GAP_S)
             .then(|| a.position_m + (b.position_m - a.position_m) * share)
     }
@@ -98,22 +98,25 @@ pub fn link_errors(
     anchors_m: &[Vector3<f64>],
     references: &[Reference<'_>],
 ) -> Vec<LinkError> {
-    let true_m = |sample: &RangeSample| -> Option<f64> {
-        let place_m = |drone: usize| references.get(drone)?.position_m(sample.time_s);
-        Some(match sample.link {
-            Link::Anchor { drone, anchor } => (place_m(drone)? - anchors_m.get(anchor)?).norm(),
-            Link::Drones(i, j) => (place_m(i)? - place_m(j)?).norm(),
-        })
-    };
-    let off = |sample: &RangeSample| Some((*sample, sample.distance_m - true_m(sample)?));
-    let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = samples.iter().filter_map(off).unzip();
-    let row = |(link, (median_m, scatter_m, ranges)): (Link, (f64, f64, usize))| LinkError {
+    let errors = samples.iter().filter_map(|sample| {
+        let mut ends_m =
+            sample.link.drones().map(|drone| references.get(drone)?.position_m(sample.time_s));
+        let first_m = ends_m.next()??;
+        let second_m = match sample.link {
+            Link::Anchor { anchor, .. } => *anchors_m.get(anchor)?,
+            Link::Drones(..) => ends_m.next()??,
+        };
+        Some((*sample, sample.distance_m - (first_m - second_m).norm()))
+    });
+    let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = errors.unzip();
+    let links = spread_by_link(&compared, &errors_m).into_iter();
+    let rows = links.map(|(link, (median_m, scatter_m, ranges))| LinkError {
         link: link.to_string(),
         median_m,
         scatter_m,
         ranges,
-    };
-    spread_by_link(&compared, &errors_m).into_iter().map(row).collect()
+    });
+    rows.collect()
 }
 
 #[cfg(test)]

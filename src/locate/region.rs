@@ -1,8 +1,8 @@
 //! The local region of the authors' observer, and what its measurements see of a flight.
 //!
-//! Two questions before a flight: which share of a start error does the observer leave, and how
-//! well do the ranges fix the places at the start, if the motion is known exactly? Noise is left
-//! out of the first and motion noise out of the second.
+//! Two questions before a flight: which share of a start error remains with the observer, and how
+//! well do the ranges fix the places at the start if the motion is known exactly? The first answer
+//! is without noise, the second without motion noise.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -29,7 +29,7 @@ const DIVERGED: f64 = 3.0;
 /// Eigenvalue of the information, relative to the largest, below which a direction is unseen.
 const UNSEEN: f64 = 1e-9;
 
-/// What an observer leaves of start errors of one size.
+/// How much of start errors of one size remains with an observer.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ShareLeft {
     /// Length of the error over both drones at the start.
@@ -73,20 +73,18 @@ pub fn share_left(
     let mut state = 0x5eed;
     let mut shares = Vec::new();
     for _ in 0..n {
-        let mut number = || {
-            state = split_mix(state);
-            let number = (state >> 11) as f64 / 9_007_199_254_740_992.0;
-            2.0 * number - 1.0
-        };
-        // A direction from inside the unit ball of six coordinates, which has none preferred.
+        // A direction from inside the unit ball of six coordinates is uniform.
         let direction = loop {
-            let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| number());
+            let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| {
+                state = split_mix(state);
+                2.0 * ((state >> 11) as f64 / 9_007_199_254_740_992.0) - 1.0
+            });
             if (1e-3..=1.0).contains(&drawn.norm()) {
                 break drawn.normalize();
             }
         };
-        let off = [0, 3].map(|k| direction.fixed_rows::<3>(k) * error_m);
-        shares.push(run(observer, &path, duration_s, off) / error_m);
+        let errors_m = [0, 3].map(|k| direction.fixed_rows::<3>(k) * error_m);
+        shares.push(run(observer, &path, duration_s, errors_m) / error_m);
     }
     shares.sort_by(f64::total_cmp);
     let diverged = shares.iter().filter(|share| **share > DIVERGED || share.is_nan()).count();
@@ -99,15 +97,15 @@ pub fn share_left(
     }
 }
 
-/// Error at the end of a path, m.
+/// Error at the end of a path with these errors at its start, m.
 fn run(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
     duration_s: f64,
-    off: [Vector3<f64>; 2],
+    start_errors_m: [Vector3<f64>; 2],
 ) -> f64 {
     let mut truth = path(0.0);
-    let mut believed = [0, 1].map(|i| truth[i] + off[i]);
+    let mut believed = [0, 1].map(|i| truth[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
     for tick in 1..=ticks {
@@ -122,8 +120,8 @@ fn run(
     (0..2).map(|i| (believed[i] - truth[i]).norm_squared()).sum::<f64>().sqrt()
 }
 
-/// What measurements up to a time tell of the places at the start, with `rate_hz` ranges a second
-/// of noise `sigma_m`, taken in turn.
+/// How well measurements up to a time fix the places at the start, with `rate_hz` ranges a second,
+/// taken in turn, with the noise `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -143,13 +141,13 @@ pub fn observability(
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let is_seen = |k: usize| eigen.eigenvalues[k] > UNSEEN * largest;
+    let sigmas_m = order.map(|k| match eigen.eigenvalues[k] > UNSEEN * largest {
+        true => 1.0 / eigen.eigenvalues[k].sqrt(),
+        false => f64::INFINITY,
+    });
     Observability {
-        rank: order.iter().filter(|k| is_seen(**k)).count(),
-        sigmas_m: order.map(|k| match is_seen(k) {
-            true => 1.0 / eigen.eigenvalues[k].sqrt(),
-            false => f64::INFINITY,
-        }),
+        rank: sigmas_m.iter().filter(|sigma_m| sigma_m.is_finite()).count(),
+        sigmas_m,
         worst: std::array::from_fn(|i| eigen.eigenvectors[(i, order[5])]),
     }
 }

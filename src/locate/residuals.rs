@@ -1,4 +1,4 @@
-//! What located positions leave of the ranges, link by link, and what this says of the links.
+//! Residuals of the ranges after positioning, by link, and the links that they make suspect.
 
 use std::collections::BTreeMap;
 
@@ -23,12 +23,12 @@ const MOST_REFUSED_FRAC: f64 = 0.05;
 /// 15 %; with few ranges chance adds to it.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 
-/// What located positions leave of the ranges of a link.
+/// Residuals of a link: measured minus located distances.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkResidual {
     /// Its name.
     pub link: String,
-    /// Ranges of the link, and how many of them were refused.
+    /// Ranges of the link.
     pub ranges: usize,
     /// Ranges of the link that were refused.
     pub refused: usize,
@@ -52,12 +52,13 @@ fn residuals_m(
     samples: &[RangeSample],
     position_m: &[Vec<Vector3<f64>>],
 ) -> Vec<f64> {
-    let steps = together(samples).enumerate();
-    let residual = |k: usize, sample: &RangeSample| {
-        let distance_m = sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm();
-        sample.distance_m - distance_m
-    };
-    steps.flat_map(|(k, step)| step.iter().map(move |sample| residual(k, sample))).collect()
+    let mut residuals_m = Vec::new();
+    for (k, step) in together(samples).enumerate() {
+        residuals_m.extend(step.iter().map(|sample| {
+            sample.distance_m - sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm()
+        }));
+    }
+    residuals_m
 }
 
 /// Median and scatter of the residuals of each link.
@@ -69,36 +70,36 @@ pub(super) fn spread_by_link(
     for (sample, residual_m) in samples.iter().zip(residuals_m) {
         by_link.entry(sample.link).or_default().push(*residual_m);
     }
-    let spread = |(link, residuals_m): (Link, Vec<f64>)| {
+    let spreads = by_link.into_iter().filter_map(|(link, residuals_m)| {
         let median_m = median(residuals_m.iter().copied())?;
         let away = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
         Some((link, (median_m, SIGMA_PER_MAD * median(away)?, residuals_m.len())))
-    };
-    by_link.into_iter().filter_map(spread).collect()
+    });
+    spreads.collect()
 }
 
-/// The residuals of every link, where `refused` were refused and a range has `sigma_m`.
+/// The residuals of every link, with its refused ranges and the standard deviation of a range.
 fn link_residuals(
     samples: &[RangeSample],
     residuals_m: &[f64],
     refused: &BTreeMap<Link, usize>,
     sigma_m: f64,
 ) -> Vec<LinkResidual> {
-    let row = |(link, (median_m, scatter_m, ranges)): (Link, (f64, f64, usize))| {
+    let links = spread_by_link(samples, residuals_m).into_iter();
+    let rows = links.map(|(link, (median_m, scatter_m, ranges))| {
         let refused = refused.get(&link).copied().unwrap_or(0);
         let (n, n_refused) = (ranges as f64, refused as f64);
         let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
-        let is_off = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
-        let is_refused = refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
-        let suspect = is_off || is_refused;
+        let is_biased = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
+        let suspect = is_biased || refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
         LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
-    };
-    spread_by_link(samples, residuals_m).into_iter().map(row).collect()
+    });
+    rows.collect()
 }
 
 impl Located {
-    /// Notes what the located positions leave of the ranges, where `refused` were refused and a
-    /// range has `sigma_m`.
+    /// Computes the residuals of all links. `refused` are the ranges that the gate refused, and
+    /// `sigma_m` is the standard deviation of a range.
     pub(super) fn note_residuals(
         &mut self,
         anchors_m: &[Vector3<f64>],
@@ -115,7 +116,7 @@ impl Located {
     /// What the ranges contradict, in words.
     pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<String> {
         let suspects = self.links.iter().filter(|link| link.suspect);
-        let of_link = |link: &LinkResidual| {
+        suspects.map(|link| {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(
@@ -124,8 +125,7 @@ impl Located {
                  anchor is not where the file says, or clocks do not agree",
                 link.link
             )
-        };
-        suspects.map(of_link).chain(nis_warning(self.nis, self.ranges, sigma_m)).collect()
+        }).chain(nis_warning(self.nis, self.ranges, sigma_m)).collect()
     }
 }
 

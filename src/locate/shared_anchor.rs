@@ -57,8 +57,9 @@ pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
         return None;
     }
     let shared = *one.iter().find(|anchor| two.contains(anchor))?;
-    let own = |list: &[usize]| list.iter().copied().find(|anchor| *anchor != shared);
-    Some([own(one)?, own(two)?, shared]).filter(|[a, b, _]| a != b)
+    let [own1, own2] =
+        [one, two].map(|heard| heard.iter().copied().find(|anchor| *anchor != shared));
+    Some([own1?, own2?, shared]).filter(|[a, b, _]| a != b)
 }
 
 impl SharedAnchorObserver {
@@ -73,14 +74,12 @@ impl SharedAnchorObserver {
 
     /// The outputs `y_11`, `y_12` and `y_2`.
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
-        let square = |x: f64| x * x;
+        let [own_m2, common_m2] = [ranges.own_m, ranges.shared_m].map(|pair| pair.map(|d| d * d));
+        let between_m2 = ranges.between_m * ranges.between_m;
         let shared_sq = self.shared_m.norm_squared();
-        let [one, two] = [0, 1].map(|i| {
-            square(ranges.own_m[i]) - square(ranges.shared_m[i]) + shared_sq
-                - self.own_m[i].norm_squared()
-        });
-        let [d13, d23] = ranges.shared_m;
-        [one, two, square(d13) + square(d23) - square(ranges.between_m) - 2.0 * shared_sq]
+        let [one, two] =
+            [0, 1].map(|i| own_m2[i] - common_m2[i] + shared_sq - self.own_m[i].norm_squared());
+        [one, two, common_m2[0] + common_m2[1] - between_m2 - 2.0 * shared_sq]
     }
 
     /// Rates of the estimates, less the velocities of the drones.
@@ -124,13 +123,13 @@ pub fn locate_shared(
     let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
     let Some([own1, own2, shared]) = shared_anchor(&heard).filter(|_| between) else {
         let wanted = "two anchors a drone, one of them the same, and the range between the drones";
-        let found = format!("anchors {:?} and {:?}", heard[0], heard[1]);
-        return Err(Error::input("ranges", found, wanted, "take --observer smooth or enlarged"));
+        let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
+        return Err(Error::input("ranges", anchors, wanted, "take --observer smooth or enlarged"));
     };
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
     let mut held = [None; 5];
-    let mut at_m = starts_m;
+    let mut places_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
     let mut located = Located::empty(2);
     for step in together(&samples) {
@@ -147,15 +146,15 @@ pub fn locate_shared(
         let corrections = match held {
             [Some(a), Some(b), Some(c), Some(d), Some(between_m)] => {
                 let ranges = FiveRanges { own_m: [a, b], shared_m: [c, d], between_m };
-                observer.corrections(&at_m, &observer.outputs(&ranges))
+                observer.corrections(&places_m, &observer.outputs(&ranges))
             }
             _ => [Vector3::zeros(); 2],
         };
         for drone in 0..2 {
-            at_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
+            places_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
         }
         before_s = time_s;
-        located.push(time_s, |drone| (at_m[drone], Matrix3::zeros()));
+        located.push(time_s, |drone| (places_m[drone], Matrix3::zeros()));
     }
     located.covariance_m2.clear();
     located.heard_s = heard_s(2, &samples);
@@ -177,16 +176,16 @@ mod tests {
             let (own_m, shared_m) = ([place(), place()], place());
             let observer = SharedAnchorObserver { own_m, shared_m, gains: [0.3, 0.7] };
             let p = [place(), place()];
-            let found = observer.outputs(&observer.ranges(&p));
+            let outputs = observer.outputs(&observer.ranges(&p));
             let want = [
                 2.0 * (shared_m - own_m[0]).dot(&p[0]),
                 2.0 * (shared_m - own_m[1]).dot(&p[1]),
                 2.0 * p[0].dot(&p[1]) - 2.0 * shared_m.dot(&(p[0] + p[1])),
             ];
-            for (found, want) in found.iter().zip(want) {
-                assert!((found - want).abs() < 1e-12 * (1.0 + want.abs()), "{found} {want}");
+            for (outputs, want) in outputs.iter().zip(want) {
+                assert!((outputs - want).abs() < 1e-12 * (1.0 + want.abs()), "{outputs} {want}");
             }
-            let rates = observer.corrections(&p, &found);
+            let rates = observer.corrections(&p, &outputs);
             assert!(rates[0].norm() + rates[1].norm() < 1e-11, "the truth is at rest");
         }
     }
@@ -227,8 +226,8 @@ mod tests {
                 0.5 * square(0) + 0.5 * weight * square(1)
             };
             let want = (function(1e-5) - function(-1e-5)) / 2e-5;
-            let found = lyapunov_rate(&observer, &p, &e, weight);
-            assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
+            let rate = lyapunov_rate(&observer, &p, &e, weight);
+            assert!((rate - want).abs() < 1e-6 * (1.0 + want.abs()), "{rate} {want}");
         }
     }
 
@@ -237,11 +236,11 @@ mod tests {
         let (anchors_m, tracks, samples) = flight(0.0);
         let place = path();
         let starts_m = [place(0, 0.0), place(1, 0.0)];
-        let found = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
+        let located = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
         // Ranges are held for up to 25 ms.
-        let off_m = off_m(&found, place);
+        let off_m = off_m(&located, place);
         assert!(off_m < 0.06, "{off_m} m");
-        assert!(found.covariance_m2.is_empty());
+        assert!(located.covariance_m2.is_empty());
         let no_range: Vec<_> =
             samples.into_iter().filter(|s| s.link != Link::Drones(0, 1)).collect();
         let error = locate_shared(&anchors_m, &tracks, starts_m, &no_range).unwrap_err();

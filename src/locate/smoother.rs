@@ -136,10 +136,9 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     if work <= MOST_WORK {
         return Ok(());
     }
-    let (n, [found, most]) = (samples.len(), [work, MOST_WORK].map(|work| work / 1e6));
-    let found =
-        format!("{n} of {n_drones} drones, {found:.0} million multiplications for each pass");
-    Err(Error::input("ranges", found, format!("at most {most:.0} million"), FEWER))
+    let (n, [work, most]) = (samples.len(), [work, MOST_WORK].map(|work| work / 1e6));
+    let work = format!("{n} of {n_drones} drones, {work:.0} million multiplications for each pass");
+    Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
 }
 
 /// The first and the last range of each drone; without one, nothing.
@@ -165,10 +164,14 @@ impl Located {
     }
 
     /// Appends the position of each drone with its covariance.
-    pub(super) fn push(&mut self, time_s: f64, at: impl Fn(usize) -> (Vector3<f64>, Matrix3<f64>)) {
+    pub(super) fn push(
+        &mut self,
+        time_s: f64,
+        estimate: impl Fn(usize) -> (Vector3<f64>, Matrix3<f64>),
+    ) {
         self.time_s.push(time_s);
         for drone in 0..self.position_m.len() {
-            let (position_m, covariance_m2) = at(drone);
+            let (position_m, covariance_m2) = estimate(drone);
             self.position_m[drone].push(position_m);
             self.covariance_m2[drone].push(covariance_m2);
         }
@@ -189,15 +192,12 @@ pub(super) fn checked(
     n_drones: usize,
     samples: &[RangeSample],
 ) -> Result<Vec<RangeSample>> {
-    let measured = |sample: &RangeSample| {
-        sample.distance_m > 0.0 && sample.distance_m < 1e4 && sample.time_s.is_finite()
-    };
-    let n_broken = samples.iter().filter(|sample| !measured(sample)).count();
     for sample in samples {
         let RangeSample { time_s, link, distance_m } = sample;
         let place = format!("range at {time_s:.3} s, {link}");
-        if !measured(sample) {
+        if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
+            let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
             let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
@@ -242,22 +242,22 @@ mod tests {
     /// Ranges of `end_s` at 100 a second over the links in turn.
     fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
         let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
-        let sample = |k: u32| {
+        let samples = (0..end_s * 100).map(|k: u32| {
             let (time_s, link) = (f64::from(k) * 0.01, links[k as usize % links.len()]);
             let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
-        };
-        (0..end_s * 100).map(sample).collect()
+        });
+        samples.collect()
     }
 
     fn to_anchors(drone: usize, anchors: impl IntoIterator<Item = usize>) -> Vec<Link> {
         anchors.into_iter().map(|anchor| Link::Anchor { drone, anchor }).collect()
     }
 
-    fn rmse_m(found: &Located) -> f64 {
+    fn rmse_m(located: &Located) -> f64 {
         let (mut square, mut n) = (0.0, 0.0);
-        for (drone, places) in found.position_m.iter().enumerate() {
-            for (time_s, found_m) in found.time_s.iter().zip(places).filter(|(t, _)| **t > 1.0) {
+        for (drone, places) in located.position_m.iter().enumerate() {
+            for (time_s, found_m) in located.time_s.iter().zip(places).filter(|(t, _)| **t > 1.0) {
                 square += (found_m - place(drone, *time_s)).norm_squared();
                 n += 1.0;
             }
@@ -290,8 +290,8 @@ mod tests {
         links.extend(to_anchors(1, 0..3));
         links.push(Link::Drones(0, 1));
         let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
-        let found = locate(&anchors_m(3), 2, &log(&links, 3, 0.06, 40), &options).unwrap();
-        assert!(rmse_m(&found) < 0.12, "{} m", rmse_m(&found));
+        let located = locate(&anchors_m(3), 2, &log(&links, 3, 0.06, 40), &options).unwrap();
+        assert!(rmse_m(&located) < 0.12, "{} m", rmse_m(&located));
     }
 
     #[test]
@@ -299,9 +299,9 @@ mod tests {
         let mut samples = log(&to_anchors(0, 0..6), 6, 0.03, 30);
         samples.iter_mut().step_by(37).for_each(|s| s.distance_m += 2.0);
         let options = LocateOptions { range_sigma_m: 0.03, ..Default::default() };
-        let found = locate(&anchors_m(6), 1, &samples, &options).unwrap();
-        assert!(rmse_m(&found) < 0.06, "{} m", rmse_m(&found));
-        assert!((0.02..0.05).contains(&found.refused_frac), "{}", found.refused_frac);
+        let located = locate(&anchors_m(6), 1, &samples, &options).unwrap();
+        assert!(rmse_m(&located) < 0.06, "{} m", rmse_m(&located));
+        assert!((0.02..0.05).contains(&located.refused_frac), "{}", located.refused_frac);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Passes over a log of ranges, forward and backward, until the positions rest.
 //!
-//! Forward and backward need the covariances of every step, whose number grows with the square of
-//! the states. Only those of a window are kept: of the windows before it a pass keeps the filter at
-//! their begin, and makes their steps again when it comes back to them. Of all steps the means are
-//! kept, and the covariances of the positions alone.
+//! A pass forward and backward needs the covariances of every step, and their size grows with the
+//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps the
+//! filter at their start and recomputes their steps on the way back. The means of all steps and the
+//! covariances of the positions are kept.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -43,8 +43,8 @@ impl Path {
             *place = *mean;
         }
         for drone in 0..n_drones {
-            let at = STATES * drone;
-            self.covariances_m2[step * n_drones + drone] = normal.block(at, at);
+            let first = STATES * drone;
+            self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
         }
         moved_m
     }
@@ -60,18 +60,20 @@ pub(super) struct Solved {
 impl Solved {
     /// Positions: for each drone one at each time.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
-        let place = |drone: usize, step: usize| {
-            Vector3::from_column_slice(&self.path.states(step)[STATES * drone..][..3])
-        };
-        let steps = 0..self.time_s.len();
-        let places = |drone| steps.clone().map(|step| place(drone, step)).collect();
-        (0..n_drones).map(places).collect()
+        let mut positions_m = vec![Vec::new(); n_drones];
+        for step in 0..self.time_s.len() {
+            for (states, positions_m) in self.path.states(step).chunks(STATES).zip(&mut positions_m)
+            {
+                positions_m.push(Vector3::from_column_slice(&states[..3]));
+            }
+        }
+        positions_m
     }
 
     /// Covariances of the positions.
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let of = |drone| self.path.covariances_m2.iter().skip(drone).step_by(n_drones);
-        (0..n_drones).map(|drone| of(drone).copied().collect()).collect()
+        let all = self.path.covariances_m2.iter().copied();
+        (0..n_drones).map(|drone| all.clone().skip(drone).step_by(n_drones).collect()).collect()
     }
 }
 
@@ -155,15 +157,15 @@ impl Passes<'_, '_> {
     fn again(&self, index: usize, begin: &Filter, about: Option<&Path>) -> Vec<Step> {
         let (mut filter, mut unused) = (begin.clone(), Innovations::default());
         let ranges = together(&self.samples[begin.ranges..]).take(self.window).enumerate();
-        let step = |(k, ranges)| {
+        let steps = ranges.map(|(k, ranges)| {
             let here = about.map(|about| about.states(index * self.window + k));
             self.model.advance(&mut filter, ranges, here, &mut unused)
-        };
-        ranges.map(step).collect()
+        });
+        steps.collect()
     }
 
-    /// A pass backward over what a pass forward kept; the states of all steps replace those of the
-    /// path, about which that pass was linearized or not. By how much they moved.
+    /// A pass backward over the steps of a pass forward, which was linearized about the path or not.
+    /// The smoothed states replace those of the path. Returns by how much the states moved.
     fn backward(
         &self,
         begins: &[Filter],
@@ -174,8 +176,9 @@ impl Passes<'_, '_> {
         let (mut last, mut moved_m) = (Some(last), 0.0_f64);
         let mut after: Option<(Step, Normal)> = None;
         for (index, begin) in begins.iter().enumerate().rev() {
-            let again = || self.again(index, begin, linearized.then_some(&*path));
-            let steps = last.take().unwrap_or_else(again);
+            let steps = last
+                .take()
+                .unwrap_or_else(|| self.again(index, begin, linearized.then_some(&*path)));
             for (k, step) in steps.into_iter().enumerate().rev() {
                 let smooth = match &after {
                     None => step.updated.clone(),
@@ -214,15 +217,15 @@ mod tests {
         let model = Model::new(&anchors_m, &heard_s, &options);
         let mut start = Normal::independent(&[0.3; 12]);
         start.mean.iter_mut().enumerate().for_each(|(k, x)| *x = [0.4, 0.0, 1.0][k % 3]);
-        let of = |window| {
+        let solved_with = |window| {
             let passes = Passes { model: &model, samples: &samples, start: &start, window };
             let solved = passes.solve(true).unwrap();
             (solved.path.means, solved.path.covariances_m2, solved.innovations.sum)
         };
-        let whole = of(usize::MAX);
+        let whole = solved_with(usize::MAX);
         assert!(whole.0.iter().all(|x| x.is_finite()));
         for window in [1, 7, 100, 449] {
-            assert!(of(window) == whole, "{window}");
+            assert!(solved_with(window) == whole, "{window}");
         }
     }
 }

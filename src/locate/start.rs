@@ -34,7 +34,7 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // Ranges between drones that begin at different times belong to no one place of both.
+    // A range between drones that begin at different times does not tell where both began.
     let mut means = means(heard_s, samples);
     let at_once: Vec<Observation> =
         means.iter().copied().filter(|m| begin_together(heard_s, m)).collect();
@@ -69,12 +69,12 @@ pub(super) fn start(
     let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
-    let at = |i: usize| STATES * (i / 3) + i % 3;
-    for i in 0..n {
-        state[at(i)] = p[i];
-        covariance[(at(i) + 3, at(i) + 3)] = START_SPEED_M_S * START_SPEED_M_S;
-        for j in 0..n {
-            covariance[(at(i), at(j))] = places[(i, j)];
+    let rows: Vec<usize> = (0..n).map(|i| STATES * (i / 3) + i % 3).collect();
+    for (i, row) in rows.iter().enumerate() {
+        state[*row] = p[i];
+        covariance[(row + 3, row + 3)] = START_SPEED_M_S * START_SPEED_M_S;
+        for (j, column) in rows.iter().enumerate() {
+            covariance[(*row, *column)] = places[(i, j)];
         }
     }
     Ok(Normal::new(state, covariance))
@@ -96,8 +96,8 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
             (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);
         }
     }
-    let mean = |(link, (sum_m, count))| Observation { link, distance_m: sum_m / count };
-    sums.into_iter().map(mean).collect()
+    let sums = sums.into_iter();
+    sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
 /// The best of the fits from places around the anchors.

@@ -87,17 +87,13 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
 
 /// Refuses the forms of pandas' `to_json` that are not read.
 fn refuse_pandas(top: &BTreeMap<String, Node>, file: &str) -> Result<()> {
-    let has = |names: [&str; 2]| names.iter().all(|name| top.contains_key(*name));
-    if !top.contains_key("data") || !(has(["columns", "index"]) || has(["schema", "data"])) {
+    let is_split = top.contains_key("columns") && top.contains_key("index");
+    if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
         return Ok(());
     }
-    let (found, wanted) = ("DataFrame.to_json with orient split or table", "records or columns");
-    Err(Error::input(
-        file,
-        found,
-        wanted,
-        "write it with to_json(\"log.json\", orient=\"records\")",
-    ))
+    let form = "DataFrame.to_json with orient split or table";
+    let hint = "write it with to_json(\"log.json\", orient=\"records\")";
+    Err(Error::input(file, form, "records or columns", hint))
 }
 
 /// Makes lists of the columns of pandas' default `to_json`, objects by index. Indices that do not
@@ -128,8 +124,9 @@ fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Resu
 /// events have steps of any length.
 fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
-        let of_clock = |block: &&mut Block| block.clock == clock;
-        let steps = log.blocks.iter_mut().filter(of_clock).filter_map(|block| {
+        let blocks = log.blocks.iter_mut().filter(|block| block.clock == clock);
+        let mut blocks: Vec<&mut Block> = blocks.collect();
+        let steps = blocks.iter().filter_map(|block| {
             let steps = block.time_s.windows(2).map(|pair| pair[1] - pair[0]);
             median(steps.filter(|step| *step > 0.0))
         });
@@ -141,11 +138,9 @@ fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
                  seconds"
             ));
         }
-        // By the number that a unit is of a second, so that 10 ms are 0.01 s to the last bit.
+        // Division by the units per second makes 10 ms 0.01 s to the last bit.
         let per_s = (1.0 / unit_s).round();
-        for time_s in log.blocks.iter_mut().filter(of_clock).flat_map(|block| &mut block.time_s) {
-            *time_s /= per_s;
-        }
+        blocks.iter_mut().flat_map(|block| &mut block.time_s).for_each(|time_s| *time_s /= per_s);
     }
 }
 
@@ -288,12 +283,10 @@ impl Reader<'_> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
         self.cut_to_shorter(name, &mut time_s, &mut values);
-        let same = |block: &mut Block| block.clock == Clock::Drone && block.time_s == time_s;
-        let mut block = self.log.blocks.pop_if(same).unwrap_or_else(|| Block {
-            name: name.to_owned(),
-            time_s: time_s.clone(),
-            ..Block::default()
-        });
+        let blocks = &mut self.log.blocks;
+        let same = blocks.pop_if(|block| block.clock == Clock::Drone && block.time_s == time_s);
+        let mut block =
+            same.unwrap_or_else(|| Block { name: name.to_owned(), time_s, ..Block::default() });
         block.columns.push(Column::new(name.to_owned(), values));
         self.add(block)
     }
@@ -337,7 +330,7 @@ impl Reader<'_> {
     /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
     /// without a time are left out, and cells that a row lacks are missing values.
     fn rows(&mut self, name: &str, list: &List) -> Result<bool> {
-        // What a name means costs more than to compare it.
+        // To look up a name costs more than to compare it.
         self.budget.steps(10_000 * list.cells.len())?;
         let Some(time) = time_of(list.cells.keys()) else { return Ok(false) };
         let rows = &list.cells[time];
@@ -354,11 +347,11 @@ impl Reader<'_> {
             }
             columns.push((key.as_str(), values));
         }
-        let texts = || list.texts.iter().filter(|(_, texts)| texts.len() > 1);
-        if let ([(value, _)], Some((names, _))) = (&columns[..], texts().next()) {
+        let mut texts = list.texts.iter().filter(|(_, texts)| texts.len() > 1).peekable();
+        if let ([(value, _)], Some((names, _))) = (&columns[..], texts.peek()) {
             return Err(rows::in_long_form([time, names, value]).at(&self.log.file, None));
         }
-        for (title, texts) in texts() {
+        for (title, texts) in texts {
             rows::check_owners(title, texts, &self.log.file)?;
         }
         for (title, texts) in &list.texts {
@@ -413,10 +406,10 @@ impl Reader<'_> {
     }
 
     fn numbers(&self, name: &str, value: Option<Node>) -> Result<Vec<f64>> {
-        let refused = |key, found| Error::input(key, found, "a list of numbers", HINT);
+        let refused = |key, item| Error::input(key, item, "a list of numbers", HINT);
         let error = match value {
-            Some(Node::List(List { odd: Some((index, found)), .. })) => {
-                refused("", found).of_item(name, index)
+            Some(Node::List(List { odd: Some((index, item)), .. })) => {
+                refused("", item).of_item(name, index)
             }
             Some(Node::List(list)) => return Ok(list.numbers),
             other => refused(name, other.map_or_else(String::new, |node| node.text())),
@@ -425,15 +418,15 @@ impl Reader<'_> {
     }
 }
 
-/// The title of times among others: rather whole seconds than their fraction.
+/// The title of times among others; whole seconds go before their fraction.
 fn time_of<'a>(titles: impl Iterator<Item = &'a String>) -> Option<&'a String> {
     let mut times: Vec<&String> = titles.filter(|title| titles::meaning(title).0 == "t").collect();
     times.sort_by_key(|title| rows::whole_of(title).is_some());
     times.first().copied()
 }
 
-/// Whether a member says of a log whose it is and when it was made, which changes nothing: those of
-/// the course's client, and those that an exported script writes.
+/// Whether a member is metadata that changes nothing: that of the course's client, and that of an
+/// exported script.
 fn is_metadata(name: &str) -> bool {
     const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
                          plan date program version metadata";

@@ -77,20 +77,19 @@ fn seconds_from_date(cell: &str) -> Option<f64> {
     let (text, half) = half_day(&lower);
     // The date ends at a blank, or at a T among digits.
     let of_day = text.find(':').unwrap_or_default();
-    let ends = |(at, sign): &(usize, char)| {
-        *at < of_day
-            && (matches!(sign, ' ' | '_') || *sign == 't' && !text[at + 1..].starts_with(' '))
-    };
-    let (date, time) = match text.char_indices().rfind(ends) {
-        Some((at, _)) => (Some(text[..at].trim_end()), &text[at + 1..]),
+    let (date, time) = match text.char_indices().rfind(|(place, sign)| {
+        *place < of_day
+            && (matches!(sign, ' ' | '_') || *sign == 't' && !text[place + 1..].starts_with(' '))
+    }) {
+        Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
-    let mut parts = time.split(':');
-    let mut part = || parts.next().map(|part| part.parse::<f64>().ok());
-    let (hour, minute, second) = (part()??, part()??, part().unwrap_or(Some(0.0))?);
-    let millis = part().unwrap_or(Some(0.0))?;
+    let mut parts = time.split(':').map(|part| part.parse::<f64>().ok());
+    let (hour, minute) = (parts.next()??, parts.next()??);
+    let second = parts.next().unwrap_or(Some(0.0))?;
+    let millis = parts.next().unwrap_or(Some(0.0))?;
     let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
     let hours = match half {
         None => (0.0..=24.0).contains(&hour).then_some(hour)?,
@@ -119,8 +118,8 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     if let Some(before) = ["z", "utc", "gmt"].iter().find_map(|end| time.strip_suffix(end)) {
         return Some((before.trim_end(), 0.0));
     }
-    let Some(at) = time.find(['+', '-']) else { return Some((time, 0.0)) };
-    let (before, zone) = time.split_at(at);
+    let Some(sign) = time.find(['+', '-']) else { return Some((time, 0.0)) };
+    let (before, zone) = time.split_at(sign);
     let digits: String = zone[1..].chars().filter(|sign| *sign != ':').collect();
     let minutes = match (digits.len(), digits.parse::<u32>()) {
         (1 | 2, Ok(hours)) => hours * 60,
@@ -149,12 +148,11 @@ fn month(name: &str) -> Option<i64> {
 fn days_from_date(date: &str) -> Option<i64> {
     let parts: Vec<&str> = date.split(['-', '/', '.']).collect();
     let [a, b, c] = parts[..] else { return None };
-    let number = |part: &str| part.parse::<i64>().ok();
-    let (year, month, day) = match (number(a), number(b), number(c)) {
-        (Some(day), None, Some(year)) => (year, month(b)?, day),
-        (Some(a), Some(b), Some(c)) if a > 31 => (a, b, c),
-        (Some(a), Some(b), Some(c)) if date.contains('.') || a > 12 => (c, b, a),
-        (Some(a), Some(b), Some(c)) => (c, a, b),
+    let (year, month, day) = match [a, b, c].map(|part| part.parse::<i64>().ok()) {
+        [Some(day), None, Some(year)] => (year, month(b)?, day),
+        [Some(a), Some(b), Some(c)] if a > 31 => (a, b, c),
+        [Some(a), Some(b), Some(c)] if date.contains('.') || a > 12 => (c, b, a),
+        [Some(a), Some(b), Some(c)] => (c, a, b),
         _ => return None,
     };
     let fits =

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::recording::{Block, Column, Recording};
 use super::{Job, cells, firmware};
 use noctograph_core::error::Result;
-use noctograph_core::files::{Head, SheetColumn, Text};
+use noctograph_core::files::{Head, Text};
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -30,8 +30,8 @@ pub(super) fn may_be_its_own(path: &Path) -> bool {
 /// Reads a file, which is a block of a recording.
 pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recording> {
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
-    let column = |column: SheetColumn| Column::new(column.title, column.values);
-    let mut columns = sheet.columns.into_iter().map(column);
+    let mut columns =
+        sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
     let stamps_ms = columns.next().map(|stamps| stamps.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),

@@ -9,7 +9,7 @@ use noctograph_core::statistics::median;
 /// A clock that falls by more than this without a wrap was restarted.
 const RESTART_S: f64 = 1.0;
 
-/// As few falls are spikes.
+/// Fewer falls are spikes.
 const FALLS: usize = 10;
 
 /// Later stamps, beyond 30,000 years, are broken.
@@ -38,45 +38,50 @@ pub(super) fn repair_stamps(recording: &mut Recording, options: &ImportOptions) 
     Ok(())
 }
 
-/// Refuses rows in any order: a log's clock falls where it wraps or starts again, and nowhere else.
+/// Refuses rows that are not in order of time. A log's clock may fall only at a wrap or a restart.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < FALLS || falls <= n / 4 {
         return Ok(());
     }
-    let found = format_args!("{falls} of {n} times before the one above");
-    Err(Error::input(file, found, "rows in the order of their times", "sort them by time"))
+    let disorder = format_args!("{falls} of {n} times before the one above");
+    Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
+}
+
+/// Duration of a stretch of samples by their latest stamp, s: repeated zeros after the end of a log
+/// do not count.
+fn duration_s(time_s: &[f64], stretch: &[usize]) -> f64 {
+    let latest_s = stretch.iter().map(|&i| time_s[i]).fold(f64::NEG_INFINITY, f64::max);
+    latest_s - time_s[stretch[0]]
 }
 
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
-    let mut warn = |text: String| warnings.push(format!("block {name}: {text}"));
+
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
     if let Some(wrap_s) = wrap_s {
         let wraps = undo_wraps(time_s, &kept, wrap_s);
         if wraps > 0 {
-            warn(format!("the clock wrapped {wraps} time(s) after {wrap_s} s; undone"));
+            warnings.push(format!(
+                "block {name}: the clock wrapped {wraps} time(s) after {wrap_s} s; undone"
+            ));
         }
     }
     let mut outside = 0;
     let stretches: Vec<&[usize]> =
         kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S).collect();
     if stretches.len() > 1 {
-        // Stamps that repeat take no time: zeros after the end of a log are no flight.
-        let lasts_s = |stretch: &[usize]| {
-            let latest_s = stretch.iter().map(|&i| time_s[i]).fold(f64::NEG_INFINITY, f64::max);
-            latest_s - time_s[stretch[0]]
-        };
-        let longest = stretches
-            .iter()
-            .max_by(|a, b| lasts_s(a).total_cmp(&lasts_s(b)).then(a.len().cmp(&b.len())));
+        let longest = stretches.iter().max_by(|a, b| {
+            let [a_s, b_s] = [a, b].map(|stretch| duration_s(time_s, stretch));
+            a_s.total_cmp(&b_s).then(a.len().cmp(&b.len()))
+        });
         let longest = longest.map(|stretch| stretch.to_vec()).unwrap_or_default();
-        warn(format!(
-            "the clock starts again {} time(s); only the longest stretch, samples {} to {} of {n}, \
-             is kept",
+        warnings.push(format!(
+            "block {name}: the clock starts again {} time(s); only the longest stretch, samples {} \
+             to {} of {n}, is kept",
             stretches.len() - 1,
             longest[0] + 1,
             longest[longest.len() - 1] + 1,
@@ -94,8 +99,9 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Strin
     if dropped > 0 {
         let start = kept.first().map_or(0, |first| *first);
         let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
-        warn(format!(
-            "{dropped} of {n} samples dropped, whose time stamp does not rise (first: sample {first})"
+        warnings.push(format!(
+            "block {name}: {dropped} of {n} samples dropped, whose time stamp does not rise (first: \
+             sample {first})"
         ));
     }
     if kept.len() < n {
@@ -132,28 +138,28 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// Shifts a block that began just after a wrap by one wrap, as the blocks that began before it.
+/// Shifts the blocks that began just after a wrap by one wrap, onto the clock of those before it.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
-    let drone = |block: &&mut Block| block.clock == Clock::Drone;
-    let starts = blocks.iter_mut().filter(drone).map(|block| block.time_s[0]);
-    let latest_s = starts.fold(f64::NEG_INFINITY, f64::max);
-    for block in blocks.iter_mut().filter(drone) {
+    let drone = blocks.iter_mut().filter(|block| block.clock == Clock::Drone);
+    let mut drone: Vec<&mut Block> = drone.collect();
+    let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);
+    for block in &mut drone {
         if block.time_s[0] < latest_s - 0.5 * wrap_s {
             block.time_s.iter_mut().for_each(|time_s| *time_s += wrap_s);
         }
     }
 }
 
-/// Seconds of the drone's clock per true second: of a log on the card as its stamps show, else as
-/// the firmware that it names has it, else as the scene's. What is mended or guessed is said.
+/// Seconds of the drone's clock per true second. For a log on the card: as its stamps show, else by
+/// the firmware that it names, else by the scene's. Corrections and guesses are warnings.
 fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
     if !recording.is_on_card {
         return 1.0;
     }
     let firmware = recording.firmware.as_deref();
     let named = firmware.and_then(|firmware| Some((Release::of(firmware)?, firmware)));
-    let of_block = |block: &Block| Some((shown_rate(block)?, block.name.clone()));
-    let shown = recording.blocks.iter().find_map(of_block);
+    let shown =
+        recording.blocks.iter().find_map(|block| Some((shown_rate(block)?, block.name.clone())));
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -164,8 +170,7 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
-        // Version 1 has the milliseconds of the operating system, as far as its stamps do not show
-        // otherwise.
+        // Version 1 has the milliseconds of the operating system, unless its stamps show otherwise.
         (None, _) if recording.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
@@ -191,17 +196,18 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
     rate
 }
 
-/// The rate that the stamps of a block show, where its period is one of whole milliseconds: the
-/// card is written by the ticks of the operating system, which are true, and stamped by the clock.
+/// The rate that the stamps of a block show, where its nominal period is in whole milliseconds: the
+/// card is written at the true ticks of the operating system and stamped by the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle_s = median(steps.iter().copied())?;
     let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
     let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
-    let is =
-        |rate: &f64| PERIODS_S.iter().any(|nominal_s| (mean_s / nominal_s - rate).abs() < 0.004);
-    [SLOW_CLOCK, 1.0].into_iter().find(is).filter(|_| steps.len() >= 50)
+    let rate = [SLOW_CLOCK, 1.0]
+        .into_iter()
+        .find(|rate| PERIODS_S.iter().any(|nominal_s| (mean_s / nominal_s - rate).abs() < 0.004));
+    rate.filter(|_| steps.len() >= 50)
 }
 
 #[cfg(test)]

@@ -2,14 +2,14 @@
 //!
 //! Exported scripts write it into their logs (`noctograph.firmware`); other JSON may have it as
 //! `firmware` or `firmware_version`, tables in a comment before their head (`# firmware: 2026.08`).
-//! A log on the card and one of cfclient name none.
+//! A log on the card and one of cfclient do not name it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
 
 /// Lines before a table's head that are read for it.
 const LINES: usize = 100;
-/// What is read of a line.
+/// Bytes of a line that are read.
 const BYTES: usize = 200;
 
 /// The firmware that a comment before a table's head names.
@@ -29,7 +29,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     })
 }
 
-/// What one should know of the firmware that flew, where `assumed` is that of the scene.
+/// A warning where the firmware that flew is not the scene's.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
     let (named, assumed) = (recording.firmware.as_ref()?, assumed?.name());
     match Release::of(named).map(Release::name) {

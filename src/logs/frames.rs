@@ -1,10 +1,9 @@
 //! Axes of a table's world: z down and y up are turned into z up.
 //!
-//! The format says them, or an option, or the flight: a drone takes off from the floor along one
-//! axis, and never comes below it. Where z does so, it is up. Where it does not, and the drone
-//! would be below the floor or on it, another axis that does so is up. Where none does, z is taken
-//! to point up all the same, and a warning says that it is a guess; where two do, the log is
-//! refused.
+//! The axes come from the format, from an option, or from the flight: a drone takes off from the
+//! floor along the vertical axis and never goes below it. If z does so, it is up. If it does not,
+//! and the drone would be on the floor or below it, another axis that does so is up. If none does,
+//! z is assumed to be up, and a warning says that this is a guess. If two do, the log is refused.
 
 use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
@@ -34,10 +33,11 @@ const FLOOR_M: f64 = 0.05;
 
 /// Turns the world of the plain columns so that z points up.
 pub(super) fn resolve_axes(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
-    let in_format = |format| format!("as {format} writes it");
     let (axes, why) = match (options.axes, recording.axes) {
-        (Axes::Auto, Axes::Auto) => shown(recording)?,
-        (Axes::Auto, axes) => (axes, recording.in_format.map(in_format)),
+        (Axes::Auto, Axes::Auto) => inferred(recording)?,
+        (Axes::Auto, axes) => {
+            (axes, recording.in_format.map(|format| format!("as {format} writes it")))
+        }
         (axes, _) => (axes, None),
     };
     if matches!(axes, Axes::Auto | Axes::ZUp) {
@@ -64,8 +64,9 @@ fn turn(block: &mut Block, axes: Axes) {
         return;
     }
     for pattern in VECTORS {
-        let place = |name| block.columns.iter().position(|column| column.name == name);
-        let places: Option<Vec<usize>> = names(pattern).map(place).collect();
+        let places =
+            names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
+        let places: Option<Vec<usize>> = places.collect();
         if let Some([_, y, z]) = places.as_deref()
             && let Ok([y, z]) = block.columns.get_disjoint_mut([*y, *z])
         {
@@ -80,7 +81,7 @@ fn negate(column: Option<&mut Column>) {
     values.for_each(|value| *value = -*value);
 }
 
-/// The places of a block where all of them are known; none of a block without.
+/// The positions of a block that are complete; `None` with two or fewer.
 fn places_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -88,8 +89,13 @@ fn places_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     (rows.len() > 2).then_some(rows)
 }
 
+/// The warning that z up is a guess.
+fn guess(seen: &str) -> (Axes, Option<String>) {
+    (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
+}
+
 /// The axes that the flight shows, and why; or `Auto`, and a doubt.
-fn shown(recording: &Recording) -> Result<(Axes, Option<String>)> {
+fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(places_m) else { return none };
     if takes_off(&rows, 2, 1.0) {
@@ -101,23 +107,20 @@ fn shown(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
-    // A drone that begins and ends low, and leaves and comes back along y, has y up, however deep
-    // it flies.
+    // If the drone begins and ends low, and leaves and returns along y, y is up at any depth.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().all(|row| row[2].abs() < CLIMB_M);
     let rises_along_y =
         is_low && climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
-    let guess = |seen: &str| {
-        Ok((Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess"))))
-    };
+
     let unseen = "no axis shows a take-off or a landing straight along it";
     if !(is_below || is_flat || rises_along_y) {
-        return guess(unseen);
+        return Ok(guess(unseen));
     }
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
-            let found = "a flight that rises along -z and along y";
+            let flight = "a flight that rises along -z and along y";
             let hint = "say which axes its world has: z-down or y-up";
-            let error = Error::input("axes", found, "one axis that points up", hint);
+            let error = Error::input("axes", flight, "one axis that points up", hint);
             return Err(error.at(&recording.file, None));
         }
         (true, false) => {
@@ -126,9 +129,9 @@ fn shown(recording: &Recording) -> Result<(Axes, Option<String>)> {
         }
         (false, true) => (Axes::YUp, "since it takes off and lands along y alone".to_owned()),
         (false, false) if is_below => {
-            return guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)"));
+            return Ok(guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)")));
         }
-        (false, false) => return guess(unseen),
+        (false, false) => return Ok(guess(unseen)),
     };
     Ok((axes, Some(why)))
 }
@@ -146,13 +149,12 @@ fn climbs<'a>(
     axis: usize,
     sign: f64,
 ) -> bool {
-    let height = |row: &[f64; 3]| sign * row[axis];
-    let lowest_m = all.iter().map(height).fold(f64::INFINITY, f64::min);
-    let Some(first) = rows.next().filter(|first| height(first) <= lowest_m + FLOOR_M) else {
+    let lowest_m = all.iter().map(|row| sign * row[axis]).fold(f64::INFINITY, f64::min);
+    let Some(first) = rows.next().filter(|first| sign * first[axis] <= lowest_m + FLOOR_M) else {
         return false;
     };
     for row in rows {
-        let climb_m = height(row) - height(first);
+        let climb_m = sign * row[axis] - sign * first[axis];
         if climb_m >= CLIMB_M {
             return true;
         }

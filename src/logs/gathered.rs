@@ -1,5 +1,4 @@
-//! The logs of an evening: which of a folder's files and folders are one, and which drone's each
-//! is.
+//! The logs of an evening: the files and folders that are logs, and the drone of each.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,7 @@ use noctograph_core::files::{Head, Text, entries_in};
 const MAX_LOGS: usize = 2000;
 /// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
-/// Endings of what lies beside logs and is none.
+/// Endings of other files that lie beside logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
 /// Beginning of a file, in which its first line ends.
@@ -22,9 +21,8 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The serial number, or else the address, that an exported script keeps in its log; else the
-    /// folder in which it lies within that of the evening; of a log in the latter itself, its name
-    /// up to the first `-`, `_`, `.` or space.
+    /// The serial number, or else the address, that an exported script keeps in its log; else its
+    /// folder within that of the evening; else its name up to the first `-`, `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
@@ -36,19 +34,18 @@ pub struct GatheredLog {
 ///
 /// [`Error::Io`] where it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
-    let is_its_own = |path: &PathBuf| {
-        // What cannot be read is no file of cfclient's; its import says why.
-        let head = || LIMIT.beginning(path, HEAD_BYTES).ok();
+    Ok(entries_in(folder)?.iter().any(|path| {
+        // A file that cannot be read is not cfclient's; its import says why.
         cfclient_csv::may_be_its_own(path)
             && path.is_file()
-            && head()
-                .is_some_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::of(&head).bytes)))
-    };
-    Ok(entries_in(folder)?.iter().any(is_its_own))
+            && LIMIT
+                .beginning(path, HEAD_BYTES)
+                .is_ok_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::of(&head).bytes)))
+    }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of
-/// their flights. Hidden files and pictures, pages and settings are none.
+/// their flights. Hidden files, pictures, pages and settings are skipped.
 ///
 /// # Errors
 ///
@@ -73,9 +70,9 @@ pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
         }
     }
     if logs.is_empty() || logs.len() > MAX_LOGS {
-        let (found, wanted) = (format!("{} logs", logs.len()), format!("1 to {MAX_LOGS}"));
+        let (count, wanted) = (format!("{} logs", logs.len()), format!("1 to {MAX_LOGS}"));
         let hint = "name a folder with a log (or a folder of cfclient's) for each flight";
-        return Err(Error::input(folder.display(), found, wanted, hint));
+        return Err(Error::input(folder.display(), count, wanted, hint));
     }
     logs.sort();
     Ok(logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect())
@@ -98,8 +95,9 @@ impl GatheredLog {
 /// The drone that an exported script names in its log.
 fn named_drone(path: &Path) -> Option<String> {
     let about = about(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
-    let text = |key| about.get(key).and_then(serde_json::Value::as_str);
-    text("serial").map(str::to_owned).or_else(|| text("uri").map(address))
+    let [serial, uri] =
+        ["serial", "uri"].map(|key| about.get(key).and_then(serde_json::Value::as_str));
+    serial.map(str::to_owned).or_else(|| uri.map(address))
 }
 
 /// The scene (TOML) that an exported script keeps in its log.
@@ -111,8 +109,8 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// What an exported script says of itself in its log: at the beginning, unless another program
-/// wrote the log again.
+/// The entry of an exported script in its log: at the beginning, unless another program rewrote the
+/// log.
 fn about(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let log = json_of(log).strip_prefix(b"{")?;
@@ -127,11 +125,11 @@ fn json_of(text: &[u8]) -> &[u8] {
     text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text).trim_ascii_start()
 }
 
-/// Address of a drone that was given none of its own.
+/// Address of a drone as delivered.
 const ANY_ADDRESS: &str = "E7E7E7E7E7";
 
-/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`); where it is the one that all drones
-/// come with, after the radio's channel.
+/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`); the default address goes after the
+/// radio's channel.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
     let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));

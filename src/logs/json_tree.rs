@@ -36,7 +36,7 @@ pub(super) enum Node {
 /// A list of numbers, or of objects, each a row of cells.
 #[derive(Debug, Default)]
 pub(super) struct List {
-    /// Its numbers up to the first item that is none; missing values are not a number.
+    /// Its numbers up to the first item of another kind; missing values are NaN.
     pub(super) numbers: Vec<f64>,
     /// The place and the value of the first item that is not a number.
     pub(super) odd: Option<(usize, String)>,
@@ -51,7 +51,7 @@ pub(super) struct List {
 /// How many different texts are kept under a name.
 const TEXTS: usize = 4;
 
-/// Reads a value; what is beyond the budget is an error, which the budget keeps.
+/// Reads a value; beyond the budget it is an error, which the budget keeps.
 pub(super) fn read(text: &[u8], budget: &Budget) -> serde_json::Result<Node> {
     let mut json = serde_json::Deserializer::from_slice(text);
     let node = Tree(budget).deserialize(&mut json)?;

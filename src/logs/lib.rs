@@ -12,8 +12,8 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is frozen while others change, or diverged, is skipped, whichever quantity it is of, and
-//!   a quantity that is frozen while the drone moves was not logged; both are warnings.
+//!   that is frozen while others change, or diverged, is skipped, for any quantity. A quantity that
+//!   is frozen while the drone moves counts as not logged. Both are warnings.
 //!   `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
@@ -27,8 +27,8 @@
 //!   [`PositionSource::Estimate`] alone applies.
 //!
 //! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with
-//!   their reason, options of [`ImportOptions`], and errors where two fit. Columns without a
-//!   meaning are named.
+//!   their reason, can be overridden by [`ImportOptions`], and are errors where two fit. Unknown
+//!   columns are named.
 //!
 //! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
 
@@ -265,7 +265,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     let has_letters = head.has(OWN[0]) && head.has("letter");
     let has_ranges = head.titles.iter().any(|title| title.starts_with("ranging."));
     let is_first = head.titles.first().is_some_and(|title| title == OWN[0]);
-    // A flight file begins with a pose, or it has the column of letters, which every one has.
+    // A flight file begins with a pose, or with the time and has the column of letters.
     if head.titles.starts_with(&OWN.map(str::to_owned)) || is_first && has_letters && !has_ranges {
         let mut flight = Flight::from_table(&Table::below(head, &text, file)?)?;
         if options.position == PositionSource::Estimate {
@@ -273,11 +273,12 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
         }
         return Ok(OnClock { flight, zero_stamp_s: Some(0.0), firmware: None });
     }
-    let is_odd = |title: &String| title.contains(|c: char| c.is_control() || c == '\u{fffd}');
     if first.is_none() {
         return Err(unknown(file, "an empty file"));
     }
-    if head.n_columns < 2 || head.titles.iter().any(is_odd) {
+    let mut titles = head.titles.iter();
+    let is_binary = titles.any(|title| title.contains(|c: char| c.is_control() || c == '\u{fffd}'));
+    if head.n_columns < 2 || is_binary {
         let content = text.bytes.trim_ascii_start();
         let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
         return Err(unknown(file, format_args!("a file that begins with {start:?}")));
@@ -288,7 +289,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
         false => plain_csv::read(&text, head, None, job)?,
     };
     let mut on_clock = flight(recording, options, &budget)?;
-    // A flight file with ranges is an imported log; a table of ranges with times in s is none.
+    // A flight file with ranges is an imported log, whose clock is lost.
     if has_letters && has_ranges {
         on_clock.zero_stamp_s = None;
     }
@@ -307,7 +308,7 @@ fn use_estimate(flight: &mut Flight) {
     }
 }
 
-/// What a reader needs beside the bytes: the log's name in messages, and what they may become.
+/// Inputs of a reader beside the bytes: the log's name in messages, options, and the work budget.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     file: &'a str,
@@ -318,7 +319,7 @@ struct Job<'a> {
 /// Makes a recording a flight.
 fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
     recording.check(budget)?;
-    // An event that never came has no claim to the names of its variables.
+    // An event without a record does not take the names of its variables.
     recording.blocks.retain(|block| !block.time_s.is_empty());
     recording.name_apart();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
@@ -331,10 +332,10 @@ fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) ->
     Ok(OnClock { flight, zero_stamp_s: is_stamped.then_some(zero_s), firmware })
 }
 
-fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
+fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
-        found,
+        content,
         "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
          range CSV",
         "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
@@ -358,20 +359,20 @@ fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
             all.blocks.extend(one.blocks);
             all.firmware = all.firmware.or(one.firmware);
             all.wrap_s = one.wrap_s;
-            // Each file by itself may be small: what counts is their number.
+            // The limit is for all files together.
             all.check_variables()?;
         }
         budget.free(bytes.len() as u64);
     }
     if all.blocks.is_empty() {
-        let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(unknown(job.file, found));
+        let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
+        return Err(unknown(job.file, content));
     }
     Ok(all)
 }
 
 impl TimeUnit {
-    /// Its seconds; `None` where it is to be found.
+    /// Its seconds; `None` where they are to be inferred.
     fn seconds(self) -> Option<f64> {
         match self {
             Self::Auto => None,

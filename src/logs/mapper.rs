@@ -51,8 +51,8 @@ pub(super) fn flight(
     let sample_bytes = size_of::<FlightSample>() + size_of::<f64>() * n_extra;
     budget.bytes(n_samples.saturating_mul(sample_bytes))?;
     budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
-    let sample = |&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s));
-    let samples: Vec<FlightSample> = axis.stamps_s.iter().map(sample).collect();
+    let samples: Vec<FlightSample> =
+        axis.stamps_s.iter().map(|&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s))).collect();
     check_numbers(&recording.file, &samples)?;
     let mut extra = mapper.extra(&axis.stamps_s);
     let mut warnings = quantities.left_out.clone();
@@ -71,14 +71,14 @@ pub(super) fn flight(
 
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
-    let found = if names.is_empty() {
+    let columns = if names.is_empty() {
         "no column with a sample".into()
     } else {
         format!("columns {}", shortened(&names))
     };
     Error::input(
         Place::file(&recording.file),
-        found,
+        columns,
         "a position (stateEstimate.x, ae483log.o_x, ae483log.p_x, mocap.x, lighthouse.x, x …), an \
          attitude, motors, or ranges (ranging.distance0 …)",
         "log stateEstimate.x/y/z and stateEstimate.yaw/pitch/roll, or name the columns of a CSV \
@@ -102,7 +102,7 @@ impl Axis {
     }
 }
 
-/// What becomes a flight.
+/// A recording and its quantities, on their way to a flight.
 struct Mapper<'a> {
     recording: &'a Recording,
     quantities: &'a Quantities,
@@ -114,12 +114,11 @@ impl Mapper<'_> {
     /// without the gaps. Without a pose, the stamps of the longest block.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
-        let of = |quantity| {
+        let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
             let channels = quantities.channels.get(&quantity).into_iter().flatten();
             channels.map(move |channel| (quantity, channel))
-        };
-        let pose: Vec<(Quantity, &Channel)> =
-            of(Quantity::Position).chain(of(Quantity::Attitude)).collect();
+        });
+        let pose: Vec<(Quantity, &Channel)> = pose.collect();
         if pose.is_empty() {
             let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
             let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
@@ -128,9 +127,9 @@ impl Mapper<'_> {
             return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
         }
         // The motion capture may begin before the drone's log and outlast it.
-        let drone = || recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
-        let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
-        let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
+        let drone = recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
+        let first_s = drone.clone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
+        let last_s = drone.map(|block| block.time_s[block.time_s.len() - 1]);
         let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
         let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
         let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
@@ -138,26 +137,26 @@ impl Mapper<'_> {
         check_span(recording, span_s)?;
         let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
         if !(0.0..MAX_SAMPLES).contains(&steps) {
-            let found = match steps < 0.0 {
+            let log = match steps < 0.0 {
                 true => "position and attitude that were never logged at the same time".to_owned(),
                 false => format!("{span_s:.0} s of log"),
             };
             let wanted = format!("a flight of up to {MAX_SAMPLES:.0} samples");
             let hint = "cut the log to one flight, or lower the sample rate";
-            return Err(Error::input(Place::file(&recording.file), found, wanted, hint));
+            return Err(Error::input(Place::file(&recording.file), log, wanted, hint));
         }
         #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
         let steps = steps as u32;
         budget.steps(STEPS * steps as usize * pose.len())?;
         // The last step may lie beyond the end by rounding.
-        let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
-        let is_known =
-            |step: &u32| pose.iter().all(|pose| self.between(*pose, stamp_s(*step)).is_some());
-        let steps: Vec<u32> = (0..=steps).filter(is_known).collect();
-        let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
+        let steps = (0..=steps)
+            .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
+            .filter(|(_, stamp_s)| pose.iter().all(|pose| self.between(*pose, *stamp_s).is_some()));
+        let steps: Vec<(u32, f64)> = steps.collect();
+        let stamps_s = steps.iter().map(|(_, stamp_s)| *stamp_s).collect();
         let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
-        let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
-        axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
+        let gaps = steps.windows(2).filter(|pair| pair[1].0 - pair[0].0 > 1);
+        axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(pair[end].1))).collect();
         Ok(axis)
     }
 
@@ -189,22 +188,23 @@ impl Mapper<'_> {
         FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
     }
 
-    /// Names measured quantities other than the pose that are held over gaps of their own.
+    /// Warnings of measured quantities other than the pose that are held over gaps of their own.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<String> {
         let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-        let of_quantity = |quantity: Quantity| {
+        let warnings = measured.into_iter().filter_map(|quantity| {
             let channels = self.quantities.channels.get(&quantity)?;
-            let is_held = |stamp_s: &&f64| {
-                let is_apart = |channel| self.between((quantity, channel), **stamp_s).is_none();
-                channels.iter().any(is_apart)
-            };
-            let (n, n_all) = (stamps_s.iter().filter(is_held).count(), stamps_s.len());
+            let held = stamps_s.iter().filter(|stamp_s| {
+                channels
+                    .iter()
+                    .any(|channel| self.between((quantity, channel), **stamp_s).is_none())
+            });
+            let (n, n_all) = (held.count(), stamps_s.len());
             let name = quantity.name();
             let text =
                 format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
             (n > 0).then_some(text)
-        };
-        measured.into_iter().filter_map(of_quantity).collect()
+        });
+        warnings.collect()
     }
 
     /// All columns that belong to no quantity, held.
@@ -229,9 +229,9 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
     }
-    let found = format_args!("{span_s:.0} s of log");
     let wanted = format!("a flight of up to {MAX_DURATION_S} s");
-    Err(Error::input(Place::file(&recording.file), found, wanted, MILLISECONDS_HINT))
+    let place = Place::file(&recording.file);
+    Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
 /// Refuses numbers beyond a drone's world.
@@ -240,7 +240,7 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
         let numbers = sample.numbers();
         for (quantity, _, names) in Quantity::TABLE {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
-                // Not a number is beyond as well.
+                // NaN is refused as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
                     let error = input_error!(
                         format!("{name} at {:.3} s of the flight", sample.time_s),
@@ -258,22 +258,21 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
 
 /// Names further columns that are a part of a quantity whose other parts are missing.
 fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
-    let is_half = |name: &&str| Quantity::TABLE.iter().any(|(.., names)| names.contains(name));
     let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
-    let halves: Vec<&str> = kept.filter(is_half).collect();
+    let halves = kept.filter(|name| Quantity::TABLE.iter().any(|(.., names)| names.contains(name)));
+    let halves: Vec<&str> = halves.collect();
     let (first, names) = (halves.first()?, shortened(&halves));
     Some(format!("{names} without the other columns of the quantity: kept as log.{first}"))
 }
 
-/// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body
-/// that leans by 0.1 rad moves a lamp 5 cm from its middle by 5 mm; without a position nothing is
-/// known.
+/// Longest gap of the attitude that is interpolated, relative to that of the position: 1 s by
+/// default. A tilt of 0.1 rad moves a lamp 5 cm from the body's middle by 5 mm only.
 const ATTITUDE_GAPS: f64 = 4.0;
 
 fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<String> {
-    let lengths_s = || gaps.iter().map(|[from_s, to_s]| to_s - from_s);
-    let longest_s = lengths_s().max_by(f64::total_cmp)?;
-    let (n, total_s): (_, f64) = (gaps.len(), lengths_s().sum());
+    let lengths_s = gaps.iter().map(|[from_s, to_s]| to_s - from_s);
+    let longest_s = lengths_s.clone().max_by(f64::total_cmp)?;
+    let (n, total_s): (_, f64) = (gaps.len(), lengths_s.sum());
     let shown = gaps.iter().map(|[from_s, to_s]| format!("{from_s:.2}–{to_s:.2} s"));
     let shown = shortened(&shown.collect::<Vec<_>>());
     Some(format!(
@@ -303,8 +302,8 @@ fn half_turn(angle_rad: f64) -> f64 {
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();
     extra.retain(|name, levels| {
-        let is_level = |level: &f64| (0.0..=1.0).contains(level);
-        let channel = name.strip_prefix("log.light.").filter(|_| levels.iter().all(is_level));
+        let are_levels = levels.iter().all(|level| (0.0..=1.0).contains(level));
+        let channel = name.strip_prefix("log.light.").filter(|_| are_levels);
         lights.extend(channel.map(|channel| (channel.to_owned(), std::mem::take(levels))));
         channel.is_none()
     });
@@ -314,7 +313,9 @@ fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> 
 /// The name of a further column in a flight file: as logged, without characters that a CSV header
 /// cannot hold, and different from the file's own columns.
 fn extra_name(name: &str) -> String {
-    let odd = |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace();
-    let plain: String = name.trim().chars().map(|c| if odd(c) { '_' } else { c }).collect();
+    let plain = name.trim().replace(
+        |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace(),
+        "_",
+    );
     if is_standard_column(&plain) || plain.is_empty() { format!("log.{plain}") } else { plain }
 }

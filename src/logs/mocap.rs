@@ -4,9 +4,9 @@
 //! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
 //! explains most of their variance is taken.
 //!
-//! Its world may be another one: turned about the vertical, shifted, with y up. Where it is, it is
-//! laid onto the drone's by the rigid transform that fits best, if that leaves centimeters; else
-//! its columns are left out, since a distance across two worlds says nothing.
+//! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It is
+//! then registered to the drone's by the best rigid transform, if the residual is some centimeters.
+//! Otherwise its columns are left out, since distances between two frames mean nothing.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -36,24 +36,22 @@ pub(super) fn align(recording: &mut Recording) {
     if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return;
     }
-    let moves = |channel: &Channel| channel.values.iter().any(|v| *v != channel.values[0]);
-    let moving = |pattern| {
-        recording.channels(pattern).filter(|channels: &Vec<_>| channels.iter().any(moves))
-    };
-    let path = moving("ae483log.p_{x y z}_mocap")
+    let path = moving(recording, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(recording, PositionSource::Firmware))
         .or_else(|| position(recording, PositionSource::Custom));
-    let mocap = moving("mocap.{x y z}");
+    let mocap = moving(recording, "mocap.{x y z}");
     let shift = mocap.zip(path).and_then(|(mocap, path)| {
-        let direct = Search { mocap, path, free: false };
-        let turned = || Search { free: true, ..direct.clone() };
-        let level = direct.shift().or_else(|| turned().shift()).map(|shift| (shift, false));
-        level.or_else(|| {
-            let mut upright = turned();
-            upright.mocap.swap(1, 2);
-            upright.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
-            Some((upright.shift()?, true))
-        })
+        let mut search = Search { mocap, path, free: false };
+        if let Some(shift) = search.shift() {
+            return Some((shift, false));
+        }
+        search.free = true;
+        if let Some(shift) = search.shift() {
+            return Some((shift, false));
+        }
+        search.mocap.swap(1, 2);
+        search.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
+        Some((search.shift()?, true))
     });
     let Some((shift, y_up)) = shift else {
         recording.blocks.retain(|block| block.clock == Clock::Drone);
@@ -75,6 +73,13 @@ pub(super) fn align(recording: &mut Recording) {
     }
 }
 
+/// Channels of a pattern, if any of them changes.
+fn moving(recording: &Recording, pattern: &str) -> Option<Vec<Channel>> {
+    let channels = recording.channels(pattern)?;
+    let moves = channels.iter().any(|c| c.values.iter().any(|v| *v != c.values[0]));
+    moves.then_some(channels)
+}
+
 /// Relation of the two clocks.
 #[derive(Debug)]
 struct Shift {
@@ -84,7 +89,7 @@ struct Shift {
     ratio: f64,
     /// Mean of drone's path − motion capture's path, per axis.
     frame_offset_m: Vector3<f64>,
-    /// What lays the motion capture's world onto the drone's.
+    /// The transform from the motion capture's world to the drone's.
     placed: Fit,
 }
 
@@ -93,7 +98,7 @@ struct Shift {
 const SAME_M: f64 = 0.15;
 const SAME_RAD: f64 = 0.09;
 
-/// Most that a transform may leave between two paths that are one.
+/// Largest residual of a transform between two logs of one path.
 const MOST_LEFT_M: f64 = 0.1;
 
 impl Shift {
@@ -105,13 +110,13 @@ impl Shift {
     /// Lays a block's positions and yaw onto the drone's world.
     fn place(&self, block: &mut Block, y_up: bool) {
         let Fit { turn_rad, move_m, .. } = self.placed;
-        let place = |name| block.columns.iter().position(|column| column.name == name);
-        let places = ["mocap.x", "mocap.y", "mocap.z"].map(place);
+        let places = ["mocap.x", "mocap.y", "mocap.z"]
+            .map(|name| block.columns.iter().position(|column| column.name == name));
         let [Some(x), Some(y), Some(z)] = places else { return };
         for i in 0..block.time_s.len() {
-            let [at_x, at_y, at_z] = [x, y, z].map(|place| block.columns[place].values[i]);
-            let at_m = if y_up { [at_x, -at_z, at_y] } else { [at_x, at_y, at_z] };
-            let placed_m = turned(&at_m.into(), turn_rad) + move_m;
+            let [x_m, y_m, z_m] = [x, y, z].map(|place| block.columns[place].values[i]);
+            let captured_m = if y_up { [x_m, -z_m, y_m] } else { [x_m, y_m, z_m] };
+            let placed_m = turned(&captured_m.into(), turn_rad) + move_m;
             for (place, value) in [x, y, z].into_iter().zip(&placed_m) {
                 block.columns[place].values[i] = *value;
             }
@@ -128,7 +133,7 @@ impl Shift {
     fn warnings(&self, y_up: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         if (self.ratio - 1.0).abs() > 0.003 {
-            let (ratio, of) = match (self.ratio - SLOW_CLOCK).abs() < 0.002 {
+            let (ratio, firmware) = match (self.ratio - SLOW_CLOCK).abs() < 0.002 {
                 true => (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
                     ", as in firmware up to and with release 2026.08",
@@ -136,7 +141,7 @@ impl Shift {
                 false => (format!("{:.4}", self.ratio), ""),
             };
             warnings.push(format!(
-                "the drone's clock counts {ratio} s per second of the motion capture's{of}"
+                "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
             ));
         }
         let [x, y, z] = self.frame_offset_m.into();
@@ -179,10 +184,10 @@ struct Fit {
     misfit: f64,
     /// Mean of drone's path − motion capture's path.
     offset_m: Vector3<f64>,
-    /// What lays one path onto the other: a turn about z, then a shift.
+    /// The transform between the paths: a turn about z, then a shift.
     turn_rad: f64,
     move_m: Vector3<f64>,
-    /// Root mean square distance that it leaves.
+    /// Root mean square residual.
     left_m: f64,
 }
 
@@ -200,14 +205,13 @@ impl Search {
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
         // The difference of the halves' shifts is the difference of the clocks' rates.
-        let half = |from_s: f64, to_s: f64| {
+        let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best(&stamps, fine_s, reach_s, reach_s / 100.0)?;
             let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
             good.then_some(shift_s)
-        };
-        let halves = half(start_s, middle_s).zip(half(middle_s, end_s));
-        let slope = halves.map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
+        });
+        let slope = first_s.zip(second_s).map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
         let mut shift = Shift {
             pivot_drone_s: middle_s,
             pivot_mocap_s: middle_s - fine_s,
@@ -215,7 +219,7 @@ impl Search {
             frame_offset_m: fit.offset_m,
             placed: Fit::default(),
         };
-        // Below 0.3 % it is the noise of the fit.
+        // A slope below 0.3 % is noise of the fit.
         let placed = if slope.abs() > 0.003 {
             shift.ratio = 1.0 / (1.0 - slope);
             let mut paced = self.clone();
@@ -280,14 +284,11 @@ impl Search {
 
     /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
     fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
-        let at = |channels: &[Channel], time_s: f64, gap_s: fn(&Channel) -> f64| {
-            let value = |channel: &Channel| channel.linear(time_s, gap_s(channel));
-            Some(Vector3::new(value(&channels[0])?, value(&channels[1])?, value(&channels[2])?))
-        };
-        let pair = |t: &f64| {
-            Some((at(&self.path, *t, path_gap_s)?, at(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
-        };
-        let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = stamps.iter().filter_map(pair).collect();
+        let pairs = stamps.iter().filter_map(|t| {
+            let path_m = place_m(&self.path, *t, path_gap_s)?;
+            Some((path_m, place_m(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
+        });
+        let mut pairs: Vec<(Vector3<f64>, Vector3<f64>)> = pairs.collect();
         if pairs.len() * 2 < stamps.len() {
             return None;
         }
@@ -296,29 +297,40 @@ impl Search {
             .iter()
             .fold([Vector3::zeros(); 2], |[to, from], pair| [to + pair.0 / n, from + pair.1 / n]);
         let (mut sin, mut cos, mut spread) = (0.0, 0.0, 0.0);
-        for (to, from) in &pairs {
-            let (to, from) = (to - to_m, from - from_m);
+        for (to, from) in &mut pairs {
+            (*to, *from) = (*to - to_m, *from - from_m);
             sin += from.x * to.y - from.y * to.x;
             cos += from.x * to.x + from.y * to.y;
             spread += to.norm_squared() / n;
         }
-        let turn = |turn_rad| Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-        let left = |turn_rad: f64| {
-            let turn = turn(turn_rad);
-            let apart = pairs.iter().map(|(to, from)| (to - to_m) - turn * (from - from_m));
-            apart.map(|apart| apart.norm_squared() / n).sum::<f64>()
-        };
         let turned_rad = libm::atan2(sin, cos);
-        // A path that is nearly upright, or an error of its own, tells no turn.
-        let turn_rad = if left(turned_rad) < 0.25 * left(0.0) { turned_rad } else { 0.0 };
-        let move_m = to_m - turn(turn_rad) * from_m;
-        Fit::new(left(turn_rad), spread, to_m - from_m, (turn_rad, move_m))
+        let [turned_m2, level_m2] = [turned_rad, 0.0].map(|turn| left_m2(&pairs, turn));
+        // A nearly vertical path, or one with a large error, does not show a turn.
+        let (turn_rad, left_m2) = match turned_m2 < 0.25 * level_m2 {
+            true => (turned_rad, turned_m2),
+            false => (0.0, level_m2),
+        };
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+        Fit::new(left_m2, spread, to_m - from_m, (turn_rad, to_m - turn * from_m))
     }
 }
 
+/// Place at a time; `None` in longer gaps.
+fn place_m(channels: &[Channel], time_s: f64, gap_s: fn(&Channel) -> f64) -> Option<Vector3<f64>> {
+    let [x, y, z] = [0, 1, 2].map(|k| channels[k].linear(time_s, gap_s(&channels[k])));
+    Some(Vector3::new(x?, y?, z?))
+}
+
+/// Mean square distance between pairs after a turn about z of the second ones.
+fn left_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], turn_rad: f64) -> f64 {
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+    let n = pairs.len() as f64;
+    pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
+}
+
 impl Fit {
-    /// A fit that leaves some of a path's variance; `None` of a path without two centimeters of
-    /// movement.
+    /// A fit with its residual and the path's variance; `None` if the path moves by less than two
+    /// centimeters.
     fn new(
         left_m2: f64,
         spread_m2: f64,
@@ -341,8 +353,8 @@ fn span(channels: &[Channel]) -> (f64, f64) {
 }
 
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
-    let part = |i: u32| f64::from(i) / f64::from(N_STAMPS - 1);
-    (0..N_STAMPS).map(|i| start_s + (end_s - start_s) * part(i)).collect()
+    let shares = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
+    shares.map(|share| start_s + (end_s - start_s) * share).collect()
 }
 
 /// Mean and mean square distance from it.

@@ -14,7 +14,7 @@ use noctograph_core::files::{Head, Separator};
 /// Lines of a head.
 const HEAD_LINES: usize = 12;
 
-/// What a motion capture's program writes above its rows.
+/// What the head of a motion capture's table says.
 #[derive(Debug)]
 pub(super) struct Capture {
     pub(super) axes: Axes,
@@ -27,8 +27,8 @@ pub(super) struct Capture {
 /// Lines above the rows, as cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Reads the head of a motion capture's table; `None` of any other. A table that is recognized is
-/// read, or it is said why not.
+/// Reads the head of a motion capture's table; `None` for any other. A recognized table is read or
+/// refused with the reason.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
@@ -55,41 +55,38 @@ fn motive(
     head: usize,
     separator: Separator,
 ) -> Result<(Head, Capture)> {
-    let value = |key: &str| {
+    let keys = ["Length Units", "Coordinate Space", "Rotation Type"];
+    let [units, space, rotation] = keys.map(|key| {
         let place = lines[0].iter().position(|cell| *cell == key)?;
         lines[0].get(place + 1).copied()
-    };
-    let unit = match value("Length Units") {
+    });
+    let unit = match units {
         None | Some("Meters") => "m",
         Some("Millimeters") => "mm",
         Some("Centimeters") => "cm",
         Some(other) => return Err(refused(file, &format!("Length Units {other}"), "Meters")),
     };
-    if let Some(space) = value("Coordinate Space").filter(|space| *space != "Global") {
+    if let Some(space) = space.filter(|space| *space != "Global") {
         return Err(refused(file, &format!("Coordinate Space {space}"), "Global"));
     }
-    // Of the lines above: types, names, numbers, properties.
+    // The lines above: types, names, numbers, properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
-    let find = |wanted: &[&str]| {
+    let [types, properties] = [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
         above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
-    };
-    let cell = |line: Option<usize>, index: usize| {
-        line.and_then(|line| above.get(line)?.get(index).copied()).unwrap_or_default()
-    };
-    let (types, properties) = (find(&["Rigid Body", "Marker"]), find(&["Position"]));
+    });
     let names = types.map(|types| types + 1);
-    let has_body = types.is_some_and(|types| above[types].contains(&"Rigid Body"));
-    let kind = if has_body { "Rigid Body" } else { "Marker" };
-    let of_kind = |index: &usize| cell(types, *index) == kind;
-    let bodies = (2..lines[head].len()).filter(of_kind).map(|index| cell(names, index));
-    one_of(file, kind, bodies)?;
-    let quaternion = value("Rotation Type").is_none_or(|kind| kind == "Quaternion");
+    let [types, names, properties] = [types, names, properties]
+        .map(|line| line.and_then(|line| above.get(line)).map_or(&[][..], |line| line));
+    let kind = if types.contains(&"Rigid Body") { "Rigid Body" } else { "Marker" };
+    let bodies = (2..lines[head].len()).filter(|index| types.get(*index) == Some(&kind));
+    one_of(file, kind, bodies.map(|index| names.get(index).copied().unwrap_or_default()))?;
+    let quaternion = rotation.is_none_or(|kind| kind == "Quaternion");
     let (mut titles, mut others) = (vec!["index".to_owned(), "t_s".to_owned()], 0);
     for (index, axis) in lines[head].iter().enumerate().skip(2) {
-        let axis = axis.to_lowercase();
-        titles.push(match cell(properties, index) {
-            "Position" if of_kind(&index) => format!("{axis}_{unit}"),
-            "Rotation" if of_kind(&index) && quaternion => format!("q{axis}"),
+        let (axis, is_meant) = (axis.to_lowercase(), types.get(index) == Some(&kind));
+        titles.push(match properties.get(index) {
+            Some(&"Position") if is_meant => format!("{axis}_{unit}"),
+            Some(&"Rotation") if is_meant && quaternion => format!("q{axis}"),
             _ => {
                 others += 1;
                 format!("motive.column{}", index + 1)
@@ -151,13 +148,13 @@ fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> 
         return Ok(());
     }
     let names = bodies.iter().copied().collect::<Vec<_>>().join(", ");
-    let found = match bodies.len() {
+    let count = match bodies.len() {
         0 => "none in the take".to_owned(),
         n => format!("{n} ({names})"),
     };
-    Err(Error::input(kind, found, "one", "export the drone's rigid body alone").at(file, None))
+    Err(Error::input(kind, count, "one", "export the drone's rigid body alone").at(file, None))
 }
 
-fn refused(file: &str, found: &str, wanted: &str) -> Error {
-    Error::input(file, found, wanted, "export the take again with that setting")
+fn refused(file: &str, setting: &str, wanted: &str) -> Error {
+    Error::input(file, setting, wanted, "export the take again with that setting")
 }

@@ -56,14 +56,15 @@ pub(super) fn read(
     if head.titles.is_empty() {
         let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
         let names: &[&str] = if is_tum { &TUM } else { &UNNAMED };
-        let other = |number: usize| format!("column{number}");
-        let others = (names.len() + 1..=head.n_columns).map(other);
+        let others =
+            (names.len() + 1..=head.n_columns).map(|number: usize| format!("column{number}"));
         head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
         head.titles.truncate(head.n_columns);
         unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));
     }
-    let is_needed = |title: &str| Title::of(title).is_known || title.starts_with("ranging.");
-    let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, is_needed)?;
+    let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, |title| {
+        Title::parse(title).is_known || title.starts_with("ranging.")
+    })?;
     log.warnings.append(&mut sheet.notes);
     log.warnings.extend(unnamed);
     rows::check(&sheet, file)?;
@@ -87,8 +88,8 @@ pub(super) fn read(
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
         (Some(_), Some(_)) if captured.is_none() => {
-            let (found, wanted) = ("a column of times", "none, since a period is given");
-            return Err(Error::input(file, found, wanted, "leave the period out"));
+            let wanted = "none, since a period is given";
+            return Err(Error::input(file, "a column of times", wanted, "leave the period out"));
         }
         (Some((_, time_s)), _) => time_s,
         (None, Some(period_s)) => stamps(&named, captured.is_some(), period_s),
@@ -116,8 +117,10 @@ pub(super) fn read(
 
 /// Whether a header is that of PX4's `vehicle_local_position`, whose z points down.
 fn is_px4(header: &[String]) -> bool {
-    let has = |name: &str| header.iter().any(|title| title == name);
-    has("z") && has("vz") && (has("ref_timestamp") || has("z_valid") || has("dist_bottom"))
+    let titles: Vec<&str> = header.iter().map(String::as_str).collect();
+    titles.contains(&"z")
+        && titles.contains(&"vz")
+        && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
 /// Stamps of rows without times: by their numbers, or by those of the frames of a capture.
@@ -145,7 +148,7 @@ struct Columns {
 impl Columns {
     fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
         let SheetColumn { title, number, values, .. } = column;
-        let Title { mut name, is_known, unit, body, other_unit } = Title::of(&title);
+        let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
         if let Some(other) = other_unit {
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, min, h, d, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
@@ -156,9 +159,8 @@ impl Columns {
                 hint,
             ));
         }
-        let is_empty = || values.iter().all(|value| value.is_nan());
-        // A second column of times may be filled.
-        if name == "t" && (title == "t" || is_dated || !is_empty()) {
+        // The first column of times may be empty, and the second filled.
+        if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, note) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
                 self.log
@@ -179,8 +181,8 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             self.unknown.push(format!("{title} (column {number})"));
         }
-        if is_known && let Some((first, of_body)) = self.from.get(&name) {
-            if *of_body != body {
+        if is_known && let Some((first, first_body)) = self.from.get(&name) {
+            if *first_body != body {
                 let place = format!("columns {first} and {title}");
                 let hint = "keep the columns of one body";
                 return Err(self.refused(place, "two bodies".into(), "one, for a flight", hint));
@@ -195,23 +197,23 @@ impl Columns {
         Ok(())
     }
 
-    fn refused(&self, place: String, found: String, wanted: &str, hint: &str) -> Error {
-        Error::input(place, found, wanted, hint).at(&self.log.file, None)
+    fn refused(&self, place: String, cause: String, wanted: &str, hint: &str) -> Error {
+        Error::input(place, cause, wanted, hint).at(&self.log.file, None)
     }
 }
 
-/// Whether a title without a meaning of a pose is one of ours, or a variable of the firmware.
+/// Whether a title outside the pose is one of ours, or a variable of the firmware.
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
     const OWN: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
-    let of_group = |(group, name): (&str, &str)| {
-        let plain =
-            |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
-        plain(group) && plain(name) && group != "field"
-    };
     OWN.split(' ').any(|own| own == title)
         || is_standard_column(title)
-        || title.split_once('.').is_some_and(of_group)
+        || title.split_once('.').is_some_and(|(group, name)| {
+            let are_plain = [group, name].iter().all(|text| {
+                !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+            });
+            are_plain && group != "field"
+        })
 }
 
 /// Times in s of a column of stamps, and what was guessed.
@@ -227,8 +229,8 @@ fn times(
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
         return (values, (wraps > 0).then_some(text));
     }
-    let (named_s, found) = (wanted.seconds().or(unit), unit_of(&values));
-    let (unit_s, step) = (named_s.unwrap_or(found.unit_s), found.step);
+    let (named_s, inferred) = (wanted.seconds().or(unit), unit_of(&values));
+    let (unit_s, step) = (named_s.unwrap_or(inferred.unit_s), inferred.step);
     let guess = if unit_s != 1.0 {
         format!(
             "taken as {unit_s} s a unit, since its rows are {step} apart, which is no step of a log \
@@ -237,7 +239,7 @@ fn times(
     } else {
         format!("its rows are {step} apart, taken as seconds, not milliseconds")
     };
-    let is_guess = named_s.is_none() && (unit_s != 1.0 || found.in_doubt);
+    let is_guess = named_s.is_none() && (unit_s != 1.0 || inferred.in_doubt);
     values.iter_mut().for_each(|value| *value *= unit_s);
     (values, is_guess.then(|| format!("column {title}: {guess}")))
 }
@@ -259,13 +261,17 @@ fn midnights(times_s: &mut [f64]) -> u32 {
     wraps
 }
 
+fn most(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
+fn rms(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
+}
+
 /// Sets the unit of angles and angular velocities whose titles name none.
 pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
-    let most = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-    let rms = |values: &[f64]| {
-        let n = values.len().max(1) as f64;
-        (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
-    };
     let is_auto = wanted == AngleUnit::Auto;
     let (lean, all) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
     let (leans, reaches, mean) = (most(&lean), most(&all), rms(&lean));
@@ -291,7 +297,7 @@ pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mu
         from_degrees(block, false);
     }
     let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
-    // Roll and pitch turn as fast as the rates say.
+    // The rates have to match the slopes of roll and pitch.
     let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
     let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
     let slopes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
@@ -307,19 +313,18 @@ pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mu
     }
 }
 
-/// The numbers of the columns of these names whose unit is open.
+/// The finite numbers of the columns with these names whose unit is not known yet.
 fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
-    let named = |column: &&Column| column.is_open_angle && names.contains(&&*column.name);
-    let values = block.columns.iter().filter(named).flat_map(|column| &column.values);
+    let open = block.columns.iter().filter(|column| column.is_open_angle);
+    let values = open.filter(|column| names.contains(&&*column.name)).flat_map(|c| &c.values);
     values.copied().filter(|value| value.is_finite()).collect()
 }
 
-/// Turns degrees into radians, of the rates or of the angles whose unit is open.
+/// Turns degrees into radians: the rates, or the angles, whose unit is not known yet.
 fn from_degrees(block: &mut Block, are_rates: bool) {
-    let is_meant =
-        |column: &&mut Column| column.is_open_angle && column.name.starts_with('w') == are_rates;
-    let columns = block.columns.iter_mut().filter(is_meant);
-    columns.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
+    let open = block.columns.iter_mut().filter(|column| column.is_open_angle);
+    let open = open.filter(|column| column.name.starts_with('w') == are_rates);
+    open.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
 /// Spreads rows of one stamp evenly up to the next stamp, or over a second; returns whether there

@@ -23,13 +23,13 @@ pub(super) struct Recording {
     pub(super) blocks: Vec<Block>,
     /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
-    /// Whether `usecTimestamp` stamped it (µSD logs), which counts 84 µs in 85 in firmware up to
-    /// and with release 2026.08; else the ticks of the operating system did, which are true.
-    /// Version 1 has milliseconds, and wraps.
+    /// Whether it is stamped by `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up
+    /// to and with release 2026.08; otherwise by the true ticks of the operating system. Version 1
+    /// has milliseconds, and wraps.
     pub(super) is_on_card: bool,
     /// The drone's firmware, as the log names it.
     pub(super) firmware: Option<String>,
-    /// Whether its stamps are those of a clock that other logs may share.
+    /// Whether its stamps are on a clock that other logs may share.
     pub(super) is_stamped: bool,
     /// Axes of the world of its plain columns, as far as the format says.
     pub(super) axes: Axes,
@@ -166,11 +166,11 @@ impl Recording {
     /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
-            let empty = |Column { name, values, .. }: &Column| {
+            let empty = block.columns.iter().filter_map(|Column { name, values, .. }| {
                 let n = values.iter().filter(|value| !is_number(**value)).count();
                 (n > 0).then(|| format!("{name} ({n} of {})", values.len()))
-            };
-            let empty: Vec<String> = block.columns.iter().filter_map(empty).collect();
+            });
+            let empty: Vec<String> = empty.collect();
             if !empty.is_empty() {
                 let list = shortened(&empty);
                 self.warnings.push(format!("cells without a number are left out: {list}"));

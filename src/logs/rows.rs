@@ -1,4 +1,4 @@
-//! Rows of a table: whose they are, and when they were written, where two columns say it.
+//! Rows of a table: the drone that each belongs to, and stamps that are split over two columns.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use super::titles::meaning;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
-/// Titles of columns that say whose row it is, as [`simplified`].
+/// Titles of columns that name the drone of a row, as [`simplified`].
 const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link id uav uav_id \
                       uav_name robot robot_id robot_name agent agent_id vehicle vehicle_id body \
                       body_id body_name rigid_body rigid_body_id rigid_body_name cf cf_id cfid \
@@ -25,16 +25,15 @@ const FRACTIONS: [(&str, f64); 6] = [
     ("msec", 1e-3),
 ];
 
-/// Two places of one stamp further apart are two drones', m.
+/// Two places at one stamp farther apart than this belong to two drones, m.
 const APART_M: f64 = 0.1;
 
 /// Refuses rows of several drones, and a table in long form.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
-    let is_time = |column: &&SheetColumn| meaning(&column.title).0 == "t";
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
     let numbers: Vec<_> = sheet.columns.iter().filter(|c| !c.is_text()).collect();
     if let ([names], [time, value]) = (&texts[..], &numbers[..])
-        && is_time(time)
+        && meaning(&time.title).0 == "t"
     {
         let titles = [&time.title, &names.title, &value.title].map(String::as_str);
         return Err(in_long_form(titles).at(file, None));
@@ -48,24 +47,24 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
 
 /// A table with a row for each value.
 pub(super) fn in_long_form([time, names, value]: [&str; 3]) -> Error {
-    let found = format_args!("a table in long form, whose column {names} names each value");
+    let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
         "pandas.read_csv(FILE).pivot_table(index=\"{time}\", columns=\"{names}\", \
          values=\"{value}\").to_csv(\"log.csv\"), and import that"
     );
-    Error::input("rows", found, "a column for each variable", hint)
+    Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Refuses a column that says of each row whose it is, where it names more than one.
+/// Refuses a column that names more than one drone.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
     if owners.len() < 2 || !OWNERS.split(' ').any(|known| known == plain) {
         return Ok(());
     }
-    let found = format_args!("rows of several drones ({})", shortened(owners));
+    let rows = format_args!("rows of several drones ({})", shortened(owners));
     let hint = "write the rows of one drone to a file of its own, and import that";
-    Err(Error::input(format!("column {title}"), found, "those of one", hint).at(file, None))
+    Err(Error::input(format!("column {title}"), rows, "those of one", hint).at(file, None))
 }
 
 /// The different numbers of a column of ids: whole ones, each in several rows.
@@ -80,8 +79,8 @@ pub(super) fn whole(values: &[f64]) -> Vec<String> {
     ids.into_iter().map(|id| f64::from_bits(id).to_string()).collect()
 }
 
-/// Makes one column of stamps of two, which then holds seconds as dates do: a date and a time of
-/// day, or seconds and a fraction of them.
+/// Joins two columns of stamps into one of seconds: a date and a time of day, or seconds and their
+/// fraction.
 pub(super) fn join_stamps(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
@@ -97,15 +96,15 @@ pub(super) fn join_stamps(
         join(columns, are_dated, [whole, part], size_s);
         return Ok(());
     }
-    let dated = |is_meant: fn(&f64) -> bool| {
-        let is_all = |column: &SheetColumn| {
-            let known = || column.values.iter().filter(|value| value.is_finite());
-            are_dated[column.number - 1] && known().count() > 0 && known().all(is_meant)
-        };
-        columns.iter().position(is_all)
-    };
-    let Some(date) = dated(|value| *value > 0.0 && value % DAY_S == 0.0) else { return Ok(()) };
-    if let Some(clock) = dated(|value| *value <= DAY_S).filter(|clock| *clock != date) {
+    let tests: [fn(&f64) -> bool; 2] = [|v| *v > 0.0 && v % DAY_S == 0.0, |v| *v <= DAY_S];
+    let [date, clock] = tests.map(|test| {
+        columns.iter().position(|column| {
+            let mut known = column.values.iter().filter(|value| value.is_finite()).peekable();
+            are_dated[column.number - 1] && known.peek().is_some() && known.all(test)
+        })
+    });
+    let Some(date) = date else { return Ok(()) };
+    if let Some(clock) = clock.filter(|clock| *clock != date) {
         join(columns, are_dated, [clock, date], 1.0);
         return Ok(());
     }
@@ -119,7 +118,7 @@ pub(super) fn join_stamps(
     Err(Error::input(place, "days alone", "times", hint).at(file, None))
 }
 
-/// The title of the seconds of which a column has the fraction, and the fraction's size.
+/// For a column with fractions of seconds: the title of the whole seconds, and the fraction's unit.
 pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(end, size)| {
@@ -132,9 +131,8 @@ pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
 
 /// Whether whole seconds have their fraction in another column.
 pub(super) fn is_fraction(seconds: &[f64], parts: &[f64], size: f64) -> bool {
-    let is_whole = |value: &f64| value.is_nan() || value.fract() == 0.0;
-    let is_part = |value: &f64| value.is_nan() || (0.0..1.0).contains(&(value * size));
-    seconds.iter().all(is_whole) && parts.iter().all(is_part)
+    seconds.iter().all(|value: &f64| value.is_nan() || value.fract() == 0.0)
+        && parts.iter().all(|value: &f64| value.is_nan() || (0.0..1.0).contains(&(value * size)))
 }
 
 /// Adds a column, in units of some seconds, to one of stamps.
@@ -154,20 +152,20 @@ fn join(
     columns.remove(other);
 }
 
-/// Refuses rows of one stamp at several places, as those of two drones.
+/// Refuses rows that are at several places at the same time: they belong to two drones.
 pub(super) fn check_places(block: &Block, file: &str) -> Result<()> {
     let mut apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {
         let pairs = block.time_s.windows(2).zip(column.values.windows(2));
-        let is_apart = |(time, place): &(&[f64], &[f64])| {
-            time[0] == time[1] && (place[1] - place[0]).abs() > APART_M
-        };
-        apart = apart.max(pairs.filter(is_apart).count());
+        let jumps = pairs
+            .filter(|(time, place)| time[0] == time[1] && (place[1] - place[0]).abs() > APART_M);
+        apart = apart.max(jumps.count());
     }
     if 10 * apart <= block.time_s.len() {
         return Ok(());
     }
-    let found = format!("{apart} of {} rows at another place at the same time", block.time_s.len());
+    let n = block.time_s.len();
+    let rows = format!("{apart} of {n} rows at another place at the same time");
     let hint = "keep the rows of one drone; and see that the stamps have all their digits";
-    Err(Error::input(file, found, "one place at a time", hint))
+    Err(Error::input(file, rows, "one place at a time", hint))
 }

@@ -2,9 +2,9 @@
 //!
 //! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
 //! table is in order of preference: the first source that is logged, sound and alive is taken. A
-//! source is sound while its numbers are of a drone's world, and alive while it changes as others
-//! do; a quantity that is frozen while the drone moves was not logged. Each that is left out is
-//! named.
+//! source is sound if its numbers are plausible for a drone, and alive if it changes while others
+//! do. A quantity that is frozen while the drone moves counts as not logged. All that is left out
+//! is named in a warning.
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
@@ -28,18 +28,16 @@ struct Source(PositionSource, &'static str, &'static [f64]);
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Least time for which a living source changes, as a share of the time for which the liveliest
-/// does.
+/// Least time for which a live source changes, relative to the source that changes longest.
 const ALIVE_SHARE: f64 = 0.1;
 
-/// Least way of a drone that moves: more than the noise of a resting one's position.
+/// Least range of positions of a moving drone: more than the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Beginning of what is said of a log with a heading and no attitude.
+/// Beginning of the warning about a log with a heading and no attitude.
 const YAW_ALONE: &str = "of the attitude, the yaw alone is logged";
 
-/// Zeros of all three axes are no place where the drone would have come there this fast, and this
-/// far.
+/// Speed and distance of a jump to (0, 0, 0) that mark the zeros as a lost body, not a position.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
@@ -140,11 +138,11 @@ pub(super) struct Quantities {
     pub(super) has_world_velocity: bool,
     /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
-    /// What was logged and is left out, and why.
+    /// Warnings about data that was logged and is left out.
     pub(super) left_out: Vec<String>,
 }
 
-/// What the search takes, and what it passes over.
+/// A search through the tables of sources.
 struct Search<'a> {
     recording: &'a Recording,
     used: BTreeSet<String>,
@@ -191,8 +189,8 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     }
     let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocity = search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware));
-    let is_world = |(source, _): &(&Source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1);
-    let has_world_velocity = velocity.as_ref().is_some_and(is_world);
+    let has_world_velocity =
+        velocity.as_ref().is_some_and(|(source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1));
     channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
     let moving_s = moving_s(channels.get(&Quantity::Position));
@@ -203,12 +201,12 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
 
 /// For how long a drone moves; zero for one that rests.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
-    let way_m = |channel: &&Channel| {
-        let values = || channel.values.iter().copied();
-        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
-    };
-    let moves = position.into_iter().flatten().filter(|channel| way_m(channel) >= MOVES_M);
-    moves.map(active_s).fold(0.0, f64::max)
+    let moving = position.into_iter().flatten().filter(|channel| {
+        let values = channel.values.iter().copied();
+        let highest_m = values.clone().fold(f64::NEG_INFINITY, f64::max);
+        highest_m - values.fold(f64::INFINITY, f64::min) >= MOVES_M
+    });
+    moving.map(active_s).fold(0.0, f64::max)
 }
 
 impl Search<'_> {
@@ -233,10 +231,8 @@ impl Search<'_> {
             Some((source, channels))
         });
         // Numbers of a drone's world.
-        let is_sound = |(_, channels): &(&Source, Vec<Channel>)| {
-            numbers(channels).all(|value| value.abs() <= MAX_QUANTITY)
-        };
-        let (mut logged, diverged): (Vec<_>, Vec<_>) = logged.partition(is_sound);
+        let (mut logged, diverged): (Vec<_>, Vec<_>) = logged
+            .partition(|(_, channels)| numbers(channels).all(|value| value.abs() <= MAX_QUANTITY));
         if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
             let names = shortened(&names(source.1).collect::<Vec<_>>());
             let instead =
@@ -245,19 +241,20 @@ impl Search<'_> {
                 "{names} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}"
             ));
         }
-        // The position of a log whose only one diverged is refused with its place.
-        let is_position = |(source, _): &(&Source, _)| POSITION.iter().any(|p| p.1 == source.1);
+        // A log whose only position diverged is refused later, at the first bad number.
         if logged.is_empty() {
-            logged = diverged.into_iter().filter(is_position).collect();
+            logged = diverged;
+            logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
         }
-        let active_s = |channels: &[Channel]| channels.iter().map(active_s).fold(0.0, f64::max);
-        let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
-        let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
-            true => active_s(channels) >= ALIVE_SHARE * most_s,
+        let active_s =
+            logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
+        let most_s = active_s.clone().fold(0.0, f64::max);
+        let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| match most_s > 0.0 {
+            true => active_s >= ALIVE_SHARE * most_s,
             false => numbers(channels).any(|value| *value != 0.0),
-        };
-        let chosen = logged.iter().position(is_alive).unwrap_or(0);
-        let (source, channels) = logged.into_iter().nth(chosen)?;
+        });
+        let first = alive.position(|is_alive| is_alive).unwrap_or(0);
+        let (source, channels) = logged.into_iter().nth(first)?;
         self.used.extend(names(source.1));
         Some((source, channels))
     }
@@ -276,25 +273,25 @@ impl Search<'_> {
         if may_stay || active_s >= ALIVE_SHARE * moving_s {
             return true;
         }
-        let last = |channel: &Channel| channel.values[channel.values.len() - 1];
-        if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, channels)
-            && last(yaw).abs() > 1e-6
-            && [pitch, roll].iter().all(|angle| last(angle).abs() < 1e-6)
+        let last = channels.iter().map(|channel| channel.values[channel.values.len() - 1]);
+        let last: Vec<f64> = last.collect();
+        if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, &last[..])
+            && yaw.abs() > 1e-6
+            && [pitch, roll].iter().all(|angle| angle.abs() < 1e-6)
         {
             if !self.left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
                 self.left_out.push(format!(
                     "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were \
-                     not logged; the yaw, {:.3} rad throughout, is kept",
-                    last(yaw)
+                     not logged; the yaw, {yaw:.3} rad throughout, is kept"
                 ));
             }
             return true;
         }
-        let shown = |channel| {
-            let text = format!("{:.6}", on_grid(last(channel)));
+        let values = last.iter().map(|value| {
+            let text = format!("{:.6}", on_grid(*value));
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        };
-        let values = channels.iter().map(shown).collect::<Vec<_>>().join(", ");
+        });
+        let values = values.collect::<Vec<_>>().join(", ");
         self.left_out.push(format!(
             "{}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged",
             quantity.name()
@@ -302,7 +299,7 @@ impl Search<'_> {
         false
     }
 
-    /// The attitude: of the source of the position, of others, of quaternions, or the yaw alone.
+    /// The attitude: from the position's source, from others, from quaternions, or the yaw alone.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
@@ -332,24 +329,28 @@ impl Search<'_> {
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
         let quaternions: Vec<(f64, [f64; 4])> =
             if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
-                let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
-                parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
+                let times_s = parts[0].time_s.iter().copied();
+                times_s.map(|t| (t, [0, 1, 2, 3].map(|part| parts[part].held(t)))).collect()
             } else {
                 let packed = self.recording.channel(COMPRESSED_QUATERNION)?;
                 self.used.insert(COMPRESSED_QUATERNION.to_owned());
                 packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
             };
-        let valid = |q: &[f64; 4]| q.iter().map(|part| part * part).sum::<f64>() > 1e-6;
-        let pairs = quaternions.into_iter().filter(|(_, q)| valid(q));
+        let valid = quaternions
+            .into_iter()
+            .filter(|(_, q)| q.iter().map(|part| part * part).sum::<f64>() > 1e-6);
         let (time_s, attitudes): (Vec<f64>, Vec<Attitude>) =
-            pairs.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
-        let parts: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
-        let channel = |part| Channel::new(time_s.clone(), attitudes.iter().map(part).collect());
-        (!time_s.is_empty()).then(|| parts.map(channel).into())
+            valid.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
+        let angles: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
+        (!time_s.is_empty()).then(|| {
+            angles
+                .map(|angle| Channel::new(time_s.clone(), attitudes.iter().map(angle).collect()))
+                .into()
+        })
     }
 
-    /// A position without the zeros of all axes that a motion capture writes of a body it lost: the
-    /// drone would have jumped there.
+    /// A position without the (0, 0, 0) that a motion capture writes for a body that it has lost.
+    /// They are recognized by the jump.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -358,18 +359,18 @@ impl Search<'_> {
         let places_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        let jumps = |from: usize, to: usize| {
-            let apart_m = (places_m[to] - places_m[from]).norm();
-            apart_m > LOST_M && apart_m > LOST_M_S * (x.time_s[to] - x.time_s[from])
-        };
-        let is_zero = |place_m: &Vector3<f64>| *place_m == Vector3::zeros();
-        let (n, mut lost) = (places_m.len(), vec![false; places_m.len()]);
+        let jumps = places_m.windows(2).zip(x.time_s.windows(2)).map(|(place_m, time_s)| {
+            let apart_m = (place_m[1] - place_m[0]).norm();
+            apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
+        });
+        let jumps: Vec<bool> = jumps.collect();
+        let (zero_m, n, mut lost) = (Vector3::zeros(), places_m.len(), vec![false; places_m.len()]);
         let mut end = 0;
-        for run in places_m.chunk_by(|a, b| is_zero(a) == is_zero(b)) {
+        for run in places_m.chunk_by(|a, b| (*a == zero_m) == (*b == zero_m)) {
             let start = end;
             end += run.len();
-            let beside = start > 0 && jumps(start - 1, start) || end < n && jumps(end - 1, end);
-            lost[start..end].fill(is_zero(&run[0]) && beside);
+            let beside = start > 0 && jumps[start - 1] || end < n && jumps[end - 1];
+            lost[start..end].fill(run[0] == zero_m && beside);
         }
         let count = lost.iter().filter(|lost| **lost).count();
         if count == 0 || count == n {
@@ -403,9 +404,8 @@ fn numbers(channels: &[Channel]) -> impl Iterator<Item = &f64> {
 
 /// Time from the first change of a channel to its last.
 fn active_s(channel: &Channel) -> f64 {
-    let changes = |pair: &[f64]| pair[0] != pair[1];
-    let first = channel.values.windows(2).position(changes);
-    let last = channel.values.windows(2).rposition(changes);
+    let first = channel.values.windows(2).position(|pair| pair[0] != pair[1]);
+    let last = channel.values.windows(2).rposition(|pair| pair[0] != pair[1]);
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
@@ -455,8 +455,8 @@ mod tests {
     use crate::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {
-        let column = |(name, value): &(&str, f64)| Column::new((*name).into(), vec![*value]);
-        let columns = columns.iter().map(column).collect();
+        let columns =
+            columns.iter().map(|(name, value)| Column::new((*name).into(), vec![*value])).collect();
         let block = Block { time_s: vec![0.0], columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }
     }

@@ -1,17 +1,17 @@
-//! Speed of a position that was logged: no drone moves faster than it can. What does is in another
-//! unit, of two drones, or on wrong stamps; a few such steps are glitches of a sensor.
+//! Speed of a logged position. A position that is too fast for a drone is in another unit, of two
+//! drones, or on wrong stamps; a few such steps are sensor glitches.
 
 use super::ImportOptions;
 use super::recording::Channel;
 use noctograph_core::error::{Error, Result};
 
-/// A smaller step is no movement, m.
+/// Smaller steps do not count as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// A glitch is further than this: two stamps may be nearer to each other than their samples, m.
+/// Least size of a glitch, m: two stamps may be nearer to each other than their samples.
 const GLITCH_M: f64 = 0.2;
 
-/// Fewest steps that are no glitch, and their share of all in which the drone moves.
+/// Least number of fast steps that are more than glitches, and their share of all moving steps.
 const FEWEST: usize = 3;
 const SHARE: f64 = 0.1;
 

@@ -26,14 +26,14 @@ const NAMES: [(&str, &str, &str); 17] = [
     ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
     ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last of them is no title at all.
+    // The last one is the empty title.
     (" ", "index", "index row "),
 ];
 
 /// Our names of angles in radians.
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
-/// What a title says.
+/// The meaning of a title.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Title {
     /// Our name; an unknown title's is as it stands.
@@ -43,13 +43,13 @@ pub(super) struct Title {
     pub(super) unit: Option<f64>,
     /// The path before the quantity.
     pub(super) body: String,
-    /// A unit in brackets that is none of ours.
+    /// A unit in brackets that is not known.
     pub(super) other_unit: Option<String>,
 }
 
 /// The column of a title under our name, in SI units where the title names one.
 pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
-    let Title { name, unit, .. } = Title::of(title);
+    let Title { name, unit, .. } = Title::parse(title);
     in_si_units(name, unit, values)
 }
 
@@ -64,25 +64,30 @@ pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>)
 /// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
 /// is.
 pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
-    let Title { name, unit, .. } = Title::of(title);
+    let Title { name, unit, .. } = Title::parse(title);
     (name, unit)
 }
 
 /// Our name of a usual one.
 fn known(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, ours, names)| {
-        let with = |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
-        let is_usual = |letter: &char| names.split(' ').any(|usual| with(usual, *letter) == name);
-        letters.chars().find(is_usual).map(|letter| with(ours, letter))
+        letters.chars().map(String::from).find_map(|letter| {
+            let mut names = names.split(' ');
+            let is_usual = names.any(|usual| usual.replace('*', &letter) == name);
+            is_usual.then(|| ours.replace('*', &letter))
+        })
     })
 }
 
 impl Title {
+    fn known(name: String, unit: Option<f64>, body: String) -> Self {
+        Self { name, is_known: true, unit, body, other_unit: None }
+    }
+
     /// Reads a title.
-    pub(super) fn of(title: &str) -> Self {
+    pub(super) fn parse(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
         let (body, bare) = path_end(bare);
-        let of = |name, unit, body| Self { name, is_known: true, unit, body, other_unit: None };
         if let Some(bracket) = bracket
             && let Some(name) = known(&simplified(&bare))
         {
@@ -90,28 +95,25 @@ impl Title {
             let unit = unit(&plain, name == "t");
             let other_unit =
                 Some(bracket.to_owned()).filter(|_| unit.is_none() && !plain.is_empty());
-            return Self { other_unit, ..of(name, unit, body) };
+            return Self { other_unit, ..Self::known(name, unit, body) };
         }
         let simple = simplified(&path_end(title).1);
         if let Some(name) = known(&simple) {
-            return of(name, None, body);
+            return Self::known(name, None, body);
         }
         // A name that ends in its unit.
-        let parts = simple.match_indices('_').map(|(at, _)| (&simple[..at], &simple[at + 1..]));
-        let named = |(name, end)| {
-            let name = known(name)?;
-            let unit = unit(end, name == "t")?;
+        match simple.match_indices('_').find_map(|(place, _)| {
+            let name = known(&simple[..place])?;
+            let unit = unit(&simple[place + 1..], name == "t")?;
             Some((name, Some(unit)))
-        };
-        match { parts }.find_map(named) {
-            Some((name, unit)) => of(name, unit, body),
+        }) {
+            Some((name, unit)) => Self::known(name, unit, body),
             None => Self { name: title.to_owned(), ..Self::default() },
         }
     }
 }
 
-/// The path before a quantity of a pose, and the quantity's own name; a title that is no such path
-/// stays as it is.
+/// The path before a quantity of a pose, and the quantity's own name; another title stays as it is.
 fn path_end(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
     if let [before @ .., group, axis] = &parts[..] {

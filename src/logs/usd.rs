@@ -28,22 +28,22 @@ const HINT: &str =
 /// Reads a µSD log.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
-    let mut cursor = Cursor { bytes, at: 1, file };
+    let mut cursor = Cursor { bytes, offset: 1, file };
     let version = cursor.u16("the version")?;
     if !(1..=2).contains(&version) {
         return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
-    let body = &bytes[cursor.at..];
+    let body = &bytes[cursor.offset..];
     let whole = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
-        before.len() >= cursor.at && crc32fast::hash(before) == u32::from_le_bytes(*crc)
+        before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
     let end = if whole { body.len() - 4 } else { body.len() };
     let (length, stop) = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut warnings = Vec::new();
     if let Some(damage) = stop.damage(whole) {
-        let byte = cursor.at + length;
+        let byte = cursor.offset + length;
         let cut_off = !whole && matches!(stop, Stop::End | Stop::Short | Stop::Zeros);
         if !cut_off && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
@@ -74,7 +74,7 @@ enum Stop {
     /// Nothing but zeros remains: clusters of the card that the file was given, and the drone was
     /// switched off before they were written.
     Zeros,
-    /// Exactly four bytes remain, which begin no record: probably a CRC.
+    /// Four bytes remain that do not begin a record: probably a CRC.
     Crc,
     Unknown(u16),
 }
@@ -106,23 +106,22 @@ fn records(
 ) -> Result<(usize, Stop)> {
     let n_head = if version == 1 { 6 } else { 10 };
     let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
-    let mut at = 0;
+    let mut offset = 0;
     loop {
-        let rest = &body[at..];
-        let stop = |why| Ok((at, why));
+        let rest = &body[offset..];
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
-            return stop(if rest.is_empty() { Stop::End } else { Stop::Short });
+            return Ok((offset, if rest.is_empty() { Stop::End } else { Stop::Short }));
         };
         let id = u16::from_le_bytes(*id);
         // A record of zeros alone has no stamp: the drone's counter runs since it was switched on.
-        if id == 0 && rest.len() > 4 && at >= zeros_from {
-            return stop(Stop::Zeros);
+        if id == 0 && rest.len() > 4 && offset >= zeros_from {
+            return Ok((offset, Stop::Zeros));
         }
         let Some(event) = events.get_mut(&id) else {
-            return stop(if rest.len() == 4 { Stop::Crc } else { Stop::Unknown(id) });
+            return Ok((offset, if rest.len() == 4 { Stop::Crc } else { Stop::Unknown(id) }));
         };
         if rest.len() < n_head + event.n_bytes {
-            return stop(Stop::Short);
+            return Ok((offset, Stop::Short));
         }
         let n_numbers = 1 + event.decoders.len();
         budget.bytes(size_of::<f64>() * n_numbers)?;
@@ -134,7 +133,7 @@ fn records(
             push(&mut column.values, number(value));
             values = after;
         }
-        at += n_head + event.n_bytes;
+        offset += n_head + event.n_bytes;
     }
 }
 
@@ -177,7 +176,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
 
 struct Cursor<'a> {
     bytes: &'a [u8],
-    at: usize,
+    offset: usize,
     file: &'a str,
 }
 
@@ -186,7 +185,7 @@ impl Cursor<'_> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
         for _ in 0..n_events {
-            let start = self.at;
+            let start = self.offset;
             let id = self.u16("an event's number")?;
             let name = self.text("an event's name")?;
             let n_variables = self.u16("the number of an event's variables")?;
@@ -201,7 +200,7 @@ impl Cursor<'_> {
                 block: Block { name: name.clone(), ..Block::default() },
             };
             for _ in 0..n_variables {
-                let start = self.at;
+                let start = self.offset;
                 let text = self.text("a variable's name")?;
                 let split = text.strip_suffix(')').and_then(|text| text.rsplit_once('('));
                 let decoder = split.and_then(|(_, kind)| decoder(kind));
@@ -226,26 +225,35 @@ impl Cursor<'_> {
     }
 
     fn u16(&mut self, what: &str) -> Result<u16> {
-        let Some((found, _)) = self.bytes[self.at..].split_first_chunk::<2>() else {
-            return Err(self.error(self.at, "the end of the file", what));
+        let Some((number, _)) = self.bytes[self.offset..].split_first_chunk::<2>() else {
+            return Err(self.error(self.offset, "the end of the file", what));
         };
-        self.at += 2;
-        Ok(u16::from_le_bytes(*found))
+        self.offset += 2;
+        Ok(u16::from_le_bytes(*number))
     }
 
     fn text(&mut self, what: &str) -> Result<String> {
-        let rest = &self.bytes[self.at..];
+        let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
-            return Err(self.error(self.at, "no zero byte", format!("{what}, which ends in one")));
+            return Err(self.error(
+                self.offset,
+                "no zero byte",
+                format!("{what}, which ends in one"),
+            ));
         };
         let Ok(text) = std::str::from_utf8(&rest[..length]) else {
-            return Err(self.error(self.at, "bytes that are no text", what));
+            return Err(self.error(self.offset, "bytes that are no text", what));
         };
-        self.at += length + 1;
+        self.offset += length + 1;
         Ok(text.to_owned())
     }
 
-    fn error(&self, at: usize, found: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
-        Error::input(format!("byte {at}"), found, wanted, HINT).at(self.file, None)
+    fn error(
+        &self,
+        offset: usize,
+        content: impl std::fmt::Display,
+        wanted: impl Into<String>,
+    ) -> Error {
+        Error::input(format!("byte {offset}"), content, wanted, HINT).at(self.file, None)
     }
 }

@@ -3,8 +3,8 @@
 use super::reading::{Reading, read};
 use noctograph_core::photo::Photo;
 
-/// Mean share of the letters of writing that is the right way up. Upside down, NOOR reads as HOON of
-/// 0.87.
+/// Mean share of the letters of writing that is the right way up. Upside down, NOOR reads as HOON
+/// of 0.87.
 const UPRIGHT: f64 = 0.92;
 
 /// Fewest letters that say which way up they are: turned, a heart or an arrow may be one or two.

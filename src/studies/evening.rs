@@ -339,8 +339,8 @@ fn figures(
         return Err(Flaw::Frozen);
     }
     let vehicle = &scene.vehicle;
-    let identified =
-        identify(flight, &Assumed::of(vehicle)).map_err(|error| Flaw::Silent(error.to_string()))?;
+    let identified = identify(flight, &Assumed::from_vehicle(vehicle))
+        .map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);
     let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
     let room = GustOptions::default().torque_sigma_n_m;

@@ -23,14 +23,14 @@ pub(super) struct Axis {
 }
 
 /// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
-pub(super) type Branch = Vec<usize>;
+pub(super) type Path = Vec<usize>;
 
 impl Axis {
     /// The axis of the ink within a rim; empty where there is none.
     pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
-        let weld = |x: f64| (x / WELD).round() * WELD;
-        let samples = rim.iter().flatten().map(|[x, y]| Point2::new(weld(*x), weld(*y))).collect();
+        let samples = rim.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
+        let samples = samples.map(|[x, y]| Point2::new(x, y)).collect();
         let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
             return Self::default();
         };
@@ -71,14 +71,14 @@ impl Axis {
     }
 
     /// The way from a node through a neighbor, up to a node for which `ends` is true.
-    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Branch {
+    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
         let mut way = vec![from, through];
         loop {
-            let (before, at) = (way[way.len() - 2], way[way.len() - 1]);
-            if ends(at) || at == from {
+            let (before, node) = (way[way.len() - 2], way[way.len() - 1]);
+            if ends(node) || node == from {
                 return way;
             }
-            match self.neighbors[at].iter().find(|next| **next != before) {
+            match self.neighbors[node].iter().find(|next| **next != before) {
                 Some(next) => way.push(*next),
                 None => return way,
             }
@@ -97,10 +97,10 @@ impl Axis {
         direction(self.middles[from], end)
     }
 
-    /// All branches between nodes for which `ends` is true, and all loops without such a node.
-    pub(super) fn branches(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Branch> {
+    /// All paths between nodes for which `ends` is true, and all loops without such a node.
+    pub(super) fn paths(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Path> {
         let mut seen = vec![false; self.middles.len()];
-        let mut branches = Vec::new();
+        let mut paths = Vec::new();
         for node in (0..self.middles.len()).filter(|node| ends(*node)) {
             seen[node] = true;
             for next in &self.neighbors[node] {
@@ -110,7 +110,7 @@ impl Axis {
                 // Each is found from both of its ends, and a loop through both of its sides.
                 let back = (end, way[way.len() - 2]);
                 if (node, *next) <= back {
-                    branches.push(way);
+                    paths.push(way);
                 }
             }
         }
@@ -118,10 +118,10 @@ impl Axis {
             if !seen[node] && self.degree(node) == 2 {
                 let way = self.way(node, self.neighbors[node][0], &|_| false);
                 way.iter().for_each(|inner| seen[*inner] = true);
-                branches.push(way);
+                paths.push(way);
             }
         }
-        branches
+        paths
     }
 
     /// Cuts a way off: all its links, so that its first node loses a neighbor.

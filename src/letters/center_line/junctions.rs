@@ -3,8 +3,8 @@
 
 use super::super::outline::Filled;
 use super::super::vector::{ahead, cross, dot, legs, mean, minus};
-use super::axis::{Axis, Branch};
-use super::limbs::{Arm, Connection, Knot, Limb, chain};
+use super::axis::{Axis, Path};
+use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
 /// Two junctions nearer than this by the larger radius are one: a crossing appears as two. The
@@ -17,7 +17,7 @@ const ONE_BEND: f64 = 2.5;
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
 
-/// Sine of the largest angle off the vertical or horizontal at which an arm counts as such: 3°.
+/// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
 
 /// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that
@@ -32,26 +32,27 @@ const STEPS: usize = 3;
 
 /// Lines through the junctions of an axis, straight strokes joined.
 pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
-    let is_key = |node: usize| {
-        let degree = axis.degree(node);
-        degree != 2 && degree != 0 || degree == 2 && bends[node]
-    };
-    let branches = axis.branches(&is_key);
-    let (cluster_of, inner) = clusters(axis, &branches);
-    let mut limbs: Vec<Limb> = Vec::new();
-    // Ends of limbs at each cluster: the limb, and whether its tail.
+    let is_key = (0..axis.middles.len()).map(|node| match axis.degree(node) {
+        2 => bends[node],
+        degree => degree != 0,
+    });
+    let is_key: Vec<bool> = is_key.collect();
+    let paths = axis.paths(&|node| is_key[node]);
+    let (cluster_of, inner) = clusters(axis, &paths);
+    let mut branches: Vec<Branch> = Vec::new();
+    // Ends of branches at each cluster: the branch, and whether its tail.
     let mut ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
-    for (branch, _) in branches.iter().zip(&inner).filter(|(_, inner)| !**inner) {
-        let (first, last) = (branch[0], branch[branch.len() - 1]);
-        if first != last || is_key(first) {
-            ends[cluster_of[first]].push((limbs.len(), false));
-            ends[cluster_of[last]].push((limbs.len(), true));
+    for (path, _) in paths.iter().zip(&inner).filter(|(_, inner)| !**inner) {
+        let (first, last) = (path[0], path[path.len() - 1]);
+        if first != last || is_key[first] {
+            ends[cluster_of[first]].push((branches.len(), false));
+            ends[cluster_of[last]].push((branches.len(), true));
         }
-        let points = branch.iter().map(|node| axis.middles[*node]).collect();
-        limbs.push(Limb::new(points, branch.iter().map(|node| axis.radii[*node]).collect()));
+        let points = path.iter().map(|node| axis.middles[*node]).collect();
+        branches.push(Branch::new(points, path.iter().map(|node| axis.radii[*node]).collect()));
     }
     let mut members_of: Vec<Vec<usize>> = vec![Vec::new(); axis.middles.len()];
-    for node in (0..axis.middles.len()).filter(|node| is_key(*node)) {
+    for node in (0..axis.middles.len()).filter(|node| is_key[*node]) {
         members_of[cluster_of[node]].push(node);
     }
     for (cluster, ends) in ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
@@ -63,30 +64,32 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         let members = &members_of[cluster];
         let middles: Vec<[f64; 2]> = members.iter().map(|node| axis.middles[*node]).collect();
         let radius = members.iter().map(|m| axis.radii[*m]).fold(0.0, f64::max);
-        let arms = ends.iter().map(|(limb, tail)| limbs[*limb].trim(*limb, *tail, radius));
+        let arms = ends.iter().map(|(branch, tail)| branches[*branch].trim(*branch, *tail, radius));
         let arms: Vec<Arm> = arms.collect();
-        meet(&mut limbs, &arms, &Joint { middle: mean(&middles), radius, ink });
+        meet(&mut branches, &arms, &Joint { middle: mean(&middles), radius, ink });
     }
-    chain(&mut limbs)
+    chain(&mut branches)
 }
 
-/// For each node the junction it belongs to, by its smallest node; and which branches lie within
+/// The smallest node of a node's junction.
+fn root(cluster_of: &[usize], mut node: usize) -> usize {
+    while cluster_of[node] != node {
+        node = cluster_of[node];
+    }
+    node
+}
+
+/// For each node the junction it belongs to, by its smallest node; and which paths lie within
 /// one.
-fn clusters(axis: &Axis, branches: &[Branch]) -> (Vec<usize>, Vec<bool>) {
+fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
-    let root = |cluster_of: &[usize], mut node: usize| {
-        while cluster_of[node] != node {
-            node = cluster_of[node];
-        }
-        node
-    };
-    let mut inner = vec![false; branches.len()];
-    for (branch, inner) in branches.iter().zip(&mut inner) {
-        let (a, b) = (branch[0], branch[branch.len() - 1]);
+    let mut inner = vec![false; paths.len()];
+    for (path, inner) in paths.iter().zip(&mut inner) {
+        let (a, b) = (path[0], path[path.len() - 1]);
         let joints = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
         let radius = axis.radii[a].max(axis.radii[b]);
         let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
-        if joints && axis.length(branch) < reach * radius {
+        if joints && axis.length(path) < reach * radius {
             *inner = true;
             let (a, b) = (root(&cluster_of, a), root(&cluster_of, b));
             cluster_of[a.max(b)] = a.min(b);
@@ -108,90 +111,94 @@ impl Joint<'_> {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where the arms' lines meet, but no farther than a pen as wide as they stays in the
-    /// ink: a tip that is cut off flat is not extended to a point. A vertical or horizontal arm
-    /// keeps its line there; others share the turn.
+    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink: a tip
+    /// that is cut off flat is not extended to a point. A vertical or horizontal arm keeps its line
+    /// there; others share the turn.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
-        let end = |arm: &Arm| {
-            let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
-            let inked = |s: &f64| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius));
-            let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
-            ahead(arm.from, arm.away, steps.find(inked).unwrap_or(0.0))
-        };
-        let straight = |arm: &&Arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT;
-        let mut ends: Vec<[f64; 2]> = arms.iter().filter(straight).map(end).collect();
-        if ends.is_empty() {
-            ends = arms.iter().map(end).collect();
+        let mut upright: Vec<&Arm> = arms.iter().collect();
+        upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
+        if upright.is_empty() {
+            upright.extend(arms);
         }
-        let mean = mean(&ends);
+        let ends = upright.iter().map(|arm| {
+            let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
+            let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
+            let inked = steps.find(|s| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius)));
+            ahead(arm.from, arm.away, inked.unwrap_or(0.0))
+        });
+        let mean = mean(&ends.collect::<Vec<_>>());
         if self.is_near(mean, REACH) { mean } else { self.middle }
     }
 }
 
 /// Connects the arms of a junction.
-fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
+fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     let middle = joint.middle;
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
     while let Some((a, b)) = straightest(arms, &free, limit) {
         let way = curve(&arms[a], &arms[b]);
-        let knot = |at: &[f64; 2]| Knot { at: *at, corner: false };
-        let (there, back) = (way[..=8].iter().map(knot), way[8..].iter().rev().map(knot));
-        join(limbs, [&arms[a], &arms[b]], [there.collect(), back.collect()]);
+        let knots = way.iter().map(|point| Knot { position: *point, corner: false });
+        let knots: Vec<Knot> = knots.collect();
+        let back = knots[8..].iter().rev().copied().collect();
+        join(branches, [&arms[a], &arms[b]], [knots[..=8].to_vec(), back]);
         through.push(way);
         free.retain(|arm| *arm != a && *arm != b);
     }
-    let corner = |at| vec![Knot { at, corner: true }];
     if through.is_empty() {
         let crossing = crossing(arms).filter(|p| {
-            let onward = |arm: &Arm| dot(minus(*p, arm.from), arm.away) < 0.0;
-            joint.is_near(*p, FAR) && arms.iter().all(onward)
+            joint.is_near(*p, FAR)
+                && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
         });
         let point = crossing.map_or(middle, |crossing| joint.meeting_point(arms, crossing));
         for arm in arms {
-            limbs[arm.limb].aim(arm.tail, crossing.unwrap_or(point), point);
+            branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
         }
         // The two that turn least continue as one stroke with a corner.
         if let Some((a, b)) = straightest(arms, &free, -2.0) {
-            join(limbs, [&arms[a], &arms[b]], [corner(point), corner(point)]);
+            join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
             free.retain(|arm| *arm != a && *arm != b);
         }
         for arm in free {
-            limbs[arms[arm].limb].ends[usize::from(arms[arm].tail)].knots = corner(point);
+            branches[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
         }
     } else {
         for arm in free.into_iter().map(|arm| &arms[arm]) {
             let hits = through.iter().filter_map(|way| first_hit(arm, way));
-            let off = |p: &[f64; 2]| distance(arm.from, *p);
-            let hit = hits.min_by(|a, b| off(a).total_cmp(&off(b)));
+            let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
             let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
-            limbs[arm.limb].ends[usize::from(arm.tail)].knots = corner(point);
+            branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
         }
     }
 }
 
+fn corner(position: [f64; 2]) -> Vec<Knot> {
+    vec![Knot { position, corner: true }]
+}
+
 /// Two arms become one line: each is extended by its knots and continues in the other.
-fn join(limbs: &mut [Limb], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
+fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
-        let next = Some((other.limb, other.tail));
-        limbs[arm.limb].ends[usize::from(arm.tail)] = Connection { knots, next };
+        let next = Some((other.branch, other.tail));
+        branches[arm.branch].ends[usize::from(arm.tail)] = Connection { knots, next };
     }
 }
 
 /// The pair of arms that are most nearly opposite, where they turn by less than a limit (its
 /// cosine).
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
-    let straight = |(a, b): (usize, usize)| -dot(arms[a].away, arms[b].away);
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
-    let best = pairs.max_by(|x, y| straight(*x).total_cmp(&straight(*y)));
-    best.filter(|pair| straight(*pair) > limit)
+    let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
+    let best = turns.max_by(|x, y| x.1.total_cmp(&y.1));
+    best.filter(|(_, cosine)| *cosine > limit).map(|(pair, _)| pair)
 }
 
 /// A cubic from one arm into another in their directions, in 16 pieces.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
     let third = distance(a.from, b.from) / 3.0;
-    let point = |t: f64| {
+    let points = (0..=16).map(|k| {
+        let t = f64::from(k) / 16.0;
         let s = 1.0 - t;
         [0, 1].map(|i| {
             let (c, d) = (a.from[i] - third * a.away[i], b.from[i] - third * b.away[i]);
@@ -200,8 +207,8 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
                 + 3.0 * s * t * t * d
                 + t * t * t * b.from[i]
         })
-    };
-    (0..=16).map(|k| point(f64::from(k) / 16.0)).collect()
+    });
+    points.collect()
 }
 
 /// The point nearest to the lines of all arms.
@@ -209,9 +216,9 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];
-        let off = nx * arm.from[0] + ny * arm.from[1];
+        let offset = nx * arm.from[0] + ny * arm.from[1];
         (a, b, c) = (a + nx * nx, b + nx * ny, c + ny * ny);
-        (d, e) = (d + nx * off, e + ny * off);
+        (d, e) = (d + nx * offset, e + ny * offset);
     }
     let determinant = a * c - b * b;
     (determinant > 1e-3).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
@@ -221,9 +228,9 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = legs(line).filter_map(|[from, to]| {
-        let (off, leg) = (minus(from, arm.from), minus(to, from));
+        let (gap, leg) = (minus(from, arm.from), minus(to, from));
         let area = cross(onward, leg);
-        let (t, s) = (cross(off, leg) / area, cross(off, onward) / area);
+        let (t, s) = (cross(gap, leg) / area, cross(gap, onward) / area);
         (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)
     });
     hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, onward, t))

@@ -9,14 +9,14 @@ use super::outline::{Contour, Filled, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
 use super::vector::legs;
 use axis::Axis;
-use limbs::Knot;
+use branches::Knot;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
 use noctograph_core::statistics::median;
 
 mod axis;
+mod branches;
 mod junctions;
-mod limbs;
 mod prune;
 
 /// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
@@ -80,8 +80,8 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
     let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
     for part in parts {
-        let by_radius = |a: &&usize, b: &&usize| axis.radii[**a].total_cmp(&axis.radii[**b]);
-        let fattest = *part.iter().max_by(by_radius).expect("a part has nodes");
+        let fattest = part.iter().max_by(|a, b| axis.radii[**a].total_cmp(&axis.radii[**b]));
+        let fattest = *fattest.expect("a part has nodes");
         let (middle, radius) = (axis.middles[fattest], axis.radii[fattest]);
         let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
         let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
@@ -116,19 +116,19 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 /// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
 fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
     let legs: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
-    let untouched = |node: usize| {
+    let untouched = (0..whole.len()).map(|node| {
         legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
-    };
-    let untouched: Vec<bool> = (0..whole.len()).map(untouched).collect();
+    });
+    let untouched: Vec<bool> = untouched.collect();
     let mut links = whole.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
     }
-    let length = |part: &Vec<usize>| {
+    let lengths = parts(&links).into_iter().map(|part| {
         let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
         0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
-    };
-    let longest = parts(&links).iter().map(length).fold(0.0, f64::max);
+    });
+    let longest = lengths.fold(0.0, f64::max);
     if longest > LOST * half_width { longest } else { 0.0 }
 }
 
@@ -154,7 +154,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
 
 /// A line smoothed between its corners, and simplified.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
-    let closed = line.len() > 3 && line[0].at == line[line.len() - 1].at;
+    let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();
     if closed {
         // A closed line begins at a corner if it has one.
@@ -168,7 +168,8 @@ fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let cuts: Vec<usize> = std::iter::once(0).chain(corners).chain([line.len() - 1]).collect();
     let mut fitted: Vec<[f64; 2]> = Vec::new();
     for span in cuts.windows(2) {
-        let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
+        let points: Vec<[f64; 2]> =
+            line[span[0]..=span[1]].iter().map(|knot| knot.position).collect();
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let n_smoothed = (polyline_length_m(&points) / SPACING) as usize;
         if !budget.spend_steps(STEPS[1] * (n_smoothed.min(MAX_POINTS) + points.len())) {
@@ -196,8 +197,8 @@ mod tests {
         let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
         for line in center_lines(&contours, &budget()).lines {
             #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
-            let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
-            let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
+            let mut line: Vec<[i64; 2]> =
+                line.iter().map(|point| point.map(|x| (100.0 * x).round() as i64)).collect();
             line.dedup();
             if line[0] == line[line.len() - 1] {
                 line.pop();
@@ -242,8 +243,8 @@ mod tests {
 
     #[test]
     fn a_stroke_that_no_line_touches_is_lost() {
-        let contour = |[l, b, r, t]: [f64; 4]| vec![[l, b], [r, b], [r, t], [l, t]];
-        let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]].map(contour);
+        let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]]
+            .map(|[l, b, r, t]| vec![[l, b], [r, b], [r, t], [l, t]]);
         assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
         let budget = budget();
         let ink = Filled::new(&tee, &budget);

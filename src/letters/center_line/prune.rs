@@ -1,7 +1,8 @@
-//! Spurs: branches of the medial axis into corners and ripples of the rim, which no pen would draw.
+//! Spurs: branches of the medial axis into corners and ripples of the rim. A pen would not draw
+//! them.
 
 use super::super::vector::{direction, dot};
-use super::axis::{Axis, Branch};
+use super::axis::{Axis, Path};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
@@ -29,13 +30,13 @@ const ARM: f64 = 0.6;
 /// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
 const BENDS: f64 = 0.1;
 
-/// A branch's end is a tip where its radius falls below the first value, by the branch's median
+/// A path's end is a tip where its radius falls below the first value, by the path's median
 /// radius; it is cut off up to where the radius has risen to the second.
 const TIP: [f64; 2] = [0.6, 0.92];
 
-/// A stub between a crotch and the tip above it (A, M, N, V, W) is as long as its legs' angle makes
-/// it, with this factor and so many radii at its root more; or, from this cosine between stub and
-/// leg on, so many radii, and so many more for each unit of it, up to the last value.
+/// Length of a stub between a crotch and the tip above it (A, M, N, V, W): from its legs' angle, with
+/// this factor and so many radii at its root more. From this cosine between stub and leg on, so many
+/// radii, and so many more for each unit of it, up to the last value.
 const STUB: [f64; 2] = [1.3, 1.4];
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Cosine of the widest angle between the legs of such a crotch, 75°, and the largest difference of
@@ -48,20 +49,23 @@ const ASKEW: f64 = 0.2;
 /// the line bends.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Each walk may lead over all nodes.
-    let more = |axis: &Axis| {
-        let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
-        budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
-    };
     // Ripples first: they split branches.
-    while more(axis) && cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
-    while more(axis) && cut_spurs(axis, &mut bends, is_spur) {}
-    while more(axis) && cut_spurs(axis, &mut bends, is_stub) {}
+    let kinds: [fn(&Axis, &Path) -> bool; 3] =
+        [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
+    for is_unwanted in kinds {
+        while spend_walks(axis, budget) && cut_spurs(axis, &mut bends, is_unwanted) {}
+    }
     cut_tips(axis);
     bends
 }
 
-/// Cuts off the tips of branches that run out into a corner without a fork, as they do where a
+/// Takes a walk from every end off the budget; each may lead over all nodes.
+fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
+    let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
+    budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
+}
+
+/// Cuts off the tips of paths that run out into a corner without a fork, as they do where a
 /// stroke's end is rounded on one side.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
@@ -73,24 +77,20 @@ fn cut_tips(axis: &mut Axis) {
         let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
         (cut && whole + 1 < way.len()).then_some(tip)
     });
-    for tip in tips.collect::<Vec<Branch>>() {
+    for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
 /// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
-fn cut_spurs(
-    axis: &mut Axis,
-    bends: &mut [bool],
-    unwanted: impl Fn(&Axis, &Branch) -> bool,
-) -> bool {
+fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = ends.filter_map(|end| {
         let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
         way.reverse();
         (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
     });
-    let spurs: Vec<Branch> = spurs.collect();
+    let spurs: Vec<Path> = spurs.collect();
     for spur in &spurs {
         bends[spur[0]] |= protrusion(axis, spur) > BENDS;
         axis.cut(spur);
@@ -98,12 +98,12 @@ fn cut_spurs(
     !spurs.is_empty()
 }
 
-fn protrusion(axis: &Axis, spur: &Branch) -> f64 {
+fn protrusion(axis: &Axis, spur: &Path) -> f64 {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     (axis.length(spur) + end - root) / root
 }
 
-fn is_spur(axis: &Axis, spur: &Branch) -> bool {
+fn is_spur(axis: &Axis, spur: &Path) -> bool {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
     let protrusion = protrusion(axis, spur);
@@ -111,7 +111,7 @@ fn is_spur(axis: &Axis, spur: &Branch) -> bool {
 }
 
 /// A stub is the tip of two legs that meet at its root.
-fn is_stub(axis: &Axis, spur: &Branch) -> bool {
+fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];
     let end = axis.radii[tip];

@@ -1,9 +1,9 @@
 //! Areas and lines: which patches of ink are drawn along their rim, and which along their center.
 //!
-//! A patch is a line where it is thin for its own size, or where a pen along its center lines would
-//! leave the same ink in one stroke. One of several strokes, or a ring, is drawn so if there is
-//! such a pen: that of the drawing's thin lines, or of
-//! writing, which stands in a row. What else has a size is an area; what has none is a point.
+//! A patch is a line if it is thin for its size, or if a pen along its center lines would leave the
+//! same ink in one stroke. A patch of several strokes, or a ring, is a line if the drawing has such a
+//! pen: that of its thin lines, or of writing in a row. Other patches are areas, or points if they
+//! are tiny.
 
 use std::cell::OnceCell;
 
@@ -16,22 +16,21 @@ use noctograph_core::statistics::median;
 
 /// Mean width of a line, by the larger side of its patch.
 const THIN: f64 = 0.1;
-/// A patch wider than this is no line of any pen.
+/// Greatest mean width of a patch that may be a pen's line.
 const SOLID: f64 = 0.3;
 /// A patch that is smaller than this share of the drawing is a point.
 const POINT: f64 = 0.025;
-/// A line is no thicker than so many pens, and a dot.
+/// Greatest thickness of a line and of a dot, in pens.
 const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
 /// A pen's line is longer than so many of its thicknesses.
 const LONG: f64 = 2.0;
-/// Ink that a pen along the center lines shares with a patch, by that of both, where it is surely
-/// a line, and where it is one of a drawing's pen or beside such a letter; and the points along a
-/// side of the patch by which it is told.
+/// Ink that a pen along the center lines shares with a patch, by that of both: threshold for a line,
+/// and for a line of the drawing's pen or a letter beside others; and the grid for its estimate.
 const PENNED: [f64; 2] = [0.82, 0.65];
 const GRID: u32 = 40;
 /// Largest ratio of heights and of thicknesses of letters in a row, largest gap between two, by
-/// their height, and how many others a letter has so near.
+/// their height, and the least number of neighbors of a letter.
 const ALIKE: f64 = 1.6;
 const GAP: f64 = 2.5;
 const LETTERS: usize = 2;
@@ -86,7 +85,7 @@ impl<'a> Patch<'a> {
         line.into_iter().map(|point| point.map(|x| x * self.unit_px)).collect()
     }
 
-    /// Half of its width, and where it is thickest, in pixels; 0 for what is no line.
+    /// Half of its width, and half of its greatest width, in pixels; 0 without center lines.
     fn pen_px(&self) -> [f64; 2] {
         let center = self.center.as_ref();
         center.map_or([0.0; 2], |it| [it.half_width, it.thickest].map(|x| x * self.unit_px))
@@ -102,9 +101,9 @@ impl<'a> Patch<'a> {
     }
 
     fn penned_along(&self, center: &CenterLines) -> f64 {
-        let legs = || center.lines.iter().flat_map(|line| legs(line));
+        let legs: Vec<[[f64; 2]; 2]> = center.lines.iter().flat_map(|line| legs(line)).collect();
         if center.length() < 2.0 * LONG * center.thickest
-            || !self.budget.spend_steps(STEPS * legs().count() * (GRID * GRID) as usize)
+            || !self.budget.spend_steps(STEPS * legs.len() * (GRID * GRID) as usize)
         {
             return 0.0;
         }
@@ -112,11 +111,9 @@ impl<'a> Patch<'a> {
         let [left, bottom, right, top] = self.bounds.map(|x| x / self.unit_px);
         let [mut both, mut any] = [0; 2];
         for (x, y) in (0..GRID * GRID).map(|k| (k % GRID, k / GRID)) {
-            let along = |k: u32, from: f64, to: f64| {
-                from + (to - from) * (f64::from(k) + 0.5) / f64::from(GRID)
-            };
-            let place = [along(x, left, right), along(y, bottom, top)];
-            let penned = legs().any(|leg| segment_distance(place, leg) <= center.half_width);
+            let place = [(x, left, right), (y, bottom, top)]
+                .map(|(k, from, to)| from + (to - from) * (f64::from(k) + 0.5) / f64::from(GRID));
+            let penned = legs.iter().any(|leg| segment_distance(place, *leg) <= center.half_width);
             let inked = ink.holds(place);
             both += u32::from(penned && inked);
             any += u32::from(penned || inked);
@@ -127,11 +124,10 @@ impl<'a> Patch<'a> {
     /// Whether two patches are letters of one line of writing.
     fn is_beside(&self, other: &Self) -> bool {
         let ([l, b, r, t], [left, bottom, right, top]) = (self.bounds, other.bounds);
-        let alike = |a: f64, b: f64| a.max(b) <= ALIKE * a.min(b);
         let overlap = t.min(top) - b.max(bottom);
         let gap = left.max(l) - right.min(r);
-        alike(t - b, top - bottom)
-            && alike(self.pen_px()[0], other.pen_px()[0])
+        let pairs = [[t - b, top - bottom], [self.pen_px()[0], other.pen_px()[0]]];
+        pairs.iter().all(|[a, b]| a.max(*b) <= ALIKE * a.min(*b))
             && overlap > 0.5 * (t - b).min(top - bottom)
             && gap < GAP * (t - b).max(top - bottom)
     }
@@ -143,22 +139,22 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
 
 /// The lines of the patches of a drawing whose larger side is given, in pixels.
 pub(super) fn lines(patches: Vec<Patch<'_>>, larger_px: f64) -> Vec<Vec<[f64; 2]>> {
-    let is_letter = |patch: &Patch<'_>| {
+    let letters = patches.iter().map(|patch| {
         if patch.is_thin() || patch.penned() < PENNED[1] {
             return false;
         }
-        let is_beside = |other: &&Patch<'_>| !std::ptr::eq(patch, *other) && patch.is_beside(other);
-        let beside: Vec<&Patch<'_>> = patches.iter().filter(is_beside).collect();
+        let mut beside: Vec<&Patch<'_>> = patches.iter().collect();
+        beside.retain(|other| !std::ptr::eq(patch, *other) && patch.is_beside(other));
         beside.len() >= LETTERS && beside.iter().any(|other| other.penned() > PENNED[0])
-    };
-    let letters: Vec<bool> = patches.iter().map(is_letter).collect();
+    });
+    let letters: Vec<bool> = letters.collect();
     let thin = patches.iter().filter(|patch| patch.is_thin());
     let pen = median(thin.map(|patch| patch.pen_px()[0])).unwrap_or(0.0);
     let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);
     let letter_pen = median(written.map(|(patch, _)| patch.pen_px()[0])).unwrap_or(0.0);
     let mut lines = Vec::new();
     for (patch, is_letter) in patches.iter().zip(&letters) {
-        let is_line = |center: &CenterLines| {
+        let line = patch.center.as_ref().filter(|center| {
             let thickest = patch.pen_px()[1];
             let is_point = size(patch.bounds) < POINT * larger_px;
             let is_dot =
@@ -170,8 +166,8 @@ pub(super) fn lines(patches: Vec<Patch<'_>>, larger_px: f64) -> Vec<Vec<[f64; 2]
                 || is_point
                 || is_dot
                 || thickest <= PENS * pen && patch.penned() > PENNED[1]
-        };
-        match patch.center.as_ref().filter(|center| is_line(center)) {
+        });
+        match line {
             Some(center) => {
                 lines.extend(center.lines.iter().map(|line| patch.in_pixels(line.clone())));
             }

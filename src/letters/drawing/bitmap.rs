@@ -1,10 +1,10 @@
 //! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF. A sheet of
-//! paper on a table is cut out of it and seen square on ([`sheet`]).
+//! paper on a table is cut out of it and seen square on ([`paper_photo`]).
 //!
-//! Ink is what differs from the paper ([`super::ink`]); its contours lie between pixels, by
-//! marching squares. Each patch of ink with its holes is traced as a typeface's characters are
-//! ([`crate::center_line`]), or along its outline where it is an area ([`areas`]). A line has the
-//! hue of its ink where that is not gray. A photograph, whose paper would have texture, is refused.
+//! The ink is separated from the paper ([`super::ink`]); its contours lie between pixels, by marching
+//! squares. Each patch of ink with its holes is traced like a typeface's characters
+//! ([`crate::center_line`]), or along its outline if it is an area ([`areas`]). A line has the hue
+//! of its ink unless that is gray. Photographs of anything else are refused.
 
 use std::io::Cursor;
 
@@ -14,7 +14,7 @@ use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, RgbaImage};
 use super::areas::{self, Patch};
 use super::ink::{Field, RIM, even_paper};
 use super::levels::{contours, level};
-use super::sheet::{self, Corners, Map};
+use super::paper_photo::{self, Corners, Map};
 use super::{ColoredLine, MAX_POINTS};
 use crate::options::{LetterOptions, Trace};
 use crate::outline::{Contour, Filled, area, mean_stroke_width};
@@ -29,22 +29,22 @@ const LONGER_SIDE: u32 = 1200;
 /// Steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
 const STEPS: usize = 8;
 
-/// Least area of a patch, and least length along the picture's rim of what stands around the paper,
-/// by the picture's longer side.
+/// Side of the smallest patch, and least length along the picture's rim of a patch that surrounds
+/// the paper, by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
-/// Share of a picture in shades beyond which it is a photograph. It was 0.08 to 0.5 of a portrait
+/// Share of a picture in shades beyond which it is a photograph. Measured: 0.08 to 0.5 for a portrait
 /// and seven color photographs of scikit-image (astronaut, cat, coffee, grass, gravel, motorcycle,
-/// rocket), 0.01 to 0.04 of three gray ones, and up to 0.03 of drawings, boards and pages of print.
+/// rocket), 0.01 to 0.04 for three gray ones, up to 0.03 for drawings, boards and pages of print.
 const SHADES: f64 = 0.04;
-/// What lies over the rim of a photographed picture is no line from this mean width on, by the
-/// longer side, and from this share of its outline on that lies along the rim.
+/// A patch over the rim of a photographed picture is dropped from this mean width on, by the longer
+/// side, or if this share of its outline lies along the rim.
 const OVER_RIM: f64 = 0.02;
 const ALONG: f64 = 0.1;
-/// Share of a picture in faint marks from which on they are named.
+/// Share of a picture in faint marks from which on there is a warning.
 const FAINT: f64 = 0.02;
-/// Grounds that a transparent picture may lie on, the first on which nearly all of its ink stands
-/// out; but one of which most is opaque and as white as paper has its paper.
+/// Backgrounds for a transparent picture: the first on which nearly all of its ink stands out. A
+/// mostly opaque picture that is as white as paper gets white.
 const GROUNDS: [u8; 3] = [255, 0, 128];
 const APART: u8 = 40;
 const LOST: f64 = 0.01;
@@ -57,7 +57,7 @@ const GRAY: f64 = 0.04;
 pub(super) struct Traced {
     /// In pixels, y up, with their colors; black where the ink is gray.
     pub(super) lines: Vec<ColoredLine>,
-    /// What of it is not drawn.
+    /// Parts that are not drawn.
     pub(super) warnings: Vec<String>,
     /// Corners of the sheet that is drawn, in pixels of the file.
     pub(super) corners_px: Option<Corners>,
@@ -76,59 +76,50 @@ pub(super) fn read(
     let (whole, shrunk) = upright(bytes, &budget, file)?;
     let corners = corners(&whole, shrunk, options, file)?;
     let in_whole = corners.map(|corners| corners.map(|corner| corner.map(|x| x / shrunk)));
-    let picture = in_whole.map_or_else(|| whole.clone(), |it| sheet::square_on(&whole, &it));
-    let refuse = |found: &str, hint: &str| {
-        Error::input(file, found, "a drawing, handwriting or a logo", hint)
-    };
-    let blank = || {
-        let hint = "photograph the drawing in even light, or draw with a darker pen";
-        refuse("a picture without lines that stand out from its paper", hint)
-    };
-    let field = Field::of(&picture).ok_or_else(blank)?;
+    let picture = in_whole.map_or_else(|| whole.clone(), |it| paper_photo::square_on(&whole, &it));
+    let field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.shades > SHADES {
         let hint = "draw its lines on paper or in a drawing program; where it shows a sheet of paper, \
                     name the corners of that (letters.corners_px)";
-        return Err(refuse("a photograph, of tones without lines", hint));
+        return Err(Error::input(file, "a photograph, of tones without lines", DRAWINGS, hint));
     }
     let (patches, n_cut) = field.patches();
     if patches.is_empty() {
-        return Err(blank());
+        return Err(blank(file));
     }
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
-    let scale = size(extent)?;
-    let patch = |contours| Patch::new(contours, [larger, 1.0 / scale], &budget);
-    let patches: Vec<Patch<'_>> = patches.into_iter().map(patch).collect();
+    let cap_height_px = 1.0 / size(extent)?;
+    let patches = patches.into_iter();
+    let patches = patches.map(|contours| Patch::new(contours, [larger, cap_height_px], &budget));
+    let patches: Vec<Patch<'_>> = patches.collect();
     let lines: Vec<Vec<[f64; 2]>> = match options.trace {
         Trace::CenterLine => areas::lines(patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
     budget.check()?;
     let lines = lines.into_iter().filter(|line| line.len() > 1);
-    let colored = |line: Vec<[f64; 2]>| {
-        let color = field.hue(&line);
-        (line, color)
-    };
-    let lines: Vec<ColoredLine> = lines.map(colored).collect();
+    let lines = lines.map(|line| (field.hue(&line), line)).map(|(color, line)| (line, color));
+    let lines: Vec<ColoredLine> = lines.collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
     let mut warnings = Vec::new();
-    let mut warn = |is: bool, text: &str| warnings.extend(is.then(|| text.to_owned()));
-    let cut = format!(
-        "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
-         paper; leave a margin around the drawing"
-    );
-    warn(n_cut > 0, &cut);
-    warn(
-        field.faint > FAINT,
-        "marks that are much fainter than the rest are not drawn, such as the paper's rulings: draw \
-         over those that are meant",
-    );
-    warn(
-        field.inner_edges() > field.width.max(field.height),
-        "areas of several colors that touch are drawn as one: leave a gap between them",
-    );
+    if n_cut > 0 {
+        warnings.push(format!(
+            "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
+             paper; leave a margin around the drawing"
+        ));
+    }
+    if field.faint > FAINT {
+        let text = "marks that are much fainter than the rest are not drawn, such as the paper's \
+                    rulings: draw over those that are meant";
+        warnings.push(text.to_owned());
+    }
+    if field.inner_edges() > field.width.max(field.height) {
+        let text = "areas of several colors that touch are drawn as one: leave a gap between them";
+        warnings.push(text.to_owned());
+    }
     if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
         warnings.push(format!(
@@ -136,14 +127,22 @@ pub(super) fn read(
         ));
     }
     let in_file = match &corners {
-        Some(corners) => sheet::back(corners, picture.dimensions()),
+        Some(corners) => paper_photo::back(corners, picture.dimensions()),
         None => Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]),
     };
     Ok(Traced { lines, warnings, corners_px: corners, in_file })
 }
 
-/// Corners of the sheet of paper in a picture, in pixels of the file, of which one of the picture's
-/// is so many; `None` where the whole picture is drawn.
+const DRAWINGS: &str = "a drawing, handwriting or a logo";
+
+fn blank(file: &str) -> Error {
+    let content = "a picture without lines that stand out from its paper";
+    let hint = "photograph the drawing in even light, or draw with a darker pen";
+    Error::input(file, content, DRAWINGS, hint)
+}
+
+/// Corners of the sheet of paper in a picture, in pixels of the file: a pixel of the picture is
+/// `shrunk` of them. `None` where the whole picture is drawn.
 fn corners(
     picture: &RgbImage,
     shrunk: f64,
@@ -151,11 +150,11 @@ fn corners(
     file: &str,
 ) -> Result<Option<Corners>> {
     let Some([a, b, c, d, e, f, g, h]) = options.corners_px else {
-        let seen = sheet::corners(picture).filter(|_| even_paper(picture).is_none());
+        let seen = paper_photo::corners(picture).filter(|_| even_paper(picture).is_none());
         return Ok(seen.map(|corners| corners.map(|corner| corner.map(|x| x * shrunk))));
     };
     let corners = [[a, b], [c, d], [e, f], [g, h]];
-    if sheet::is_convex(&corners) {
+    if paper_photo::is_convex(&corners) {
         return Ok(Some(corners));
     }
     let wanted = "x and y of the upper left, upper right, lower right and lower left corner";
@@ -163,13 +162,14 @@ fn corners(
     Err(Error::input("corners", format!("{corners:?}"), wanted, hint).at(file, None))
 }
 
-/// The picture in upright position, opaque, and at most as large as needed; and how many pixels of
-/// the file are one of it.
+fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
+    let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
+    Error::input(file, cause, wanted, "choose another file, or make it smaller")
+}
+
+/// The picture in upright position, opaque, and at most as large as needed; and the number of the
+/// file's pixels along one of its pixels.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
-    let refuse = |found: &dyn std::fmt::Display| {
-        let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
-        Error::input(file, found, wanted, "choose another file, or make it smaller")
-    };
     // Phones and programs give files the ending of another kind.
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
         return Err(super::foreign("heic", file));
@@ -177,22 +177,23 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     if bytes.starts_with(b"%PDF") {
         return Err(super::foreign("pdf", file));
     }
-    let reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| refuse(&e))?;
-    let mut decoder = reader.into_decoder().map_err(|e| refuse(&e))?;
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let reader = reader.map_err(|e| unreadable(file, e))?;
+    let mut decoder = reader.into_decoder().map_err(|e| unreadable(file, e))?;
     let (width, height) = decoder.dimensions();
     if width < 3 || height < 3 {
-        return Err(refuse(&format!("{width} × {height} pixels")));
+        return Err(unreadable(file, format!("{width} × {height} pixels")));
     }
     let n_bytes = usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX);
     budget.steps(STEPS.saturating_mul(n_bytes))?;
     if let Some(frame) = JpegFrame::of(bytes) {
-        let whole = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
-        budget.bytes(whole(frame.decoded_bytes()))?;
-        budget.steps(whole(frame.later_scans_ns()))?;
+        let [n_bytes, n_steps] = [frame.decoded_bytes(), frame.later_scans_ns()]
+            .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+        budget.bytes(n_bytes)?;
+        budget.steps(n_steps)?;
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| refuse(&e))?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
     if width.max(height) > LONGER_SIDE {
         picture = picture.thumbnail(LONGER_SIDE, LONGER_SIDE);
     }
@@ -205,11 +206,13 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
 
 /// A transparent picture on a ground from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
-    let opaque = || picture.pixels().filter(|pixel| pixel.0[3] > 127);
-    let n_opaque = opaque().count() as f64;
+    let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
+    let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
-        let is_lost = |value: &u8| value.abs_diff(ground) < APART;
-        opaque().filter(|pixel| pixel.0[..3].iter().all(is_lost)).count() as f64
+        let lost = opaque
+            .clone()
+            .filter(|pixel| pixel.0[..3].iter().all(|value| value.abs_diff(ground) < APART));
+        lost.count() as f64
     });
     let all = f64::from(picture.width()) * f64::from(picture.height());
     let has_paper = n_opaque > PAPER * all && n_lost[0] > PAPER * n_opaque;
@@ -227,32 +230,27 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
 }
 
 impl Field {
-    /// Patches of ink, each a contour with its holes; without specks and what stands around the
-    /// paper, and without what lies over the rim of a sheet: a hand, or what is left of the table.
-    /// And how many these are.
+    /// Patches of ink, each a contour with its holes, and the number of patches that are dropped:
+    /// those around the paper, and those over the rim of a sheet, such as a hand or the table.
     fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
         let contours = contours(&self.ink, [self.width, self.height], RIM);
-        let mut patches = nested(contours, (SPECK * side * SPECK * side).max(2.0));
-        let n_all = patches.len();
-        let is_around = |patch: &Vec<Contour>| {
+        let patches = nested(contours, (SPECK * side * SPECK * side).max(2.0));
+        let (around, patches): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
             let along = self.along_rim(&patch[0]);
-            let is_thick = || mean_stroke_width(patch) > OVER_RIM * side;
-            let is_over = || is_thick() || along > ALONG * polyline_length_m(&patch[0]);
-            along > SURROUNDINGS * side || !self.is_clean && along > 0.0 && is_over()
-        };
-        if !patches.iter().all(is_around) {
-            patches.retain(|patch| !is_around(patch));
-        }
-        let n_cut = n_all - patches.len();
-        (patches, n_cut)
+            let is_over = mean_stroke_width(patch) > OVER_RIM * side
+                || along > ALONG * polyline_length_m(&patch[0]);
+            along > SURROUNDINGS * side || !self.is_clean && along > 0.0 && is_over
+        });
+        if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
     }
 
     /// Length of a contour along the rim of the picture.
     fn along_rim(&self, contour: &Contour) -> f64 {
         let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
-        let at_rim = |[x, y]: [f64; 2]| x < 1.0 || x > right || -y < 1.0 || -y > bottom;
-        let legs = legs(contour).filter(|[a, b]| at_rim(*a) && at_rim(*b));
+        let legs = legs(contour).filter(|leg| {
+            leg.iter().all(|[x, y]| *x < 1.0 || *x > right || -y < 1.0 || -y > bottom)
+        });
         legs.map(|[a, b]| distance(a, b)).sum()
     }
 
@@ -262,10 +260,10 @@ impl Field {
         let [mut n, mut contrast] = [0.0; 2];
         for [from, to] in legs(line) {
             for share in [0.0, 0.25, 0.5, 0.75] {
-                let at = self.pixel(between(from, to, share));
-                if self.ink[at] > RIM {
-                    (0..3).for_each(|i| sum[i] += self.color[at][i]);
-                    contrast += self.contrast[at];
+                let pixel = self.pixel(between(from, to, share));
+                if self.ink[pixel] > RIM {
+                    (0..3).for_each(|i| sum[i] += self.color[pixel][i]);
+                    contrast += self.contrast[pixel];
                     n += 1.0;
                 }
             }
@@ -274,15 +272,16 @@ impl Field {
         saturated(sum.map(|value| value / n), (CHROMA * contrast / n).max(GRAY))
     }
 
-    /// The pixel at a place, which is not in the margin.
+    /// The pixel at a place, outside the margin.
     #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
     fn pixel(&self, [x, y]: [f64; 2]) -> usize {
-        let of = |place: f64, side: usize| (place.round().max(1.0) as usize).min(side - 2);
-        of(-y, self.height) * self.width + of(x, self.width)
+        let [row, column] = [(-y, self.height), (x, self.width)]
+            .map(|(place, side)| (place.round().max(1.0) as usize).min(side - 2));
+        row * self.width + column
     }
 }
 
-/// The hue of a color at full saturation; black where it has no more than a chroma.
+/// The hue of a color at full saturation; black if its chroma is at most `gray`.
 fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
     let least = color.into_iter().fold(f64::MAX, f64::min);
     let most = color.into_iter().fold(0.0, f64::max);
@@ -306,11 +305,12 @@ fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
     let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
     for hole in holes {
         let [x, y] = hole[0];
-        let within = |[left, bottom, right, top]: &[f64; 4]| {
-            (*left..=*right).contains(&x) && (*bottom..=*top).contains(&y)
-        };
-        let owner = (0..patches.len())
-            .find(|k| within(&boxes[*k]) && Filled::new(&patches[*k][..1], &budget).holds([x, y]));
+        let owner = (0..patches.len()).find(|k| {
+            let [left, bottom, right, top] = boxes[*k];
+            (left..=right).contains(&x)
+                && (bottom..=top).contains(&y)
+                && Filled::new(&patches[*k][..1], &budget).holds([x, y])
+        });
         if let Some(owner) = owner {
             patches[owner].push(hole);
         }

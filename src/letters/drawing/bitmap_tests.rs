@@ -106,8 +106,8 @@ fn faint(picture: &mut image::RgbImage) {
 
 /// Share of places that lie within a distance of others.
 fn near(of: &[[f64; 2]], others: &[[f64; 2]], within: f64) -> f64 {
-    let is_near = |p: &&[f64; 2]| others.iter().any(|other| distance(**p, *other) <= within);
-    of.iter().filter(is_near).count() as f64 / of.len() as f64
+    of.iter().filter(|p| others.iter().any(|other| distance(**p, *other) <= within)).count() as f64
+        / of.len() as f64
 }
 
 #[test]

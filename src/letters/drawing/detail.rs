@@ -9,8 +9,8 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m};
 
-/// Of the roughest drawing, by its larger side: the shortest stroke that is drawn, the largest gap
-/// between two strokes that become one, and the largest distance by which smoothing moves a line.
+/// Limits of the roughest drawing, by its larger side: the shortest stroke, the largest gap between
+/// two strokes that become one, and the largest distance by which smoothing moves a line.
 const SHORTEST: f64 = 0.25;
 const GAP: f64 = 0.03;
 const BEND: f64 = 0.01;
@@ -36,15 +36,15 @@ pub(super) fn reduced(
     if rough <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
-    let length = |line: &ColoredLine| polyline_length_m(&line.0);
-    let all: f64 = lines.iter().map(length).sum();
+    let all: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::of(file, "draw less, or raise letters.detail");
     budget.steps(STEPS[0].saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * rough);
-    let longest = lines.iter().map(length).fold(0.0, f64::max);
+    let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
+    let shortest = (SHORTEST * rough).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
-        lines.into_iter().partition(|line| length(line) >= (SHORTEST * rough).min(longest));
-    let dropped: f64 = short.iter().map(length).sum();
+        lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);
+    let dropped: f64 = short.iter().map(|(line, _)| polyline_length_m(line)).sum();
     for (line, _) in &mut lines {
         budget.steps(STEPS[1] * line.len())?;
         *line = simplified(&smooth(line, size / POINTS, BEND * rough), 0.1 * BEND * rough);
@@ -89,13 +89,13 @@ fn onward(
     let mut best = None;
     let mut nearest = gap;
     for (index, next) in left.iter().enumerate() {
-        let Some((next, _)) = next.as_ref().filter(|(_, of)| *of == color) else { continue };
+        let Some((next, _)) = next.as_ref().filter(|(_, ink)| *ink == color) else { continue };
         let last = next.len() - 1;
         for (backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
-            let [at, then] = ends.map(|end| next[end]);
+            let [near, then] = ends.map(|end| next[end]);
             let is_open = next[0] != next[last];
-            let far = distance(end, at);
-            if is_open && far < nearest && dot(ahead, direction(at, then)) > STRAIGHT {
+            let far = distance(end, near);
+            if is_open && far < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
                 (best, nearest) = (Some((index, backward)), far);
             }
         }

@@ -63,9 +63,9 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
     if let Some(sides @ [left, bottom, right, top]) = canvas
         && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= 1e9))
     {
-        let found = format!("the canvas {:?}", page.canvas);
+        let canvas = format!("the canvas {:?}", page.canvas);
         let wanted = "left, top, right, bottom with an extent";
-        return Err(Error::input(file, found, wanted, "leave `canvas` out"));
+        return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
     }
     let mut traces = Vec::new();
     let mut n_values = None;
@@ -73,16 +73,15 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
     for (stroke, points) in page.strokes.iter().enumerate() {
         let mut trace = Written { color: page.colors.get(stroke).copied(), ..Written::default() };
         for (point, values) in points.iter().enumerate() {
-            let is_off = |[left, bottom, right, top]: [f64; 4]| {
-                let [x, y] = [values[0], sign * values[1]];
-                !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
-            };
             let n = *n_values.get_or_insert(values.len());
             let wanted = if values.len() != n || !(2..=3).contains(&n) {
                 "[x, y] everywhere, or [x, y, t] everywhere"
             } else if values.iter().any(|value| value.abs() > 1e9) {
                 "values up to 1e9"
-            } else if canvas.is_some_and(is_off) {
+            } else if canvas.is_some_and(|[left, bottom, right, top]| {
+                let [x, y] = [values[0], sign * values[1]];
+                !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
+            }) {
                 "a point on the canvas"
             } else if values.get(2).is_some_and(|time_s| *time_s < latest_s) {
                 "a time not before that of the point before it"

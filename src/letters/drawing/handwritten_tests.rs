@@ -98,8 +98,8 @@ fn topology(lines: &Lines, reach: f64) -> [usize; 3] {
             });
             let others = lines.iter().enumerate().filter(|(other, _)| *other != at);
             let mut legs = others.flat_map(|(_, line)| line.windows(2)).chain(onward);
-            let is_near = |leg: &[[f64; 2]]| segment_distance(own[0], [leg[0], leg[1]]) <= reach;
-            n_ends += usize::from(!legs.any(is_near));
+            n_ends +=
+                usize::from(!legs.any(|leg| segment_distance(own[0], [leg[0], leg[1]]) <= reach));
         }
     }
     [parts(&mask, true, 1), n_loops, n_ends]
@@ -139,7 +139,6 @@ fn parts(mask: &Mask, is_covered: bool, least: usize) -> usize {
 fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
     let font = Font::open("simplex", Trace::CenterLine).unwrap();
     let mut next = numbers(51);
-    let mut next = || f64::from(next());
     let (mut n, mut wrong) = (0, Vec::new());
     for (style, hand) in HANDS.iter().enumerate() {
         for (cap_px, columns) in [(24.0, 24), (40.0, 18), (70.0, 11), (120.0, 7)] {
@@ -154,7 +153,7 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                 let size = [0, 1].map(|i| (size[i] * cell_px[i]) as u32);
                 let mut canvas = Canvas::new(size, [255; 3]);
                 for (index, letter) in page.iter().enumerate() {
-                    let mut lines = written(&font, *letter, hand, &mut next);
+                    let mut lines = written(&font, *letter, hand, &mut || f64::from(next()));
                     let [left, _, right, _] = bounds(lines.iter().flatten().copied());
                     let at = [(index % columns) as f64 + 0.5, (index / columns) as f64 + 0.68];
                     for [x, y] in lines.iter_mut().flatten() {
@@ -187,8 +186,7 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                     // What is nearly joined may be either.
                     let may_be = [0.7, 1.0, 1.4].map(|reach| topology(wanted, reach * pen_px));
                     let got = if found.is_empty() { [0; 3] } else { topology(found, pen_px) };
-                    let fits = |k: usize| may_be.iter().any(|wanted| wanted[k] == got[k]);
-                    if !(0..3).all(fits) {
+                    if !(0..3).all(|k: usize| may_be.iter().any(|wanted| wanted[k] == got[k])) {
                         wrong.push(format!(
                             "{style} {cap_px} {letter}: {got:?}, not {:?}",
                             may_be[1]

@@ -11,72 +11,74 @@ pub(super) fn contours(
     [width, height]: [usize; 2],
     threshold: f64,
 ) -> Vec<Contour> {
-    let value = |x: usize, y: usize| values[y * width + x] - threshold;
-    // Where a contour crosses an edge of the grid, and at which edge it goes on. An edge has the
-    // number of its upper or left pixel, and whether it runs downward.
+    let values: Vec<f64> = values.iter().map(|value| value - threshold).collect();
+    // Edges of the grid that a contour crosses, and the next edge of each. An edge is the number of
+    // its upper or left pixel, and whether it runs downward.
     let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
     for y in 0..height - 1 {
         for x in 0..width - 1 {
-            let corners = [value(x, y), value(x + 1, y), value(x + 1, y + 1), value(x, y + 1)];
+            let pixel = y * width + x;
+            let corners = [pixel, pixel + 1, pixel + width + 1, pixel + width].map(|p| values[p]);
             let case = corners.map(|value| value > 0.0);
             if case == [false; 4] || case == [true; 4] {
                 continue;
             }
-            let at = y * width + x;
-            let edges = [(at, false), (at + 1, true), (at + width, false), (at, true)];
+            let edges = [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
             // Going clockwise around the cell, a contour enters before a corner with ink and leaves
             // after one, so that ink is to its left. Two corners with ink that face each other are
             // joined where the middle has ink.
             let joined = corners.iter().sum::<f64>() > 0.0;
             for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
-                let turn = |step: usize| (enter + if joined { 4 - step } else { step }) % 4;
-                let leave = (1..4).map(turn).find(|k| case[*k] && !case[(k + 1) % 4]);
+                let mut turns =
+                    (1..4).map(|step| (enter + if joined { 4 - step } else { step }) % 4);
+                let leave = turns.find(|k| case[*k] && !case[(k + 1) % 4]);
                 next.extend(leave.map(|leave| (edges[enter], edges[leave])));
             }
         }
     }
-    let place = |(at, down): (usize, bool)| {
-        let (x, y) = (at % width, at / width);
-        let to = if down { value(x, y + 1) } else { value(x + 1, y) };
-        let share = value(x, y) / (value(x, y) - to);
-        let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
-        [x as f64 + dx, -(y as f64 + dy)]
-    };
     let mut contours = Vec::new();
     while let Some((first, mut edge)) = next.pop_first() {
-        let mut contour = vec![place(first)];
+        let mut edges = vec![first];
         while edge != first {
-            contour.push(place(edge));
+            edges.push(edge);
             let Some(onward) = next.remove(&edge) else { break };
             edge = onward;
         }
-        contours.push(contour);
+        let contour = edges.into_iter().map(|(pixel, down)| {
+            let (x, y) = (pixel % width, pixel / width);
+            let to = values[pixel + if down { width } else { 1 }];
+            let share = values[pixel] / (values[pixel] - to);
+            let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
+            [x as f64 + dx, -(y as f64 + dy)]
+        });
+        contours.push(contour.collect());
     }
     contours
 }
 
-/// Each pixel averaged with its neighbors, 1 2 1 in both directions: noise has no contours.
+/// Each pixel averaged with its neighbors, 1 2 1 in both directions, against contours around noise.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
-    let pass = |values: &[f64], step: usize, n: usize| -> Vec<f64> {
-        let mean = |at: usize| {
-            let place = at / step % n;
-            let before = if place > 0 { values[at - step] } else { values[at] };
-            let after = if place + 1 < n { values[at + step] } else { values[at] };
-            0.25 * (before + after) + 0.5 * values[at]
-        };
-        (0..values.len()).map(mean).collect()
-    };
-    pass(&pass(values, 1, width), width, values.len() / width)
+    let mut values = values.to_vec();
+    for (step, n) in [(1, width), (width, values.len() / width)] {
+        let means = (0..values.len()).map(|pixel| {
+            let place = pixel / step % n;
+            let before = if place > 0 { values[pixel - step] } else { values[pixel] };
+            let after = if place + 1 < n { values[pixel + step] } else { values[pixel] };
+            0.25 * (before + after) + 0.5 * values[pixel]
+        });
+        values = means.collect();
+    }
+    values
 }
 
-/// Values without what is darker and narrower than so many steps to both sides; edges stay where
-/// they are (a morphological closing).
+/// A morphological closing: dark marks narrower than so many steps to both sides are removed, and
+/// edges stay.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The extreme of what lies within so many steps of each value, in a square (van Herk, Pattern
+/// The minimum or maximum within so many steps of each value, in a square (van Herk, Pattern
 /// Recognition Letters 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
@@ -117,17 +119,17 @@ pub(super) fn extremes(
     values
 }
 
-/// The value of 0 to 255 below which a share of some values lies; 0 of none.
+/// A quantile of values from 0 to 255; 0 without values.
 pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
     let mut counts = [0_usize; 256];
     values.into_iter().for_each(|value| counts[level(value)] += 1);
     let wanted = share * counts.iter().sum::<usize>() as f64;
     let mut passed = 0;
-    let reaches = |n: &usize| {
+    let reached = counts.iter().position(|n| {
         passed += n;
         passed as f64 >= wanted
-    };
-    counts.iter().position(reaches).unwrap_or(255) as f64
+    });
+    reached.unwrap_or(255) as f64
 }
 
 /// A value as one of 256 levels.

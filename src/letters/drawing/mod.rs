@@ -1,8 +1,8 @@
 //! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
-//! aligned like a line of text. It has no word: it is one glyph, or one of each color, whose
-//! character is [`DRAWING`].
+//! aligned like a line of text. It has no word: it is one glyph, or one of each color, with the
+//! character [`DRAWING`].
 
 use std::path::Path;
 
@@ -12,7 +12,6 @@ use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
-use chosen::{Numbered, all, chosen};
 use detail::reduced;
 use layers::Color;
 use noctograph_core::error::{Error, Result};
@@ -20,21 +19,22 @@ use noctograph_core::files::Limit;
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 use noctograph_core::input_error;
 use noctograph_core::strokes::{Source, SourceStroke};
+use selection::{Numbered, all, chosen};
 
 mod areas;
 mod bitmap;
-mod chosen;
 mod detail;
 mod handwriting;
 mod ink;
 mod layers;
 mod levels;
 mod notes;
-mod sheet;
-mod shown;
+mod paper_photo;
+mod selection;
 mod size;
 mod styles;
 mod svg;
+mod visibility;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
@@ -49,7 +49,7 @@ pub const LIMIT: Limit = Limit {
 /// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
 const MAX_POINTS: usize = 200_000;
 
-/// Most colors of a drawing that is written in color.
+/// Most colors of a drawing in color.
 const MAX_COLORS: usize = 64;
 
 /// Default canvas of a drawing, in cap heights: width and height.
@@ -83,18 +83,18 @@ struct Written {
     color: Option<[u8; 3]>,
 }
 
-/// A line of a picture in its own units, y up, and what colors it.
+/// A line of a picture in its own units, y up, and its color.
 type ColoredLine = (Vec<[f64; 2]>, Color);
 
 /// Reads a drawing: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`, `*.gif` (its first frame) or
 /// `*.bmp`, or handwriting `*.json`.
 ///
-/// What a browser shows of an SVG file is drawn: strokes along their line, fills along their rim. A
-/// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
+/// An SVG file is drawn as a browser shows it: strokes along their line, fills along their rim. A
+/// filled rectangle behind everything is paper. In a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
 /// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
-/// path has the color of its stroke, or else of its fill, and a gradient one of its own. What is
-/// not followed, such as filters, is named in the warnings; text is refused. Handwriting keeps its
+/// path has the color of its stroke, or else of its fill, and a gradient one of its own. Unsupported
+/// features, such as filters, are named in the warnings; text is refused. Handwriting keeps its
 /// order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
 /// [`LetterOptions::pace`].
 ///
@@ -119,7 +119,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             };
             let (mut lines, mut left_out, strokes) = drawn(placing.scale)?;
             if options.chooses() {
-                // What is left is as large as the canvas allows, and as smooth.
+                // The chosen strokes fill the canvas, and are as smooth as at that size.
                 placing = Placing::new(extent(&lines), options, &file)?;
                 (lines, left_out, _) = drawn(placing.scale)?;
             }
@@ -129,18 +129,24 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
-            let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
-            let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
+            let size =
+                |extent| Ok(Placing::new(extent, options, &file)?.scale / options.cap_height_m);
             let Traced { lines, warnings, corners_px, in_file } =
                 bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
-            let larger = placing(bounds(points))?.size();
+            let larger = Placing::new(bounds(points), options, &file)?.size();
             // The field of the ink has a margin of a pixel, and counts from the first one's middle.
-            let in_file = |point: [f64; 2]| in_file.at(point.map(|x| x - 0.5));
-            let (lines, left_out, strokes) =
-                detailed(lines, options.detail, larger, in_file, options, &file)?;
+            let (lines, left_out, strokes) = detailed(
+                lines,
+                options.detail,
+                larger,
+                |point| in_file.apply(point.map(|x| x - 0.5)),
+                options,
+                &file,
+            )?;
             let source = Source { strokes, corners_px, is_bitmap: true };
-            let strokes = by_color(&lines, &placing(extent(&lines))?, ink, &file)?;
+            let placing = Placing::new(extent(&lines), options, &file)?;
+            let strokes = by_color(&lines, &placing, ink, &file)?;
             Ok(Strokes { left_out, warnings, source, ..strokes })
         }
         Some("json") => {
@@ -154,10 +160,10 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     }
 }
 
-/// The error of a file of a kind that is not read, with what to do.
+/// The error of a file of an unsupported kind, with a way out.
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
-    let (found, hint) = match kind {
+    let (content, hint) = match kind {
         "heic" | "heif" | "avif" => (
             "a photo of a kind that is not read",
             "save it as JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
@@ -167,11 +173,11 @@ fn foreign(kind: &str, file: &str) -> Error {
         }
         _ => ("a file of another kind", "save the drawing as SVG"),
     };
-    Error::input(file, found, wanted, hint)
+    Error::input(file, content, wanted, hint)
 }
 
-/// Lines of a drawing in less detail, whose larger side is given: those that are chosen, what is
-/// left out, and all strokes as they lie in the file.
+/// Lines of a drawing of some size in less detail: the chosen ones, the parts left out, and all
+/// strokes as they lie in the file.
 fn detailed(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -265,16 +271,16 @@ fn write(
     Ok(strokes)
 }
 
-/// Gives lit moves the speed of the writer's pen, as a share of its mean speed, from how long it
-/// took for each; nothing is known where that is empty.
+/// Gives lit moves the pace of the writer's pen, as a share of its mean speed, from the duration of
+/// each; nothing without durations.
 fn set_pace(strokes: &mut Strokes, lasts_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
-    let length_m = |step: &Move| distance(step.from_m, step.to_m);
-    let whole_m: f64 = timed.iter().map(|(step, _)| length_m(step)).sum();
+    let whole_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
     let mean_m_s = whole_m / lasts_s.iter().sum::<f64>();
     for (step, leg_s) in timed.into_iter().filter(|(_, leg_s)| *leg_s > 0.0) {
-        step.pace = (length_m(step) / leg_s / mean_m_s).clamp(SLOWEST, 1.0);
+        let leg_m = distance(step.from_m, step.to_m);
+        step.pace = (leg_m / leg_s / mean_m_s).clamp(SLOWEST, 1.0);
     }
 }
 
@@ -296,28 +302,27 @@ fn smoothed(
     } else {
         line.to_vec()
     };
-    let share = |index: usize| {
-        let resampled = is_tap || options.smoothing_m > 0.0;
-        if resampled { index as f64 / (points.len() - 1) as f64 } else { along[index] / length_m }
-    };
-    let time_s = |share: f64| {
+    let kept = simplify(&points, options.tolerance_m);
+    let times_s = kept.iter().filter(|_| !times_s.is_empty()).map(|index| {
+        let share = match is_tap || options.smoothing_m > 0.0 {
+            true => *index as f64 / (points.len() - 1) as f64,
+            false => along[*index] / length_m,
+        };
         if length_m == 0.0 {
             // A tap lasts as long as the pen was down.
             return times_s[0] + share * (times_s[times_s.len() - 1] - times_s[0]);
         }
-        let at = share * length_m;
-        let leg = along.partition_point(|s| *s < at).clamp(1, along.len() - 1);
+        let way_m = share * length_m;
+        let leg = along.partition_point(|s| *s < way_m).clamp(1, along.len() - 1);
         let (from, to) = (along[leg - 1], along[leg]);
-        let part = if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+        let part = if to > from { ((way_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
         times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
-    };
-    let kept = simplify(&points, options.tolerance_m);
-    let timed = kept.iter().filter(|_| !times_s.is_empty());
-    let times_s = timed.map(|index| time_s(share(*index))).collect();
+    });
+    let times_s = times_s.collect();
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
-/// The error of a drawing that is empty, with what was not followed: it may be why.
+/// The error of an empty drawing, with the warnings: they may be the reason.
 fn with_reasons(mut error: Error, warnings: &[String]) -> Error {
     if let Error::Input { hint, .. } = &mut error {
         warnings.iter().for_each(|warning| *hint += &format!("; {warning}"));
@@ -343,9 +348,9 @@ impl Placing {
         // Larger than the rounding of its coordinates, and not a single point.
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
-            let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
+            let content = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
             let hint = "visible paths are drawn";
-            return Err(Error::input(file, found, "at least one stroke", hint));
+            return Err(Error::input(file, content, "at least one stroke", hint));
         }
         let (width_m, height_m) = (width * scale, height * scale);
         let left_m = match options.align {
@@ -388,13 +393,12 @@ impl Placing {
 
     /// Glyphs, all of them as large as the drawing.
     fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> Strokes {
-        let glyph = |runs: Vec<Run>| {
+        let glyphs = glyphs.into_iter().map(|runs| {
             let mut moves = pen_moves(&runs, |point| point);
             moves.retain(|step| !step.lit || step.from_m != step.to_m);
             Glyph { character: DRAWING, cell: self.cell, moves }
-        };
-        let glyphs = glyphs.into_iter().map(glyph).collect();
-        Strokes { glyphs, order, ..Strokes::default() }
+        });
+        Strokes { glyphs: glyphs.collect(), order, ..Strokes::default() }
     }
 }
 
@@ -412,9 +416,9 @@ mod bitmap_tests;
 #[cfg(test)]
 mod handwritten_tests;
 #[cfg(test)]
-mod picture_tests;
+mod paper_photo_tests;
 #[cfg(test)]
-mod sheet_tests;
+mod picture_tests;
 #[cfg(test)]
 mod svg_tests;
 #[cfg(test)]

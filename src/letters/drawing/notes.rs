@@ -1,9 +1,9 @@
-//! Notes: what of an SVG file usvg does not follow. It is named, and the file is edited so that
-//! nothing of it is drawn wrongly.
+//! Notes: features of an SVG file that usvg does not support. They are named, and the file is edited
+//! so that none is drawn wrongly.
 //!
-//! An element that would be drawn elsewhere is left out. Text, pictures and what else holds foreign
-//! content become a sign: a shape by which it is known whether it would be seen. What else is not
-//! followed changes the look of what is drawn, not its place.
+//! An element that would be drawn in the wrong place is left out. Text, pictures and other foreign
+//! content become a sign: a shape that shows whether the content would be visible. Other unsupported
+//! features change the look of a line, not its place.
 
 use std::ops::Range;
 use std::str::FromStr as _;
@@ -12,7 +12,7 @@ use usvg::roxmltree::Node;
 
 use super::styles::{Named, Styles, has_escapes};
 
-/// Properties of style sheets that are followed, or change nothing of a line's place and color, or
+/// Properties of style sheets that are supported, or do not change a line's place and color, or
 /// belong to text.
 const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
     background-color baseline-shift block-progression border bottom box-sizing clip clip-path \
@@ -29,23 +29,22 @@ const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-lab
     vector-effect vertical-align visibility white-space will-change word-spacing writing-mode \
     z-index";
 
-/// Properties that are not followed and are meant where they stand as attributes, too.
+/// Unsupported properties that also work as attributes.
 const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
     content-visibility mask-border mask-clip mask-image mask-mode mask-position mask-size \
     offset-distance offset-path perspective perspective-origin rotate scale shape-outside \
     stroke-alignment translate zoom";
 
-/// Properties of geometry, which usvg reads as attributes alone, and those of transforms that it
-/// does not know.
+/// Properties of geometry, which usvg reads only as attributes, and of unsupported transforms.
 const PLACES: &str = "cx cy d height r rx ry width x y translate rotate scale";
 
-/// Values by which a property that is not followed has no effect.
+/// Values without effect for an unsupported property.
 const NEUTRAL: &str = "none normal auto 0 1 visible";
 
 /// Elements that are drawn and have a place.
 const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbol use";
 
-/// Elements whose content is drawn by browsers and not here.
+/// Elements whose content only browsers draw.
 pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
 
 /// Elements whose content is not drawn: a pattern is a shade.
@@ -53,7 +52,7 @@ pub(super) const EMPTIED: &str = "pattern filter";
 
 const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor set";
 
-/// Most stops of a gradient that are looked at.
+/// Most stops of a gradient that are read.
 const MAX_STOPS: usize = 16;
 
 /// Where signs begin, and how many there may be: numbers that are exact in single precision.
@@ -86,13 +85,13 @@ pub(super) fn in_words_of_usvg(text: String) -> String {
     written
 }
 
-/// What is noted of a document.
+/// The notes on a document.
 pub(super) struct Notes<'a, 'b, 'input> {
     pub(super) styles: &'b Styles<'a, 'input>,
     pub(super) named: &'b mut Named,
     /// The elements in whose place there are signs.
     pub(super) signs: Vec<Node<'a, 'input>>,
-    /// What is written in place of parts of the text, in order.
+    /// Replacements of parts of the text, in order.
     pub(super) edits: Vec<(Range<usize>, String)>,
 }
 
@@ -108,16 +107,15 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         edited + &text[end..]
     }
 
-    /// Notes an element and those within it. The error is what was found of which there are too
-    /// many.
+    /// Notes an element and those within it. The error is a kind with too many elements.
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some("http://www.w3.org/2000/svg")) {
-            let n_before = || node.prev_siblings().filter(|it| it.has_tag_name(tag)).count();
+            let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
                 "style" if has_escapes(node) => self.edits.push((node.range(), String::new())),
-                "stop" if n_before() >= MAX_STOPS => {
+                "stop" if before.count() >= MAX_STOPS => {
                     self.edits.push((node.range(), String::new()));
                     self.named.add("a gradient of many stops", "cut to 16", node);
                     return Ok(());
@@ -159,8 +157,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let prefix = prefix.map_or(String::new(), |(prefix, _)| format!("{prefix}:"));
         let mut sign =
             format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
-        let is_kept = |name: &str| !has("points noctograph", name);
-        for own in node.attributes().filter(|own| is_kept(own.name())) {
+        for own in node.attributes().filter(|own| !has("points noctograph", own.name())) {
             sign += " ";
             sign += &text[own.range()];
         }
@@ -179,7 +176,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         self.edits.push((range, shape));
     }
 
-    /// Names what of an element is not followed; whether it would be drawn elsewhere.
+    /// Names the unsupported features of an element; whether it would be drawn in the wrong place.
     fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
         let tag = node.tag_name().name();
         let is_page = tag == "svg" && node.parent_element().is_none();
@@ -235,10 +232,10 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     is_broken.then_some(("path data that breaks off".into(), "drawn up to there"))
                 }
                 "pathLength" => {
-                    let is_dashed =
-                        |it: Node<'_, '_>| styles.value(it, "stroke-dasharray").is_some();
                     let note = (name.to_owned(), "its dashes are drawn as a line");
-                    node.ancestors().any(is_dashed).then_some(note)
+                    node.ancestors()
+                        .any(|it| styles.value(it, "stroke-dasharray").is_some())
+                        .then_some(note)
                 }
                 "transform" => {
                     is_left_out |= !is_neutral && svgtypes::Transform::from_str(value).is_err();
@@ -273,9 +270,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     (!is_neutral).then_some((name.into(), "not followed"))
                 }
                 name if has(KNOWN, name) => None,
-                // Of text.
+                // Properties of text.
                 name if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => None,
-                // An attribute that is no property is none to a browser, either.
+                // Browsers, too, ignore attributes that are not properties.
                 _ => (!is_neutral && (of_css || has(OTHERS, name)))
                     .then_some((shown, "not followed")),
             };
@@ -310,11 +307,11 @@ mod tests {
 
     /// Six levels of an element, each of ten that refer to the next.
     fn levels(open: &str, part: &str, close: &str) -> String {
-        let level = |n: usize| {
+        let levels = (0..12).map(|n: usize| {
             let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);
             open.replace("THIS", &format!("e{n}")) + &part + close
-        };
-        (0..12).map(level).collect()
+        });
+        levels.collect()
     }
 
     #[test]

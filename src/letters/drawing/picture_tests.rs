@@ -62,8 +62,8 @@ pub(super) fn traced_with(
 ) -> Result<Traced> {
     let mut file = Vec::new();
     picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-    let size = |_: [f64; 4]| Ok(1.0 / f64::from(picture.height()));
-    let mut traced = bitmap::read(&file, options, size, "a")?;
+    let mut traced =
+        bitmap::read(&file, options, |_: [f64; 4]| Ok(1.0 / f64::from(picture.height())), "a")?;
     for point in traced.lines.iter_mut().flat_map(|(line, _)| line) {
         // A pixel's middle is at half of it, and the lines have a margin of a pixel.
         *point = [point[0] - 0.5, -point[1] - 0.5];

@@ -1,5 +1,5 @@
-//! The size of an SVG file as it is drawn: its elements, with those that `use`, clips, masks,
-//! gradients and markers repeat, are counted before usvg reads them.
+//! The size of an SVG file with all repetitions by `use`, clips, masks, gradients and markers. It is
+//! computed before usvg expands them.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use super::notes::{EMPTIED, FOREIGN, has};
 use super::styles::Styles;
 use noctograph_core::files::Budget;
 
-/// Most elements with those that are repeated; usvg keeps some 500 bytes of each.
+/// Most elements with repetitions; usvg keeps some 500 bytes for each.
 const MAX_ELEMENTS: f64 = 1e5;
 
 /// Most bytes of their attributes.
@@ -18,14 +18,14 @@ const MAX_BYTES: f64 = (16 << 20) as f64;
 /// Most elements within elements, those of `use` included.
 const MAX_DEPTH: usize = 128;
 
-/// Most user units of curves in all, their coordinates added up. usvg outlines every stroke to know
-/// its box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become more of them.
+/// Most user units of all curves, their coordinates added up. usvg outlines every stroke for its
+/// box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become several curves.
 const MAX_CURVES: f64 = 1e9;
 
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Checks that the elements of a document cost bounded work; the error is what was found instead.
+/// Checks that the elements of a document cost bounded work; the error is the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
@@ -63,7 +63,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
-/// What an element becomes. Numbers that multiply without end are infinite.
+/// The size of an element with repetitions; infinite if they multiply without end.
 #[derive(Clone, Copy, Default)]
 struct Size {
     elements: f64,
@@ -110,20 +110,21 @@ struct Counting<'a, 'b, 'input> {
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
     fn size(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<Size, String> {
-        let too_deep = || Err(format!("more than {MAX_DEPTH} elements within each other"));
+        let too_deep = format!("more than {MAX_DEPTH} elements within each other");
         match self.known.get(&node) {
             Some(Some(size)) => return Ok(*size),
             Some(None) => return Err("elements that use each other without end".into()),
-            None if depth > MAX_DEPTH => return too_deep(),
+            None if depth > MAX_DEPTH => return Err(too_deep),
             None => {}
         }
         self.known.insert(node, None);
         let declared = self.styles.declared(node);
-        let length = |name| self.styles.value(node, name).map_or(0, str::len);
+        let [d, points] =
+            ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
         let mut size = Size {
             elements: 1.0,
             bytes: declared.iter().map(|own| own.1.len()).sum::<usize>() as f64,
-            vertices: (10 + (length("d") + length("points")) / 2) as f64,
+            vertices: (10 + (d + points) / 2) as f64,
             depth: 1,
             curves: self.curves(node)?,
             steps: self.styles.steps(node) as f64,
@@ -138,7 +139,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             size.add(self.size(part, depth + 1)?);
         }
         if size.depth > MAX_DEPTH {
-            return too_deep();
+            return Err(too_deep);
         }
         if tag == "marker" {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
@@ -152,13 +153,12 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
 
     /// An element that a declaration of another repeats.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
-        let target = || self.styles.target(value);
-        match name {
-            "clip-path" | "mask" => target(),
-            "href" if tag != "a" => target(),
-            "fill" | "stroke" => target().filter(|it| it.tag_name().name().ends_with("Gradient")),
-            _ => None,
+        let is_paint = matches!(name, "fill" | "stroke");
+        if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
+            return None;
         }
+        let target = self.styles.target(value)?;
+        (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
     /// The coordinates of an element's curves, added up without their signs.
@@ -185,7 +185,9 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
 
 /// The numbers of an attribute, without their signs.
 fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
-    let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
+    fn digits(text: &str) -> usize {
+        text.bytes().take_while(u8::is_ascii_digit).count()
+    }
     std::iter::from_fn(move || {
         text = &text[text.find(|c: char| c.is_ascii_digit() || c == '.')?..];
         let mut end = digits(text);

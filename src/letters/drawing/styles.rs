@@ -1,7 +1,7 @@
-//! Styles: what the elements of an SVG file declare, as usvg reads it, and how much work that is.
+//! Styles: the declarations of an SVG file's elements, as usvg reads them, and the work they take.
 //!
-//! usvg resolves style sheets by simplecss, which skips what it does not know without a word. The
-//! same parser is asked here before usvg is, so that this is named and takes bounded work.
+//! usvg resolves style sheets by simplecss, which silently skips unknown parts. The same parser runs
+//! here before usvg, so that these parts are named and the work is bounded.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -12,11 +12,10 @@ use usvg::roxmltree::{Document, Node, NodeId};
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 
-/// Steps of comparing two names, of putting an entity in, and of asking an element whether a rule
-/// is for it.
+/// Steps of comparing two names, of expanding an entity, and of matching a rule with an element.
 const STEPS: [usize; 3] = [4, 200, 50];
 
-/// Most entities that the parser puts in for one reference, and bytes that all of them become.
+/// Most entities that the parser expands for one reference, and most bytes of all of them.
 const MOST_WITHIN: usize = 256;
 const MAX_ENTITY_BYTES: usize = 16 << 20;
 
@@ -28,14 +27,13 @@ const SELECTOR: usize = 200;
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
 
-/// What is not followed, by its name and what became of it: how many elements, and where the first
-/// begins.
+/// Unsupported features, by name and treatment: the number of elements, and where the first begins.
 #[derive(Default)]
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
 
 impl Named {
     pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
-        // So that a file of many odd names has a short list of them.
+        // Keep the list short for a file with many odd names.
         let mut key = (what.into().chars().take(80).collect(), how);
         if !self.0.contains_key(&key) && self.0.len() >= 20 {
             key = ("other properties".to_owned(), "not followed");
@@ -45,18 +43,18 @@ impl Named {
 
     /// One sentence for each.
     pub(super) fn sentences(&self, document: &Document<'_>, file: &str) -> Vec<String> {
-        let sentence = |((what, how), (n, start)): (&(String, &str), &(usize, usize))| {
+        let sentences = self.0.iter().map(|((what, how), (n, start))| {
             let row = document.text_pos_at(*start).row;
             let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
             format!("{n} {} {what}: {how} ({}{file}:{row})", s.0, s.1)
-        };
-        self.0.iter().map(sentence).collect()
+        });
+        sentences.collect()
     }
 }
 
 /// Takes the entities, attributes and namespaces of a file off a budget: the parser compares each
 /// attribute with all others of its tag, each prefix with all namespaces around, and each reference
-/// with all entities. The error is what was found instead of entities that stay small.
+/// with all entities. The error names entities that become too large.
 pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
     let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
     for declaration in xml.split("<!ENTITY").skip(1) {
@@ -93,31 +91,31 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// What an element declares: attributes by their names, then style sheets and `style`, and which of
-/// these it is. The last of a name is in force.
+/// Declarations of an element, attributes first, then style sheets and `style`: name, value, and
+/// whether it is from CSS. The last one of a name is in force.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
-/// What elements declare, and the steps that finding it took.
+/// The declarations of all elements, and the steps of computing them.
 pub(super) struct Styles<'a, 'input> {
     declared: HashMap<NodeId, (Declared<'a>, usize)>,
     ids: HashMap<&'a str, Node<'a, 'input>>,
 }
 
 impl<'a, 'input> Styles<'a, 'input> {
-    pub(super) fn of(
+    pub(super) fn new(
         document: &'a Document<'input>,
         budget: &Budget,
         named: &mut Named,
     ) -> Result<Self> {
-        let elements = || document.descendants().filter(Node::is_element);
+        let elements = document.descendants().filter(Node::is_element);
         let mut sheet = simplecss::StyleSheet::new();
-        for node in elements().filter(|node| node.tag_name().name() == "style") {
-            let texts = || node.children().filter_map(|child| child.text());
+        for node in elements.clone().filter(|node| node.tag_name().name() == "style") {
             if !matches!(node.attribute("type"), None | Some("text/css")) {
                 continue;
             }
             // usvg reads the first text of a style sheet.
-            if texts().count() > 1 || has_escapes(node) {
+            let texts = node.children().filter_map(|child| child.text());
+            if texts.count() > 1 || has_escapes(node) {
                 named.add("a style sheet with escapes or comments of XML", "not followed", node);
             }
             let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");
@@ -125,7 +123,7 @@ impl<'a, 'input> Styles<'a, 'input> {
             sheet.parse_more(text);
         }
         let (mut all, mut ids) = (HashMap::new(), HashMap::new());
-        for node in elements() {
+        for node in elements {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node);
             }
@@ -138,9 +136,9 @@ impl<'a, 'input> Styles<'a, 'input> {
             let steps = Cell::new(10 * sheet.rules.len());
             let element = Matched(node, &steps);
             let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
-            let of_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
+            let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
             let style = node.attribute("style").unwrap_or("");
-            let mut own: Vec<_> = of_rules.chain(DeclarationTokenizer::from(style)).collect();
+            let mut own: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
             if breaks_off(style) {
                 named.add("a style that breaks off", "not followed", node);
             }
@@ -176,13 +174,13 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// Whether quotation marks of a style sheet may be escaped, so that its rules end elsewhere than
-/// they seem to. usvg is not shown it.
+/// Whether quotation marks of a style sheet may be escaped, which would hide the ends of its rules.
+/// usvg does not get such a sheet.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
 
-/// Names what of a style sheet is not followed, and takes its memory off a budget: each selector of
+/// Names the unsupported parts of a style sheet, and takes its memory off a budget: each selector of
 /// a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     for block in bare(sheet).split('}') {
@@ -209,7 +207,7 @@ fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Nam
     Ok(())
 }
 
-/// A style sheet without its comments and what is quoted in it.
+/// A style sheet without comments and quoted texts.
 fn bare(sheet: &str) -> String {
     let (mut kept, mut rest) = (String::new(), sheet);
     while let Some(start) = rest.find(['"', '\'', '/']) {
@@ -231,12 +229,11 @@ fn breaks_off(declarations: &str) -> bool {
     DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
 }
 
-/// An element to simplecss, and the steps of what that asks. After too many it has no elements
-/// around.
+/// An element for simplecss, and the steps of its queries. After too many it has no elements around.
 struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
-    fn at(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
+    fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
         self.1.set(self.1.get() + STEPS[2]);
         node.filter(|_| self.1.get() < 2_000_000_000).map(|node| Self(node, self.1))
     }
@@ -244,11 +241,11 @@ impl<'a, 'input> Matched<'a, 'input, '_> {
 
 impl Element for Matched<'_, '_, '_> {
     fn parent_element(&self) -> Option<Self> {
-        self.at(self.0.parent_element())
+        self.related(self.0.parent_element())
     }
 
     fn prev_sibling_element(&self) -> Option<Self> {
-        self.at(self.0.prev_sibling_element())
+        self.related(self.0.prev_sibling_element())
     }
 
     fn has_local_name(&self, name: &str) -> bool {

@@ -1,10 +1,10 @@
-//! SVG: what a browser shows of a file, as lines.
+//! SVG: a file as lines, as a browser shows it.
 //!
 //! Styles, `use`, basic shapes, nested viewports and paints are resolved by usvg; clips, masks, the
-//! page's edge and what covers what in [`shown`]; dashes by kurbo. What is not followed is named in
+//! page's edge and occlusion in [`visibility`]; dashes by kurbo. Unsupported features are named in
 //! the warnings ([`notes`]); text is refused.
 //!
-//! [`shown`]: super::shown
+//! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
 
 use std::collections::BTreeSet;
@@ -19,8 +19,8 @@ use super::super::curves::{polylines, subpaths};
 use super::super::smooth::simplified;
 use super::layers::{Color, Cut, Painted, Scale};
 use super::notes::{Notes, RULES, SIGN_X, in_words_of_usvg};
-use super::shown::{Page, Shown};
 use super::styles::{Named, Styles, check_text};
+use super::visibility::{Page, Visible};
 use super::{ColoredLine, LIMIT, MAX_POINTS, size, too_many};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
@@ -32,11 +32,11 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that stands for a point of light, by the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Least dash, by the period of its pattern: a dash of no length is a point where its caps are not
+/// Least dash, by the period of its pattern: a dash of zero length is a point unless its caps are
 /// butt.
 const DASH: f64 = 1e-5;
 
-/// Opacity of a gradient: it hides what is beneath, and is told from its one color.
+/// Opacity of a gradient: it covers what is beneath, but differs from its single color.
 const GRADIENT: f64 = 0.95;
 
 /// Hint where a text is found.
@@ -46,7 +46,7 @@ const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Obje
 /// A drawing in its own units, y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
-    /// What of the file is not followed, a sentence each.
+    /// Unsupported features of the file, a sentence each.
     pub(super) warnings: Vec<String>,
 }
 
@@ -54,24 +54,20 @@ pub(super) struct Drawing {
 enum Item {
     /// All of its path.
     Whole(BezPath, Color),
-    /// What is seen of it.
+    /// A visible part of its path.
     Part(Vec<[f64; 2]>, Color),
 }
 
 /// Reads a file.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
-    let refuse = |found: String| {
-        let hint = "open the file in an SVG editor, and save it as plain SVG";
-        Error::input(file, found, "an SVG drawing", hint)
-    };
-    let text = in_words_of_usvg(decoded(bytes).map_err(refuse)?);
+    let text = in_words_of_usvg(decoded(bytes).map_err(|cause| refused(file, cause))?);
     let budget = Budget::of(file, LIMIT.hint);
-    check_text(&text, &budget).map_err(refuse)?;
+    check_text(&text, &budget).map_err(|cause| refused(file, cause))?;
     budget.check()?;
     let limits =
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(&text, limits);
-    let document = document.map_err(|broken| refuse(broken.to_string()))?;
+    let document = document.map_err(|broken| refused(file, broken.to_string()))?;
     let root = document.root_element();
     let mut named = Named::default();
     for node in document.root().children() {
@@ -79,20 +75,21 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
             named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    let styles = Styles::of(&document, &budget, &mut named)?;
-    size::check(root, &styles, &budget).map_err(refuse)?;
+    let styles = Styles::new(&document, &budget, &mut named)?;
+    size::check(root, &styles, &budget).map_err(|cause| refused(file, cause))?;
     budget.check()?;
     let (signs, edits) = (Vec::new(), Vec::new());
     let mut notes = Notes { styles: &styles, named: &mut named, signs, edits };
-    notes.element(root).map_err(refuse)?;
+    notes.element(root).map_err(|cause| refused(file, cause))?;
     let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
-    let tree = parsed(&edited).map_err(refuse)?;
+    let tree = parsed(&edited).map_err(|cause| refused(file, cause))?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
     let larger = width.max(height);
     let scale = Scale { size: larger, budget: &budget };
     let mut walk = Walk { cuts: Vec::new(), signs_seen: BTreeSet::new(), scale, in_mask: false };
-    let absolute = |name: &str| root.attribute(name).is_some_and(|value| !value.ends_with('%'));
-    let has_edge = root.has_attribute("viewBox") || absolute("width") && absolute("height");
+    let sides = ["width", "height"].map(|name| root.attribute(name));
+    let has_size = sides.iter().all(|side| side.is_some_and(|value| !value.ends_with('%')));
+    let has_edge = root.has_attribute("viewBox") || has_size;
     let mut cuts = Vec::new();
     if has_edge && styles.value(root, "overflow") != Some("visible") {
         let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
@@ -103,9 +100,9 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let seen = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
     let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|it| it.tag_name().name() == "text");
     if let Some(text) = texts.first() {
-        let found = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
+        let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
-        return Err(Error::input("", found, "paths in place of text", TEXT).at(file, line));
+        return Err(Error::input("", count, "paths in place of text", TEXT).at(file, line));
     }
     for node in others {
         named.add(format!("<{}>", node.tag_name().name()), "not followed", node);
@@ -122,13 +119,13 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
             line = with_points(&dashes, shortest, style.start_cap, larger);
         }
-        let (shown, is_alike) = page.shown(index, item, &line);
+        let (shown, is_alike) = page.visible(index, item, &line);
         budget.check()?;
         n_alike += usize::from(is_alike);
         match shown {
-            Shown::Stroke(color) => items.push(Item::Whole(line, color)),
-            Shown::Rim(color) => items.push(Item::Whole(item.closed(), color)),
-            Shown::Parts(parts) => {
+            Visible::Stroke(color) => items.push(Item::Whole(line, color)),
+            Visible::Rim(color) => items.push(Item::Whole(item.closed(), color)),
+            Visible::Parts(parts) => {
                 items.extend(parts.into_iter().map(|(line, color)| Item::Part(line, color)));
             }
         }
@@ -144,14 +141,19 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let drawing = Drawing { items, warnings };
     let [left, bottom, right, top] = drawing.bounds();
     if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * larger {
-        return Err(refuse("a drawing without extent".into()));
+        return Err(refused(file, "a drawing without extent".into()));
     }
     Ok(drawing)
 }
 
-/// The tree of an edited file; the error is what was found instead.
+fn refused(file: &str, cause: String) -> Error {
+    let hint = "open the file in an SVG editor, and save it as plain SVG";
+    Error::input(file, cause, "an SVG drawing", hint)
+}
+
+/// The tree of an edited file; the error is the cause.
 fn parsed(edited: &str) -> std::result::Result<Tree, String> {
-    // Pictures are not drawn, so that none is opened.
+    // Pictures are not drawn: do not open them.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
@@ -165,7 +167,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
 }
 
 impl Drawing {
-    /// The box of all that is drawn: left, bottom, right, top; inverted where that is nothing.
+    /// The box of all items: left, bottom, right, top; inverted without items.
     pub(super) fn bounds(&self) -> [f64; 4] {
         let bounds = self.items.iter().map(|item| match item {
             Item::Whole(path, _) => {
@@ -177,7 +179,7 @@ impl Drawing {
         geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
     }
 
-    /// Polylines no farther from what is drawn than a tolerance, with their colors.
+    /// Polylines within a tolerance of the curves, with their colors.
     pub(super) fn flatten(&self, tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
         let mut lines = Vec::new();
         let mut left = MAX_POINTS;
@@ -194,31 +196,32 @@ impl Drawing {
     }
 }
 
+/// The encoding in the XML declaration of a file.
+fn declared_encoding(bytes: &[u8]) -> Option<String> {
+    let head: String = bytes.iter().take(200).map(|byte| char::from(*byte)).collect();
+    let (_, value) = head.strip_prefix("<?xml")?.split_once("?>")?.0.split_once("encoding")?;
+    let value = value.trim_start().strip_prefix('=')?.trim_start();
+    let quote = value.chars().next()?;
+    Some(value[1..].split_once(quote)?.0.to_owned())
+}
+
 /// The text of a file in the encoding that its first bytes or its declaration name, or else in
 /// UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
     }
-    let declared = || {
-        let head: String = bytes.iter().take(200).map(|byte| char::from(*byte)).collect();
-        let declaration = head.strip_prefix("<?xml")?.split_once("?>")?.0.to_owned();
-        let (_, value) = declaration.split_once("encoding")?;
-        let value = value.trim_start().strip_prefix('=')?.trim_start();
-        let quote = value.chars().next()?;
-        Some(value[1..].split_once(quote)?.0.to_owned())
-    };
     let encoding = match bytes {
         [0, 0, 0xfe, 0xff, ..] | [0xff, 0xfe, 0, 0, ..] | [0, 0, 0, b'<', ..] => {
             return Err("a drawing in UTF-32".into());
         }
         [b'<', 0, ..] => UTF_16LE,
         [0, b'<', ..] => UTF_16BE,
-        _ => match (Encoding::for_bom(bytes), declared()) {
+        _ => match (Encoding::for_bom(bytes), declared_encoding(bytes)) {
             (Some((encoding, _)), _) => encoding,
             (None, None) => UTF_8,
             (None, Some(name)) => match Encoding::for_label(name.as_bytes()) {
-                // Of UTF-16 the bytes would say so.
+                // UTF-16 would show in the bytes.
                 Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
                 Some(encoding) => encoding,
                 None => return Err(format!("a drawing in the encoding {name}")),
@@ -250,8 +253,8 @@ impl<'a> Walk<'a> {
         self.cuts.push(cut);
     }
 
-    /// Adds what a group paints, within cuts. Transforms are those of the groups, one by one: what
-    /// usvg has as their product lacks that of a symbol.
+    /// Adds the paths of a group, within cuts. The transforms of the groups are multiplied here: the
+    /// product of usvg lacks that of a symbol.
     fn group(
         &mut self,
         group: &usvg::Group,
@@ -329,30 +332,36 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of the middle one of its
-    /// stops that show, and the mean opacity of all, but not the whole of it, so that nothing on it
-    /// passes for one of its shades; in a mask it is as light as its lightest.
+    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop, and
+    /// a little less than the mean opacity of all, so that nothing on it passes for one of its
+    /// shades; in a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
-        let rgb = |color: usvg::Color| [color.red, color.green, color.blue];
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
-            // Dense enough to show, and not to hide what is beneath.
+            // Dense enough to show, but transparent.
             usvg::Paint::Pattern(_) => return ([0; 3], 0.5),
             usvg::Paint::LinearGradient(gradient) => gradient.stops(),
             usvg::Paint::RadialGradient(gradient) => gradient.stops(),
         };
-        let opacity = |stop: &usvg::Stop| f64::from(stop.opacity().get());
+        let stops = stops.iter();
+        let stops = stops.map(|stop| (rgb(stop.color()), f64::from(stop.opacity().get())));
+        let mut stops: Vec<(Color, f64)> = stops.collect();
         if self.in_mask {
-            let light = |stop: &usvg::Stop| {
-                opacity(stop) * rgb(stop.color()).map(f64::from).iter().sum::<f64>()
-            };
-            let lightest = stops.iter().max_by(|a, b| light(a).total_cmp(&light(b)));
-            return lightest.map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), opacity(stop)));
+            let lightest = stops.into_iter().max_by(|a, b| {
+                let [a, b] = [a, b]
+                    .map(|(color, opacity)| opacity * color.map(f64::from).iter().sum::<f64>());
+                a.total_cmp(&b)
+            });
+            return lightest.unwrap_or_default();
         }
-        let seen: Vec<&usvg::Stop> = stops.iter().filter(|stop| opacity(stop) > 0.0).collect();
-        let mean = stops.iter().map(opacity).sum::<f64>() / stops.len() as f64;
-        seen.get(seen.len() / 2).map_or(([0; 3], 0.0), |stop| (rgb(stop.color()), GRADIENT * mean))
+        let mean = stops.iter().map(|stop| stop.1).sum::<f64>() / stops.len() as f64;
+        stops.retain(|stop| stop.1 > 0.0);
+        stops.get(stops.len() / 2).map_or(([0; 3], 0.0), |stop| (stop.0, GRADIENT * mean))
     }
+}
+
+fn rgb(color: usvg::Color) -> Color {
+    [color.red, color.green, color.blue]
 }
 
 /// A transform in full precision.
@@ -377,22 +386,24 @@ fn style(stroke: &usvg::Stroke) -> kurbo::Stroke {
 
 /// A path with y up, transformed in full precision.
 fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
-    let place = |p: tiny_skia_path::Point| placed * Point::new(f64::from(p.x), f64::from(p.y));
+    fn point(p: tiny_skia_path::Point) -> Point {
+        Point::new(f64::from(p.x), f64::from(p.y))
+    }
     let mut drawn = BezPath::new();
     for segment in path.segments() {
         match segment {
-            PathSegment::MoveTo(p) => drawn.move_to(place(p)),
-            PathSegment::LineTo(p) => drawn.line_to(place(p)),
-            PathSegment::QuadTo(c, p) => drawn.quad_to(place(c), place(p)),
-            PathSegment::CubicTo(c, d, p) => drawn.curve_to(place(c), place(d), place(p)),
+            PathSegment::MoveTo(p) => drawn.move_to(point(p)),
+            PathSegment::LineTo(p) => drawn.line_to(point(p)),
+            PathSegment::QuadTo(c, p) => drawn.quad_to(point(c), point(p)),
+            PathSegment::CubicTo(c, d, p) => drawn.curve_to(point(c), point(d), point(p)),
             PathSegment::Close => drawn.close_path(),
         }
     }
-    drawn
+    placed * drawn
 }
 
-/// The dashes of a path, or the path, while some of the points are left; and how long at most a
-/// dash is that has no length. Under an uneven transform dashes have their mean length.
+/// The dashes of a path, or the path itself, while points are left; and the greatest length of a
+/// dash that stands for a point. Under an uneven transform dashes have their mean length.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,
@@ -422,20 +433,19 @@ fn dashed(
     Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// A path whose subpaths of no length, and lines up to the `shortest`, are points of light where
-/// their caps show, or else nothing.
+/// A path in which subpaths of zero length, and lines up to `shortest`, become points of light if
+/// their caps show, and otherwise vanish.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
-        let stays = |element: &PathEl| match element {
-            PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
-            PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
-            PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
-            PathEl::ClosePath => true,
-        };
         let is_point = match elements[..] {
             [PathEl::LineTo(end)] => first.distance(end) <= shortest,
-            _ => elements.iter().all(stays),
+            _ => elements.iter().all(|element| match element {
+                PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
+                PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
+                PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
+                PathEl::ClosePath => true,
+            }),
         };
         if !is_point {
             kept.move_to(first);

@@ -222,8 +222,7 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     let [alike, by_color] = in_both("a.json", &PAGE.replace("\"app\": \"tablet\"", colors));
     assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
     assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255]], "in the writer's order");
-    let n_strokes = |glyph: &Glyph| begins(glyph).len();
-    assert_eq!(by_color.glyphs.iter().map(n_strokes).collect::<Vec<_>>(), [2, 1]);
+    assert_eq!(by_color.glyphs.iter().map(|glyph| begins(glyph).len()).collect::<Vec<_>>(), [2, 1]);
 
     let line = |n: u32| format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>");
     let lines = svg(&(0..65).map(line).collect::<String>());

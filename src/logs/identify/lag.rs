@@ -2,15 +2,14 @@
 //! `J Δ²w = k Δ(∫ torque of motors that follow in τ)`, over spans of equal length.
 //!
 //! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the
-//! cause: lags are then read 20 to 70 ms too long. So both sides are compared in what they share
-//! with the design's acceleration around the moment, which neither the air nor the gyroscope
-//! changes (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for
-//! System Identification, 1983; in closed loop Gilson, Van den Hof, Automatica 41, 2005). The
-//! lag is the one that leaves the least of it; its confidence comes from leaving out one stretch
-//! of the flight after the other (jackknife over groups: Efron, Stein 1981), which gusts that last
-//! from span to span do not deceive.
+//! cause: its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
+//! acceleration around the moment, which neither the air nor the gyroscope changes (two-stage least
+//! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983; in
+//! closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit. Its
+//! confidence comes from leaving out one stretch of the flight after the other (jackknife over
+//! groups: Efron, Stein 1981), which is robust to gusts that last from span to span.
 //!
-//! Not done: flights whose design never moves, as a hover, tell nothing.
+//! Not done: flights whose design never moves, such as a hover, do not show the lag.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -71,14 +70,13 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
     let tries = (LONGEST_S / STEP_S).round() as u32;
     let lags_s = (0..=tries).map(|step| f64::from(step) * STEP_S);
-    let pushes = |lag_s: f64| changes(&runs, |run| torques(run, lag_s));
-    let pushes: Vec<Changes> = lags_s.map(pushes).collect();
-    let stretch = |index| Stretch::new(index, &designs, &turns, &pushes);
-    let stretches: Vec<Stretch> = (0..STRETCHES).map(stretch).collect();
+    let pushes: Vec<Changes> =
+        lags_s.map(|lag_s: f64| changes(&runs, |run| torques(run, lag_s))).collect();
+    let stretches: Vec<Stretch> =
+        (0..STRETCHES).map(|index| Stretch::new(index, &designs, &turns, &pushes)).collect();
     let all = explained(&stretches, None)?;
     let lag_s = peak(&all.curve);
-    let without = |index| Some(peak(&explained(&stretches, Some(index))?.curve));
-    let others = (0..STRETCHES).map(without);
+    let others = (0..STRETCHES).map(|index| Some(peak(&explained(&stretches, Some(index))?.curve)));
     let half_width_s = T_95 * jackknife_sigma(&others.collect::<Option<Vec<_>>>()?);
     Some(RotorLag { lag_s, half_width_s, explained: all.share })
 }
@@ -94,13 +92,13 @@ fn jackknife_sigma(estimates: &[f64]) -> f64 {
 /// Changes from span to span, a row each, about body x and y.
 type Changes = DMatrix<f64>;
 
-/// Of one stretch of the flight, products of the design's columns with the rotation and with the
-/// torque of each lag, and of these with themselves.
+/// Products over one stretch of the flight: the design's columns with the rotation and with the
+/// torque of each lag, and these with themselves.
 struct Stretch {
     design: DMatrix<f64>,
     turn: [DVector<f64>; 2],
     pushes: Vec<[DVector<f64>; 2]>,
-    /// Of the torque with itself and the rotation, and of the rotation with itself, for each lag.
+    /// Torque with itself, torque with rotation, and rotation with itself, for each lag.
     plain: Vec<[[f64; 3]; 2]>,
     rows: usize,
 }
@@ -115,22 +113,25 @@ struct Explained {
 
 impl Stretch {
     fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
-        let cut = |index: usize| index * turns.nrows() / STRETCHES;
-        let (from, rows) = (cut(index), cut(index + 1) - cut(index));
-        let [z, y] = [designs, turns].map(|of| of.rows(from, rows));
-        let onto = |of: &Changes| [0, 1].map(|axis| z.tr_mul(&of.column(axis).rows(from, rows)));
-        let plain = |of: &Changes| {
+        let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
+        let rows = to - from;
+        let [z, y] = [designs, turns].map(|changes| changes.rows(from, rows));
+        let mut projected = [turns]
+            .into_iter()
+            .chain(pushes)
+            .map(|changes| [0, 1].map(|axis| z.tr_mul(&changes.column(axis).rows(from, rows))));
+        let plain = pushes.iter().map(|push| {
             [0, 1].map(|axis| {
-                let (x, y) = (of.column(axis), y.column(axis));
+                let (x, y) = (push.column(axis), y.column(axis));
                 let x = x.rows(from, rows);
                 [x.norm_squared(), x.dot(&y), y.norm_squared()]
             })
-        };
+        });
         Self {
             design: z.tr_mul(&z),
-            turn: onto(turns),
-            pushes: pushes.iter().map(onto).collect(),
-            plain: pushes.iter().map(plain).collect(),
+            turn: projected.next().expect("the turns"),
+            pushes: projected.collect(),
+            plain: plain.collect(),
             rows,
         }
     }
@@ -138,39 +139,39 @@ impl Stretch {
 
 /// The curve over the lags, without one stretch; `None` where the design's columns say nothing.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
-    let kept = || {
-        let all = stretches.iter().enumerate();
-        all.filter(move |(index, _)| Some(*index) != without).map(|(_, stretch)| stretch)
-    };
-    let mut square: DMatrix<f64> = kept().map(|stretch| &stretch.design).sum();
+    let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
+    let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
+    let mut square: DMatrix<f64> = kept.iter().map(|stretch| &stretch.design).sum();
     let columns = square.nrows();
     #[expect(clippy::cast_precision_loss, reason = "dozens and thousands")]
-    let (rows, mean) =
-        (kept().map(|stretch| stretch.rows).sum::<usize>() as f64, square.trace() / columns as f64);
+    let (rows, mean) = (
+        kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
+        square.trace() / columns as f64,
+    );
     // Columns of a word may be alike: a billionth keeps their matrix invertible.
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
     let factor = square.cholesky()?;
-    let turns = [0, 1].map(|axis| kept().map(|part| &part.turn[axis]).sum::<DVector<f64>>());
+    let turns = [0, 1].map(|axis| kept.iter().map(|part| &part.turn[axis]).sum::<DVector<f64>>());
     let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
     let (mut curve, mut most) = (Vec::new(), 0.0_f64);
     for lag in 0..stretches[0].plain.len() {
-        let mut of_lag = [0.0; 2];
+        let (mut likelihood, mut share) = (0.0, 0.0);
         for axis in 0..2 {
-            let push: DVector<f64> = kept().map(|stretch| &stretch.pushes[lag][axis]).sum();
+            let push: DVector<f64> = kept.iter().map(|stretch| &stretch.pushes[lag][axis]).sum();
             let (xx, xy) = (push.dot(&factor.solve(&push)), push.dot(&solved[axis]));
-            let [pxx, pxy, yy] = kept().fold([0.0; 3], |sum: [f64; 3], stretch| {
+            let [pxx, pxy, yy] = kept.iter().fold([0.0; 3], |sum: [f64; 3], stretch| {
                 [0, 1, 2].map(|k| sum[k] + stretch.plain[lag][axis][k])
             });
             // Torque that turns the drone the other way explains nothing.
             let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
             let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
-            of_lag[0] += if noise > 0.0 { shared / noise } else { 0.0 };
-            of_lag[1] += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
+            likelihood += if noise > 0.0 { shared / noise } else { 0.0 };
+            share += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
         }
-        curve.push(of_lag[0]);
-        most = most.max(0.5 * of_lag[1]);
+        curve.push(likelihood);
+        most = most.max(0.5 * share);
     }
     Some(Explained { curve, share: most })
 }
@@ -186,12 +187,12 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     for (_, pairs) in runs {
         let run = first..first + pairs.len();
         for row in run.clone() {
-            for (of_axis, axis) in axes.iter().enumerate() {
+            for (block, axis) in axes.iter().enumerate() {
                 for around in 0..n_around {
                     // The answer follows its cause, or leads it by what a plan knows.
                     let cause = (row + SPANS_BEFORE).checked_sub(around);
                     if let Some(cause) = cause.filter(|cause| run.contains(cause)) {
-                        columns[(row, of_axis * n_around + around)] = moves[(cause, *axis)];
+                        columns[(row, block * n_around + around)] = moves[(cause, *axis)];
                     }
                 }
             }
@@ -204,16 +205,17 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
 /// Changes of a quantity's rate from span to span.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
-    of: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
+    quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
 ) -> Changes {
     let mut rows = Vec::new();
     for (run, pairs) in runs {
-        let values = of(run);
+        let values = quantity(run);
         for [a, b, c] in pairs {
-            let rate = |from: usize, to: usize, axis: usize| {
-                (values[to][axis] - values[from][axis]) / (run[to].time_s - run[from].time_s)
-            };
-            rows.extend([0, 1].map(|axis| rate(*b, *c, axis) - rate(*a, *b, axis)));
+            let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
+                let span_s = run[to].time_s - run[from].time_s;
+                [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
+            });
+            rows.extend([0, 1].map(|axis| after[axis] - before[axis]));
         }
     }
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
@@ -233,27 +235,26 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
 /// neighbors.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
-    let beside = |of: usize| curve.get(of).copied();
     #[expect(clippy::cast_precision_loss, reason = "sixty")]
-    let at = highest as f64;
-    let shift = match (highest.checked_sub(1).and_then(beside), beside(highest + 1)) {
+    let index = highest as f64;
+    let before = highest.checked_sub(1).map(|index| curve[index]);
+    let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }
         _ => 0.0,
     };
-    (at + shift) * STEP_S
+    (index + shift) * STEP_S
 }
 
 /// Three samples each a span apart, by their indices.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
-    let after = |from: usize| {
-        let due_s = run[from].time_s + SPAN_S - 1e-6;
-        let later = run[from..].partition_point(|sample| sample.time_s < due_s);
-        (from + later < run.len()).then_some(from + later)
-    };
-    let ends = std::iter::successors((!run.is_empty()).then_some(0), move |from| after(*from));
+    let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
+        let due_s = run[*from].time_s + SPAN_S - 1e-6;
+        let later = run[*from..].partition_point(|sample| sample.time_s < due_s);
+        Some(from + later).filter(|end| *end < run.len())
+    });
     let mut ends = ends.scan([0, 0], |before, end| {
         let three = [before[0], before[1], end];
         *before = [before[1], end];

@@ -1,6 +1,6 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and what is [`Assumed`] of the drone. Out: [`Identified`]. Method, as the
+//! In: a [`Flight`] and the [`Assumed`] figures of the drone. Out: [`Identified`]. Method, as the
 //! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while
 //! airborne, of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x +
 //! B u)`, with ẋ by finite differences; thrust per command, of rotors that follow in the assumed
@@ -16,6 +16,8 @@
 mod air;
 mod lag;
 mod rotors;
+
+use std::ops::Range;
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -36,9 +38,9 @@ const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Logged vertical accelerations with that of gravity, in order of preference, and their units in
-/// m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), by itself and as
-/// the controllers log it.
+/// Logged vertical accelerations (gravity included), in order of preference, and their units in
+/// m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), raw and as the
+/// controllers log it.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
@@ -49,7 +51,7 @@ const ACCELERATIONS: [(&str, f64); 4] = [
 /// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
 
-/// What a flight does not tell of its drone.
+/// Figures of a drone that its flight does not show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assumed {
     /// Mass, which thrust is proportional to.
@@ -61,9 +63,9 @@ pub struct Assumed {
 }
 
 impl Assumed {
-    /// As a scene says of its drone.
+    /// The figures of a scene's drone.
     #[must_use]
-    pub fn of(vehicle: &VehicleOptions) -> Self {
+    pub fn from_vehicle(vehicle: &VehicleOptions) -> Self {
         Self {
             mass_kg: vehicle.mass_kg,
             arm_m: vehicle.arm_m,
@@ -88,7 +90,7 @@ pub struct Identified {
     pub center_of_mass_m: [f64; 2],
     /// The rotors' lag; `None` where no body rate is logged.
     pub lag: Option<RotorLag>,
-    /// Uneven air; `None` for a flight too short.
+    /// Uneven air; `None` if the flight is too short.
     pub air: Option<UnevenAir>,
     /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
     /// logged.
@@ -96,7 +98,7 @@ pub struct Identified {
     /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
     /// attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
-    /// What was logged and is not used, and why.
+    /// Warnings about data that was logged and is not used.
     pub left_out: Vec<String>,
 }
 
@@ -148,66 +150,64 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
-    let logged = |quantity| !flight.unlogged.contains(&quantity);
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
-    if !logged(Quantity::Motors) {
+    if !is_logged(flight, Quantity::Motors) {
         return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
     }
     let air = airborne(flight).unwrap_or_default();
     let n_samples = air.len();
     if n_samples < FEWEST_SAMPLES {
-        let found = format_args!("{n_samples} samples in the air");
-        return Err(Error::input("flight", found, format!("at least {FEWEST_SAMPLES}"), hint));
+        let count = format_args!("{n_samples} samples in the air");
+        return Err(Error::input("flight", count, format!("at least {FEWEST_SAMPLES}"), hint));
     }
     let samples = &flight.samples[air.clone()];
     if is_frozen(samples) {
-        let found = "motor commands that never turn the drone, as those of one row, repeated";
-        return Err(Error::input("flight", found, "those of a flight", hint));
+        let commands = "motor commands that never turn the drone, as those of one row, repeated";
+        return Err(Error::input("flight", commands, "those of a flight", hint));
     }
     let mut left_out = Vec::new();
-    let column = |name: &str| flight.extra.get(name).map(|column| &column[air.clone()]);
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let mut accelerations = accelerations(column, &mut left_out);
-    let carried_n = |accelerations: Option<&[f64]>| {
-        thrust_per_command_n(flight, samples, accelerations, assumed)
-    };
-    let mut k_f_n = carried_n(accelerations.as_deref());
+    let mut accelerations = accelerations(flight, &air, &mut left_out);
+    let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
         left_out
             .push("the acceleration points down on average: the drone is taken to hover".into());
         accelerations = None;
-        k_f_n = carried_n(None);
+        k_f_n = thrust_per_command_n(flight, samples, None, assumed);
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    let mut lives = |quantity: Quantity, of: fn(&FlightSample) -> Vector3<f64>| {
-        let changes = samples.iter().any(|s| of(s) != of(&samples[0]));
-        if logged(quantity) && !changes {
+    let quantities: [(Quantity, fn(&FlightSample) -> Vector3<f64>); 3] = [
+        (Quantity::Rate, |s| s.rate_body_rad_s),
+        (Quantity::Attitude, |s| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0)),
+        (Quantity::Velocity, |s| s.velocity_body_m_s),
+    ];
+    let [turns, leans, moves] = quantities.map(|(quantity, vector)| {
+        let is_logged = is_logged(flight, quantity);
+        let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
+        if is_logged && !changes {
             left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
         }
-        logged(quantity) && changes
-    };
-    let leans = |s: &FlightSample| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0);
-    let turns = lives(Quantity::Rate, |s| s.rate_body_rad_s);
-    let moves = turns
-        & lives(Quantity::Attitude, leans)
-        & lives(Quantity::Velocity, |s| s.velocity_body_m_s);
-    let measurement_sigma_m = measurement_sigma_m(samples, column, &mut left_out);
-    let accelerations = accelerations.as_deref();
-    let model = || Some(model_sigma(flight, samples, accelerations)).filter(|s| are_figures(s));
+        is_logged && changes
+    });
+    let measurement_sigma_m = measurement_sigma_m(flight, &air, &mut left_out);
+    let model_sigma = (turns && leans && moves)
+        .then(|| model_sigma(flight, samples, accelerations.as_deref()))
+        .filter(|sigma| are_figures(sigma));
     Ok(Identified {
         n_samples,
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
+        // The weight turns the drone about the motors' middle by m g (y, −x), and the motors turn it
+        // back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         lag: lag::lag(flight, samples)
             .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
         air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
             .filter(|air| finite(air.torque_sigma_n_m)),
         measurement_sigma_m,
-        model_sigma: if moves { model() } else { None },
+        model_sigma,
         left_out,
     })
 }
@@ -217,27 +217,38 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
     const SAME: f64 = 1e-3;
-    let turn = |sample: &FlightSample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy();
-    let first = samples.first().map(turn).unwrap_or_default();
-    samples.iter().all(|sample| (turn(sample) - first).amax() < SAME)
+    let mut turns =
+        samples.iter().map(|sample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy()).peekable();
+    let first = turns.peek().copied().unwrap_or_default();
+    turns.all(|turn| (turn - first).amax() < SAME)
+}
+
+fn is_logged(flight: &Flight, quantity: Quantity) -> bool {
+    !flight.unlogged.contains(&quantity)
+}
+
+/// The samples of a further column in the air.
+fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
+    flight.extra.get(name).map(|column| &column[air.clone()])
 }
 
 fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Whether spreads are those of something: a frozen one has none, and its weight no bound.
+/// Whether spreads are finite and positive: the weight of a frozen value would be infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
 
 /// The vertical acceleration in m/s² of the first source that changes.
-fn accelerations<'a>(
-    column: impl Fn(&str) -> Option<&'a [f64]>,
+fn accelerations(
+    flight: &Flight,
+    air: &Range<usize>,
     left_out: &mut Vec<String>,
 ) -> Option<Vec<f64>> {
     for (name, unit) in ACCELERATIONS {
-        let Some(values) = column(name) else { continue };
+        let Some(values) = column(flight, air, name) else { continue };
         if values.iter().any(|value| *value != values[0]) {
             return Some(values.iter().map(|value| value * unit).collect());
         }
@@ -246,29 +257,30 @@ fn accelerations<'a>(
     None
 }
 
-/// Spread of the first raw position that changes about the estimate.
-fn measurement_sigma_m<'a>(
-    samples: &[FlightSample],
-    column: impl Fn(&str) -> Option<&'a [f64]>,
+/// Spread about the estimate of the first raw position that changes.
+fn measurement_sigma_m(
+    flight: &Flight,
+    air: &Range<usize>,
     left_out: &mut Vec<String>,
 ) -> Option<[f64; 3]> {
     for names in LIGHTHOUSE {
-        let [Some(x), Some(y), Some(z)] = names.map(&column) else { continue };
+        let columns = names.map(|name| column(flight, air, name));
+        let [Some(x), Some(y), Some(z)] = columns else { continue };
         if [x, y, z].iter().all(|values| values.iter().all(|value| *value == values[0])) {
             left_out.push(format!("{}: frozen, as if it was not logged", names.join(", ")));
             continue;
         }
-        let places = samples.iter().zip(x).zip(y).zip(z);
+        let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
         let sigma: [f64; 3] = spread(&errors.collect::<Vec<_>>()).into();
-        // A position that is this raw one has no spread about itself.
+        // The estimate may be this raw position itself: there is no spread then.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None
 }
 
-/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors that no
-/// hole of the log parts.
+/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without a
+/// gap between them.
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],
@@ -291,12 +303,12 @@ fn runs<'a>(
     samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_hole(flight, a.time_s))
 }
 
-/// What four motors give together about an axis of the body.
+/// Sum over the four motors about an axis of the body, with the sign of each.
 fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// Whether nothing is known of the time after a sample.
+/// Whether a gap follows a sample.
 fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -339,7 +351,7 @@ mod tests {
     use noctograph_sim::{ControllerKind, Drone, SimOptions, fly};
 
     pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
-        Assumed::of(&options.vehicle)
+        Assumed::from_vehicle(&options.vehicle)
     }
 
     #[test]

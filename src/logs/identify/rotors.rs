@@ -1,15 +1,15 @@
-//! What motors give of their logged commands: rotors that follow in a time, in speed.
+//! Thrust of motors from their logged commands: the speed of the rotors follows with a lag.
 
-use super::{Assumed, runs};
+use super::{Assumed, is_logged, runs};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 
-/// Half the time for which the firmware holds a command (500 Hz): so much later than on a straight
-/// line between two logged commands are those that the motors had between them.
+/// Half the time for which the firmware holds a command (500 Hz): the delay of the commands against
+/// a straight line between two logged ones.
 const HELD_S: f64 = 0.001;
-/// Longest step that is taken for a straight line: longer ones hold the first command.
+/// Longest step that is interpolated: longer ones hold the first command.
 const LONGEST_STEP_S: f64 = 0.04;
-/// Height above the floor from which on its air is free.
+/// Height above the floor beyond the ground effect.
 const FREE_M: f64 = 0.15;
 /// Samples over which the climb is measured at either end.
 const CLIMB: usize = 10;
@@ -35,26 +35,23 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     steps.collect()
 }
 
-/// Roots of the commands at each sample. Between two logged commands the motors had others: on a
-/// straight line, not the first one held.
+/// Roots of the commands at each sample. Between two logged commands they are interpolated, not held.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
-    let root = |sample: &FlightSample| sample.motors.map(|command| command.max(0.0).sqrt());
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
-        let [first, last] = [from, to].map(root);
-        let share =
-            |s: &FlightSample| (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
-        let between = |s: &FlightSample| {
-            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share(s))
-        };
-        line.extend(held.iter().map(between));
+        let [first, last] =
+            [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
+        line.extend(held.iter().map(|s| {
+            let share = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
+            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share)
+        }));
     }
     line
 }
 
-/// Thrust per command that carries the drone, N: of motors that follow in a time, in free air.
+/// Thrust per command that carries the drone, N: with the motors' lag, out of the ground effect.
 /// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and
 /// the climb, over the whole time.
 pub(super) fn thrust_per_command_n(
@@ -63,38 +60,37 @@ pub(super) fn thrust_per_command_n(
     accelerations: Option<&[f64]>,
     &Assumed { mass_kg, motor_lag_s, .. }: &Assumed,
 ) -> f64 {
-    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let [has_position, has_attitude] =
+        [Quantity::Position, Quantity::Attitude].map(|quantity| is_logged(flight, quantity));
     let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
-    let is_free =
-        |s: &FlightSample| !logged(Quantity::Position) || s.position_m.z - floor_m > FREE_M;
-    let free = samples.iter().position(is_free).zip(samples.iter().rposition(is_free));
+    let free =
+        (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
+    let free = free.clone().min().zip(free.max());
     // A flight that stays low, or at one height, is taken whole.
     let (from, to) =
         free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
-    let level = |s: &FlightSample| {
-        let tilt = libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad);
-        if logged(Quantity::Attitude) { tilt } else { 1.0 }
-    };
     let (mut product, mut square) = (0.0, 0.0);
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
         let impulses = impulses(run, motor_lag_s);
-        for at in inside.clone() {
-            let dt_s = run[at + 1].time_s - run[at].time_s;
-            let commands = impulses[at].iter().sum::<f64>() / dt_s;
+        for index in inside.clone() {
+            let dt_s = run[index + 1].time_s - run[index].time_s;
+            let commands = impulses[index].iter().sum::<f64>() / dt_s;
             match accelerations {
                 Some(column) => {
-                    product += mass_kg * column[start + at] * commands * dt_s;
+                    product += mass_kg * column[start + index] * commands * dt_s;
                     square += commands * commands * dt_s;
                 }
                 None => {
+                    let attitude = run[index].attitude;
+                    let tilt = libm::cos(attitude.pitch_rad) * libm::cos(attitude.roll_rad);
                     product += mass_kg * GRAVITY_M_S2 * dt_s;
-                    square += level(&run[at]) * commands * dt_s;
+                    square += if has_attitude { tilt } else { 1.0 } * commands * dt_s;
                 }
             }
         }
-        if accelerations.is_none() && logged(Quantity::Position) && !inside.is_empty() {
+        if accelerations.is_none() && has_position && !inside.is_empty() {
             let climb_m_s = climb_m_s(run, inside.end - 1) - climb_m_s(run, inside.start);
             product += mass_kg * climb_m_s;
         }
@@ -104,8 +100,8 @@ pub(super) fn thrust_per_command_n(
 }
 
 /// Vertical speed about a sample.
-fn climb_m_s(run: &[FlightSample], at: usize) -> f64 {
-    let (before, after) = (at.saturating_sub(CLIMB), (at + CLIMB).min(run.len() - 1));
+fn climb_m_s(run: &[FlightSample], index: usize) -> f64 {
+    let (before, after) = (index.saturating_sub(CLIMB), (index + CLIMB).min(run.len() - 1));
     let lasts_s = run[after].time_s - run[before].time_s;
     if lasts_s > 0.0 { (run[after].position_m.z - run[before].position_m.z) / lasts_s } else { 0.0 }
 }

@@ -336,10 +336,10 @@ fn variables(values: &[(&str, &dyn Fn(f64) -> f64)]) -> String {
         cells.join(",")
     };
     let time = list(&|t| (1e3 * t).round() + 9000.0);
-    let variable = |(name, value): &(&str, &dyn Fn(f64) -> f64)| {
+    let variables = values.iter().map(|(name, value)| {
         format!("\"{name}\": {{\"time\": [{time}], \"data\": [{}]}}", list(*value))
-    };
-    format!("{{{}}}", values.iter().map(variable).collect::<Vec<_>>().join(","))
+    });
+    format!("{{{}}}", variables.collect::<Vec<_>>().join(","))
 }
 
 const POSITION: [(&str, &dyn Fn(f64) -> f64); 3] = [

@@ -9,8 +9,8 @@ use noctograph_core::statistics::median;
 use noctograph_plan::tracking::{Part, track};
 
 fn noor() -> Vec<u8> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, Into::into);
+    let shared = std::env::var_os("NOCTOGRAPH_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), Into::into);
     std::fs::read(shared.join("data/ae483/noor_flight.json")).unwrap()
 }
 

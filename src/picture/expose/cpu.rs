@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::curves::{Curves, LANES, LOW_BITS};
 use super::floor::Glow;
 use super::record::{DITHER, Record};
-use super::sheet::Sheet;
+use super::tile::Tiles;
 use super::{Latent, Tint};
 
 /// Least number of pixels, summed over the boxes of the records, for a band of its own: about a
@@ -38,7 +38,7 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let starts = [0].into_iter().chain(ends.iter().copied());
     let bands = starts.zip(&ends).map(|(start, &end)| Band {
         latent,
-        sheet: Sheet::new(start..end, width, width + LANES),
+        tiles: Tiles::new(start..end, width, width + LANES),
         planes: rest
             .iter_mut()
             .filter_map(|plane| plane.split_off_mut(..(end - start) as usize * width))
@@ -75,7 +75,7 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
 /// A band of rows, and all records.
 struct Band<'a> {
     latent: &'a Latent,
-    sheet: Sheet,
+    tiles: Tiles,
     /// Its rows of the three planes.
     planes: Vec<&'a mut [u32]>,
 }
@@ -85,26 +85,26 @@ impl pulp::NullaryFnOnce for Band<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { latent, mut sheet, mut planes } = self;
+        let Self { latent, mut tiles, mut planes } = self;
         let counts_per_lx_s = latent.counts_per_lx_s();
         let mut curves = Curves::default();
         for tint in &latent.tints {
             for record in &tint.records {
-                let [columns, rows] = record.inside(latent.size_px[0], &sheet.rows);
+                let [columns, rows] = record.inside(latent.size_px[0], &tiles.rows);
                 if rows.is_empty() {
                     continue;
                 }
-                sheet.light(&columns, &rows);
+                tiles.light(&columns, &rows);
                 curves.draw(record, counts_per_lx_s);
                 let part = [columns, rows];
                 match record.spots {
-                    1 => add::<1>(record, &curves, part, &mut sheet),
-                    2 => add::<2>(record, &curves, part, &mut sheet),
-                    3 => add::<3>(record, &curves, part, &mut sheet),
-                    _ => add::<4>(record, &curves, part, &mut sheet),
+                    1 => add::<1>(record, &curves, part, &mut tiles),
+                    2 => add::<2>(record, &curves, part, &mut tiles),
+                    3 => add::<3>(record, &curves, part, &mut tiles),
+                    _ => add::<4>(record, &curves, part, &mut tiles),
                 }
             }
-            sheet.count(tint.shares, &mut planes);
+            tiles.count(tint.shares, &mut planes);
         }
     }
 }
@@ -115,15 +115,15 @@ fn add<const N: usize>(
     record: &Record,
     curves: &Curves,
     [columns, rows]: [Range<u32>; 2],
-    sheet: &mut Sheet,
+    tiles: &mut Tiles,
 ) {
     let first = |range: &Range<u32>, of_box: i32| (range.start.cast_signed() - of_box) as usize;
     let [i, j] = [first(&columns, record.x), first(&rows, record.y)];
     let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
     let dither = record.dither_at(columns.start, rows.start);
     let shift = curves.shift;
-    let top = (rows.start - sheet.rows.start) as usize * sheet.stride;
-    let pixels = &mut sheet.counts[top..top + rows.len() * sheet.stride];
+    let top = (rows.start - tiles.rows.start) as usize * tiles.stride;
+    let pixels = &mut tiles.counts[top..top + rows.len() * tiles.stride];
     for c in (0..columns.len()).step_by(LANES) {
         let along: [&[u32; LANES]; N] = std::array::from_fn(|k| {
             curves.along(k, i + c).first_chunk().expect("curves are as long as whole lanes")
@@ -132,7 +132,7 @@ fn add<const N: usize>(
         let dither = dither.wrapping_add(DITHER[0].wrapping_mul(c as u32));
         let mut dither: [u32; LANES] =
             std::array::from_fn(|lane| dither.wrapping_add(LANE_DITHER[lane]));
-        for (j, row) in pixels.chunks_exact_mut(sheet.stride).enumerate() {
+        for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
             let across: [[u32; 2]; N] = std::array::from_fn(|k| across[k].map(|part| part[j]));

@@ -151,9 +151,9 @@ fn exp2(power: f32) -> f32 {
 
 /// Sum of integers in lanes.
 #[inline(always)]
-fn sum<T>(of: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
+fn sum<T>(rows: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
     let mut sum = [0; LANES];
-    for values in of {
+    for values in rows {
         for lane in 0..LANES {
             sum[lane] += whole(&values[lane]);
         }

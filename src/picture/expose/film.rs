@@ -7,7 +7,7 @@
 //! rounding of up to 2^30 records.
 
 use super::Tint;
-use super::sheet::ALL;
+use super::tile::ALL;
 use noctograph_core::digest::Digest;
 
 /// Side of a tile.

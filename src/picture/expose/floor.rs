@@ -5,7 +5,7 @@
 //! `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square).
 //!
 //! 1. The lamps become point sources: see `sources`. The floor is a grid of more of them for the
-//!    walls, which so receive what it reflects.
+//!    walls, which receive its reflected light.
 //! 2. The picture is divided into squares. A square is quartered while its center differs from the
 //!    mean of its corners, or while a lamp is above it at less than its own side.
 //! 3. Light is bilinear within a square, and counted with the film's dither.
@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::record::DITHER;
-use super::sources::{Branch, Rgb, Tree, exposures_lx_s, reflected, trees};
+use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
 use super::{ExposeOptions, Film, Room};
 use crate::light::LightTrace;
 use crate::narrow;
@@ -73,16 +73,16 @@ impl Glow {
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
         let corner_lx_s = |corner_px: [u32; 2]| floor.seen_lx_s([corner_px])[0];
-        let corner = |i: u32, j: u32| corner_lx_s([i * SIDE_PX, j * SIDE_PX]);
-        let corners: Vec<Vec<Rgb>> = (0..=rows)
+        let corners = (0..=rows)
             .into_par_iter()
-            .map(|j| (0..=columns).map(|i| corner(i, j)).collect())
-            .collect();
-        let in_row = |(j, corners): (u32, &[Vec<Rgb>])| {
+            .map(|j| (0..=columns).map(|i| corner_lx_s([i * SIDE_PX, j * SIDE_PX])).collect());
+        let corners: Vec<Vec<Rgb>> = corners.collect();
+        let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
+        let squares = rows.flat_map_iter(|(j, corners)| {
             let mut squares = Vec::new();
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
-            let is_near = |[_, y, _]: &&[f64; 3]| (y - middle_px).abs() < f64::from(SIDE_PX);
-            let feet_px: Vec<[f64; 3]> = floor.feet_px.iter().filter(is_near).copied().collect();
+            let mut feet_px = floor.feet_px.clone();
+            feet_px.retain(|[_, y, _]| (y - middle_px).abs() < f64::from(SIDE_PX));
             let pairs = corners[0].windows(2).zip(corners[1].windows(2));
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
@@ -92,9 +92,8 @@ impl Glow {
                 floor.divide(square, middle_lx_s, &feet_px, &mut squares);
             }
             squares
-        };
-        let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
-        let squares: Vec<Square> = rows.flat_map_iter(in_row).collect();
+        });
+        let squares: Vec<Square> = squares.collect();
         let lights = squares.iter().flat_map(|square| square.corners_lx_s.as_flattened());
         let peak_lx_s = lights.copied().fold(0.0, f64::max);
         (!squares.is_empty()).then_some(Self { squares, peak_lx_s })
@@ -152,8 +151,9 @@ impl Square {
     /// Whether a source stands above the square or close to it, lower than the square is wide.
     fn is_under(&self, [x, y, height_px]: [f64; 3]) -> bool {
         let side = f64::from(self.side_px);
-        let near = |at: f64, corner: u32| (at - f64::from(corner) - 0.5 * side).abs() < side;
-        height_px < side && near(x, self.corner_px[0]) && near(y, self.corner_px[1])
+        let mut pairs = [x, y].into_iter().zip(self.corner_px);
+        height_px < side
+            && pairs.all(|(place, corner)| (place - f64::from(corner) - 0.5 * side).abs() < side)
     }
 }
 
@@ -161,13 +161,13 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
-        let foot_px = |branch: &Branch| {
+        let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
             let height_px = (source_m.z - z_m) * camera.focal_length_px() / image.depth_m;
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
-        };
-        let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(foot_px).collect();
+        });
+        let feet_px = feet_px.collect();
         let n_lamps = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
@@ -204,13 +204,13 @@ impl<'a> Floor<'a> {
         // The floor does not light itself.
         let is_floor = surface.normal == Vector3::z();
         let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
-        let lit = || exposures_lx_s(lights, points_m, surface, toward);
-        let lit: [Rgb; N] = pulp::Arch::new().dispatch(lit);
+        let lit: [Rgb; N] =
+            pulp::Arch::new().dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Keeps a square that is even, divides any other; drops what is dark. `middle` is what is seen
-    /// in its middle; `feet_px` are those that may be under it.
+    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in its
+    /// middle; `feet_px` are those that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);

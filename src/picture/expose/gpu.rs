@@ -1,16 +1,16 @@
 //! The splat on a graphics device, without a window: Vulkan, Metal or DirectX 12 through wgpu.
 //!
-//! Each color has a sheet of lit tiles, to which the shader adds the parts of records, without
-//! atomic sums (on lavapipe these would cost more than all the rest).
+//! Each color has a buffer of lit tiles. The shader adds the parts of records to it without atomic
+//! sums, which on lavapipe would cost more than all the rest.
 
 use std::sync::{Arc, Mutex};
 
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::Latent;
-use super::parts::{Chunk, Part, TILE_PX, chunks, lit_tiles};
+use super::gpu_tiles::{Chunk, Part, TILE_PX, chunks, lit_tiles};
 use super::record::SPOTS;
-use super::sheet;
+use super::tile;
 use noctograph_core::error::{Error, Result};
 
 /// The shader.
@@ -19,7 +19,7 @@ pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 /// Bytes of the counts of a tile.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Most tiles of a sheet: no device takes fewer workgroups.
+/// Most tiles of a buffer: every device takes as many workgroups.
 const TILES: u64 = 65_535;
 
 /// Bytes of one readback.
@@ -33,8 +33,8 @@ pub(super) struct Gpu {
     pipeline: wgpu::ComputePipeline,
     /// Name and driver.
     pub(super) adapter: String,
-    /// Largest sheet.
-    pub(super) max_sheet_bytes: u64,
+    /// Largest buffer of tiles.
+    pub(super) max_tiles_bytes: u64,
     /// First error that the device reported.
     complaint: Arc<Mutex<Option<String>>>,
 }
@@ -56,7 +56,7 @@ impl Gpu {
         let about = adapter.get_info();
         let name = [about.name, about.driver_info].join(", ");
         let limits = adapter.limits();
-        let max_sheet_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let max_tiles_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("expose"),
             required_limits: limits,
@@ -72,7 +72,7 @@ impl Gpu {
             }
         }));
         let pipeline = pipeline(&device, SHADER);
-        Ok(Self { device, queue, pipeline, adapter: name, max_sheet_bytes, complaint })
+        Ok(Self { device, queue, pipeline, adapter: name, max_tiles_bytes, complaint })
     }
 
     /// Opens a device and runs the shader once: a driver compiles it at the first use, which takes
@@ -80,9 +80,9 @@ impl Gpu {
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
-        let sheet = gpu.sheet(1);
-        gpu.dispatch(&mut Chunk { parts: vec![(0, part)], curves: vec![[0; SPOTS]] }, &sheet);
-        gpu.read(&sheet, 1, |_| ())?;
+        let tiles = gpu.dark_tiles(1);
+        gpu.dispatch(&mut Chunk { parts: vec![(0, part)], curves: vec![[0; SPOTS]] }, &tiles);
+        gpu.read(&tiles, 1, |_| ())?;
         Ok(gpu)
     }
 
@@ -95,7 +95,7 @@ impl Gpu {
     /// Adds up the light: three planes of counts.
     pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
         let [width, height] = latent.size_px.map(|px| px as usize);
-        let most = (self.max_sheet_bytes / TILE_BYTES).min(TILES) as usize;
+        let most = (self.max_tiles_bytes / TILE_BYTES).min(TILES) as usize;
         if most == 0 {
             return Err(self.fail("a tile is too large for it"));
         }
@@ -104,16 +104,16 @@ impl Gpu {
         for tint in &latent.tints {
             let (across, lit) = lit_tiles(tint, latent.size_px);
             for lit in lit.chunks(most) {
-                let sheet = self.sheet(lit.len());
-                chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &sheet));
+                let tiles = self.dark_tiles(lit.len());
+                chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &tiles));
                 let mut lit = lit.iter();
-                self.read(&sheet, lit.len(), |light| {
+                self.read(&tiles, lit.len(), |light| {
                     let size = TILE_PX as usize;
                     for (light, tile) in light.chunks_exact(size * size).zip(&mut lit) {
                         let [x, y] = [tile % across * size, tile / across * size];
                         let inside = [size.min(width - x), size.min(height - y)];
                         let to = [width, y * width + x];
-                        sheet::count(light, [size, 0], tint.shares, &mut planes, to, inside);
+                        tile::count(light, [size, 0], tint.shares, &mut planes, to, inside);
                     }
                 })?;
             }
@@ -121,18 +121,18 @@ impl Gpu {
         Ok(counts)
     }
 
-    /// A dark sheet on the device.
-    fn sheet(&self, tiles: usize) -> wgpu::Buffer {
+    /// A buffer of dark tiles on the device.
+    fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("sheet"),
-            size: TILE_BYTES * tiles as u64,
+            label: Some("tiles"),
+            size: TILE_BYTES * n as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         })
     }
 
-    /// Lets the device add a chunk to a sheet.
-    fn dispatch(&self, chunk: &mut Chunk, sheet: &wgpu::Buffer) {
+    /// Lets the device add a chunk to the tiles.
+    fn dispatch(&self, chunk: &mut Chunk, tiles: &wgpu::Buffer) {
         let filled = |label, contents: &[u8]| {
             self.device.create_buffer_init(&BufferInitDescriptor {
                 label: Some(label),
@@ -146,7 +146,7 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         for lists in &rounds {
             let on_device = filled("lists", bytemuck::cast_slice(lists));
-            let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, sheet)];
+            let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, tiles)];
             let entries = entries.map(|(binding, buffer)| wgpu::BindGroupEntry {
                 binding,
                 resource: buffer.as_entire_binding(),
@@ -164,11 +164,11 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Waits for the device, and passes on so many tiles of a sheet, in order.
-    fn read(&self, sheet: &wgpu::Buffer, tiles: usize, mut take: impl FnMut(&[u32])) -> Result<()> {
-        let bytes = TILE_BYTES * tiles as u64;
+    /// Waits for the device, and passes on `n` tiles, in order.
+    fn read(&self, tiles: &wgpu::Buffer, n: usize, mut take: impl FnMut(&[u32])) -> Result<()> {
+        let bytes = TILE_BYTES * n as u64;
         let out = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("sheet out"),
+            label: Some("tiles out"),
             size: READ_BYTES.min(bytes),
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
@@ -177,7 +177,7 @@ impl Gpu {
         while start < bytes {
             let part = READ_BYTES.min(bytes - start);
             let mut encoder = self.device.create_command_encoder(&Default::default());
-            encoder.copy_buffer_to_buffer(sheet, start, &out, 0, part);
+            encoder.copy_buffer_to_buffer(tiles, start, &out, 0, part);
             self.queue.submit([encoder.finish()]);
             self.map(&out, part, &mut take)?;
             start += part;

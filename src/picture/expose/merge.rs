@@ -120,14 +120,14 @@ impl Merged {
 
         // The last sample is skipped if the interval joins. Each axis takes the side of the square
         // inside the circle of the tolerance.
-        let off = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
+        let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
         let offset = |at_px: Px, light: f64| {
             let moved = at_px - self.whole.at_px[0];
             [moved.x, moved.y, light - first]
         };
         let [x, y, _] = offset(self.whole.at_px[1], here);
-        let low = [x - off, y - off, here - slack - first];
-        let high = [x + off, y + off, here + slack - first];
+        let low = [x - slack_px, y - slack_px, here - slack - first];
+        let high = [x + slack_px, y + slack_px, here + slack - first];
         let wanted = offset(next.at_px[1], next.light_lx_px2[1]);
         self.chords.keep_between(low, high, end_s - start_s);
         if !self.chords.contain(wanted, next.time_s[1] - start_s) {

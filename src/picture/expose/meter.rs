@@ -109,9 +109,10 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
         let mut segments = in_picture(lamp, luminance(lamp.emitter.rgb), camera);
-        let same =
-            |known: &Lamp| known.drone == lamp.drone && known.emitter.name == lamp.emitter.name;
-        match trails.iter_mut().find(|(known, _)| same(known)) {
+        let trail = trails.iter_mut().find(|(known, _)| {
+            known.drone == lamp.drone && known.emitter.name == lamp.emitter.name
+        });
+        match trail {
             Some((_, all)) => all.append(&mut segments),
             None => trails.push((lamp, segments)),
         }
@@ -123,13 +124,13 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     let readings: Vec<LampReading> = readings.collect();
     if readings.is_empty() {
         let hint = "check the lights of the flight, the shutter and the pose of the camera";
-        let found = "no lamp that is lit in the picture";
-        return Err(Error::input("light", found, "light to measure", hint));
+        let lack = "no lamp that is lit in the picture";
+        return Err(Error::input("light", lack, "light to measure", hint));
     }
     Ok(readings)
 }
 
-/// Share of the luminance in the strongest channel from which light is colored; white has 1.
+/// Least ratio of the strongest channel to the luminance of colored light; white has 1.
 const COLORED: f64 = 1.25;
 
 /// Whether the light of a lamp with all of its dies at full level is metered as a color.
@@ -147,16 +148,14 @@ fn is_color(rgb: [f64; 3]) -> bool {
 /// such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
-    let brightest = |colored: bool| {
+    [true, false].map(|colored| {
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
         let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
-        let found = alike.filter_map(|(lamp, share)| {
-            reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
-        });
-        found.max_by(f64::total_cmp)
-    };
-    [true, false].map(brightest)
+        let readings = alike
+            .filter_map(|(lamp, share)| reading(lamp, &in_picture(lamp, share, camera), camera));
+        readings.map(|reading| reading.median_stops).max_by(f64::total_cmp)
+    })
 }
 
 /// The trail of a lamp in the picture, in a channel that has a share of its light.
@@ -188,8 +187,8 @@ const MANY: usize = 20_000;
 /// Share of the spot's σ within which segments count as at one place.
 const ONE_PLACE_SIGMA: f64 = 0.1;
 
-/// A long trail with the segments that follow each other at one place, such as the pulses of a
-/// slow lamp, put together: each is then compared with few others, however many pulses there are.
+/// A long trail with successive segments at one place, such as the pulses of a slow lamp, joined:
+/// each is then compared with few others for any number of pulses.
 fn gathered(segments: &[Segment]) -> Vec<Segment> {
     let mut all: Vec<Segment> = Vec::new();
     for segment in segments {
@@ -212,15 +211,16 @@ fn gathered(segments: &[Segment]) -> Vec<Segment> {
 fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let few = (segments.len() > MANY).then(|| gathered(segments));
     let segments = few.as_deref().unwrap_or(segments);
-    let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
-    let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
+    let all_lx_s = (0..segments.len()).map(|i| exposure_lx_s(segments, i));
+    let all: Vec<f64> = all_lx_s.map(|lx_s| libm::log2(lx_s / camera.saturation_lx_s())).collect();
     let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
     let mut by_brightness: Vec<(f64, f64)> = all.iter().copied().zip(lengths).collect();
-    let mut at_share = |share| weighted_quantile(&mut by_brightness, share);
-    let [p5_stops, median_stops, p95_stops] = [at_share(0.05)?, at_share(0.5)?, at_share(0.95)?];
+    let [p5_stops, median_stops, p95_stops] =
+        [0.05, 0.5, 0.95].map(|share| weighted_quantile(&mut by_brightness, share));
+    let (p5_stops, median_stops, p95_stops) = (p5_stops?, median_stops?, p95_stops?);
 
-    let speed = |segment: &Segment| (segment.length_px() / segment.duration_s, segment.duration_s);
-    let mut speeds: Vec<(f64, f64)> = segments.iter().map(speed).collect();
+    let speeds = segments.iter().map(|s| (s.length_px() / s.duration_s, s.duration_s));
+    let mut speeds: Vec<(f64, f64)> = speeds.collect();
     let usual = weighted_quantile(&mut speeds, 0.5)?;
     let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
 
@@ -228,7 +228,7 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     let mut hot_until_s = f64::NEG_INFINITY;
     for (segment, stops) in segments.iter().zip(&all) {
         let hot = *stops > median_stops + HOT_STOPS;
-        // In the dark a spot ends.
+        // A spot ends in the dark.
         let goes_on = segment.start_s <= hot_until_s + 1e-6;
         let end_s = segment.start_s + segment.duration_s;
         match hot_spots.last_mut().filter(|_| hot && goes_on) {
@@ -278,9 +278,10 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
     let (u, v) = ((at_px - start).dot(along) / sigma, along.perp_dot(at_px - start) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
-    let below = |x: f64| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2);
     let smear = if length > 1e-3 * sigma {
-        (below(u) - below(u - length / sigma)) / length
+        let [upper, lower] =
+            [u, u - length / sigma].map(|x| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2));
+        (upper - lower) / length
     } else {
         libm::exp(-0.5 * u * u) / (sigma * root_tau)
     };

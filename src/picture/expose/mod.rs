@@ -32,16 +32,16 @@ mod film;
 mod floor;
 #[cfg_attr(not(feature = "gpu"), path = "no_gpu.rs")]
 mod gpu;
+mod gpu_tiles;
 mod merge;
 pub mod meter;
-mod parts;
 mod project;
 mod record;
 mod room;
-mod sheet;
 mod sources;
 #[cfg(test)]
 mod tests;
+mod tile;
 
 use std::num::NonZero;
 use std::thread::JoinHandle;
@@ -53,7 +53,7 @@ use noctograph_core::camera::{Camera, check_size};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::settings::{Described, settings};
 use record::Record;
-use sheet::ALL;
+use tile::ALL;
 
 pub use film::Film;
 pub(crate) use room::Room;
@@ -250,8 +250,11 @@ impl Developer {
     /// Starts the backend.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
-        let start = || std::thread::Builder::new().spawn(Gpu::ready).ok();
-        Self { choice, device: (choice != BackendChoice::Cpu).then(start).flatten() }
+        let device = match choice {
+            BackendChoice::Cpu => None,
+            _ => std::thread::Builder::new().spawn(Gpu::ready).ok(),
+        };
+        Self { choice, device }
     }
 
     /// Adds up light once the backend is ready. With [`BackendChoice::Auto`] the processor takes
@@ -352,7 +355,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
     Ok(tints)
 }
 
-fn too_many(place: &str, what: &str, found: usize) -> Error {
+fn too_many(place: &str, what: &str, n: usize) -> Error {
     let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
-    Error::input(place, format!("{found} {what}"), format!("at most {MAX_SAMPLES}"), hint)
+    Error::input(place, format!("{n} {what}"), format!("at most {MAX_SAMPLES}"), hint)
 }

@@ -14,8 +14,8 @@ use noctograph_core::error::{Error, Result};
 /// A point in the picture.
 pub(super) type Px = DVec2;
 
-/// Least depth of a lamp that leaves light. The image of a nearer point is no spot of this model
-/// (focus, pupil size).
+/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus, pupil
+/// size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
 /// Width of the narrowest spot. Sampled at pixel centers, a Gaussian of this width keeps its sum to
@@ -132,8 +132,8 @@ pub(super) fn check(lamp: &Lamp) -> Result<()> {
         before = *time_s;
         for (what, v) in [("position", position_m), ("axis", axis)] {
             if !v.iter().all(|x| x.is_finite()) {
-                let found = format!("({}, {}, {})", v.x, v.y, v.z);
-                return Err(Error::input(place(what), found, "three finite numbers", hint));
+                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
+                return Err(Error::input(place(what), vector, "three finite numbers", hint));
             }
         }
         if !(0.0..=1e3).contains(level) {

@@ -106,8 +106,7 @@ impl Record {
     }
 }
 
-/// Passes on the records of a segment: of the part that reaches the picture, in pieces where it is
-/// long.
+/// Passes on the records of the part of a segment that reaches the picture; a long part is split.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
     let length_sigma = segment.length_px() / segment.sigma_px;
@@ -115,11 +114,10 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
     let mut dither = dither(segment.start_s);
     let mut k = 0.0;
     while k < n {
-        let part = |k: f64| from + (to - from) * k / n;
         let piece = if n == 1.0 && to - from == 1.0 {
             *segment
         } else {
-            segment.part([part(k), part(k + 1.0)])
+            segment.part([k, k + 1.0].map(|k| from + (to - from) * k / n))
         };
         if let Some(record) = record(&piece, dither, size_px) {
             each(record);
@@ -137,8 +135,7 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
         let borders = [-reach, f64::from(size_px[axis]) + reach];
-        let inside = |px: f64| (borders[0]..=borders[1]).contains(&px);
-        if inside(start[axis]) && inside(end[axis]) {
+        if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
         }
         let length = end[axis] - start[axis];
@@ -166,8 +163,8 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     }
 
     let length_sigma = segment.length_px() / sigma;
-    let enough = |longest: &f64| length_sigma <= *longest;
-    let rule = RULES[LONGEST_SIGMA.iter().position(enough).unwrap_or(SPOTS - 1)];
+    let enough = LONGEST_SIGMA.iter().position(|longest| length_sigma <= *longest);
+    let rule = RULES[enough.unwrap_or(SPOTS - 1)];
     let mut record = Record {
         x_px: [0.0; SPOTS],
         y_px: [0.0; SPOTS],

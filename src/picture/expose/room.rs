@@ -1,4 +1,4 @@
-//! Room: the floor and the walls as planes, what a ray of the camera meets, and how they reflect.
+//! Room: the floor and the walls as planes, their intersection with rays, and how they reflect.
 //!
 //! Walls are matte. The floor is matte or has a sheen on top: facets whose slopes are spread as GGX
 //! (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect as
@@ -59,12 +59,10 @@ impl Room {
 
     /// The surface that a ray from the camera meets, its number, and the point.
     pub(crate) fn met(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
-        let far_m = |surface: &Surface| {
+        let met = self.surfaces.iter().enumerate().filter_map(|(i, surface)| {
             let toward = surface.normal.dot(&ray);
-            (toward <= -1e-9).then(|| surface.height_m(self.camera_m) / -toward)
-        };
-        let met = self.surfaces.iter().enumerate();
-        let met = met.filter_map(|(i, surface)| Some((i, far_m(surface)?)));
+            (toward <= -1e-9).then(|| (i, surface.height_m(self.camera_m) / -toward))
+        });
         let (i, far_m) = met.min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some((i, self.camera_m + ray * far_m))
     }
@@ -72,9 +70,9 @@ impl Room {
     /// Luminance of a point of a surface in the light of the room relative to that of a wall far
     /// from the floor; 1 without walls.
     ///
-    /// The light is as even as walls and ceiling throw it to and fro. A floor that is darker than
-    /// they are takes its share from what stands on it: that of a plane h wide which begins at
-    /// right angles d away, `(1 - d / √(d² + h²)) / 2`.
+    /// The light is diffuse by reflection between walls and ceiling. A darker floor takes its share
+    /// from a surface at right angles to it: that of a plane of width h which begins at the distance
+    /// d, `(1 - d / √(d² + h²)) / 2`.
     pub(crate) fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];

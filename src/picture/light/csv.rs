@@ -5,10 +5,9 @@
 //!
 //! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
 //! after `#`, in every form of table that [`Head`] knows; units in brackets; stamps in ms, µs or ns
-//! by their steps; levels of 0 to 255, of which 255 is 1 cd. What is guessed or left out is said.
+//! by their steps; levels from 0 to 255, where 255 is 1 cd. Guesses and omissions are warnings.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -43,8 +42,7 @@ const FULL_CD: f64 = 1.0;
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
     let bare = bare.to_lowercase();
-    let is_known = |(_, titles): &&(_, &str)| titles.split(' ').any(|known| known == bare);
-    let name = TITLES.iter().find(is_known)?.0;
+    let name = TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0;
     match bracket {
         None => Some((name, None)),
         Some(bracket) => Some((name, Some(unit(&simplified(bracket), name == "t")?))),
@@ -64,7 +62,7 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 }
 
 /// Reads the text of a light trace or of another program's light log; `file` is its name in
-/// messages. Returns what was guessed and what was left out as well.
+/// messages. Also returns warnings of guesses and omissions.
 ///
 /// # Errors
 ///
@@ -98,11 +96,10 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
 
     let mut unit_s = size("t").unwrap_or(1.0);
     if !own && size("t").is_none() {
-        let found = unit_of(table.column("t")?);
-        unit_s = found.unit_s;
+        let stamps = unit_of(table.column("t")?);
+        unit_s = stamps.unit_s;
         if unit_s != 1.0 {
-            let step = found.step;
-            warnings.push(format!("stamps {step} apart: taken as {unit_s} s a unit"));
+            warnings.push(format!("stamps {} apart: taken as {unit_s} s a unit", stamps.step));
         }
     }
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
@@ -130,12 +127,12 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         }
     }
     let [x_m, y_m, z_m] = ["x", "y", "z"].map(|name| size(name).unwrap_or(1.0));
-    let instant = |row: usize| Instant {
+    let instants = (0..t.len()).map(|row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
         position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
-    };
-    let instants: Vec<Instant> = (0..t.len()).map(instant).collect();
+    });
+    let instants: Vec<Instant> = instants.collect();
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
     Ok((LightTrace { lamps }, warnings))
 }
@@ -155,12 +152,13 @@ impl Instant {
 
 /// Stretches with light, each with the dark instants at its ends.
 fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
-    let is_lit = |instant: &Instant| instant.rgb_cd != [0.0; 3];
+    let runs = instants.chunk_by(|a, b| (a.rgb_cd == [0.0; 3]) == (b.rgb_cd == [0.0; 3]));
     let mut end = 0;
-    instants.chunk_by(move |a, b| is_lit(a) == is_lit(b)).filter_map(move |run| {
+    runs.filter_map(move |run| {
         let start = end;
         end += run.len();
-        is_lit(&run[0]).then(|| &instants[start.saturating_sub(1)..(end + 1).min(instants.len())])
+        let run_and_ends = &instants[start.saturating_sub(1)..(end + 1).min(instants.len())];
+        (run[0].rgb_cd != [0.0; 3]).then_some(run_and_ends)
     })
 }
 
@@ -180,26 +178,26 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }
     stretches.push((start..run.len(), brightest));
     if stretches.len() > run.len() / 8 + 2 {
-        let channel =
-            |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
-        return (0..3).map(channel).collect();
+        let channels = (0..3).map(|c| {
+            lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
+        });
+        return channels.collect();
     }
-    let one = |(rows, brightest): (Range<usize>, &Instant)| {
+    let lamps = stretches.into_iter().map(|(rows, brightest)| {
         let rgb = brightest.rgb_cd.map(|c| c / brightest.strength_cd());
         let first = rows.start.saturating_sub(1);
-        let level = |i, instant: &Instant| {
+        lamp(&run[first..(rows.end + 1).min(run.len())], rgb, |i, instant: &Instant| {
             if rows.contains(&(first + i)) { instant.strength_cd() } else { 0.0 }
-        };
-        lamp(&run[first..(rows.end + 1).min(run.len())], rgb, level)
-    };
-    stretches.into_iter().map(one).collect()
+        })
+    });
+    lamps.collect()
 }
 
 /// Whether two rows have one color, within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    let (of_a, of_b) = (a.strength_cd(), b.strength_cd());
-    let off = |(x, y): (&f64, &f64)| (x * of_b - y * of_a).abs();
-    a.rgb_cd.iter().zip(&b.rgb_cd).all(|pair| off(pair) <= DIGIT_CD * (of_a + of_b))
+    let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
+    let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
+    channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
 /// A lamp without a beam, with its largest intensity at level 1.
@@ -263,12 +261,12 @@ mod tests {
     #[test]
     fn light_logs_of_other_programs_are_traces_in_their_colors() {
         let body = |separator: &str, unit: f64| -> String {
-            let row = |i: u32| {
+            let rows = (0..5).map(|i: u32| {
                 let t = f64::from(i) * 0.2 * unit;
                 let cells = [format!("{t:.3}"), "0.5".into(), "0.1".into(), "1.2".into()];
                 cells.join(separator) + separator + &["255", "128", "0"].join(separator) + "\n"
-            };
-            (0..5).map(row).collect()
+            });
+            rows.collect()
         };
         let logs = [
             format!("# time,X,Y,Z,R,G,B\n{}", body(",", 1.0)),

@@ -16,7 +16,7 @@ use noctograph_core::statistics::weighted_quantile;
 /// that were not flown, less leaves dashes.
 const BRIDGE_M: f64 = 0.02;
 
-/// Acceleration that a flight is at least taken to have, m/s²: that of the reference flight.
+/// Least acceleration that is assumed for a flight, m/s²: that of the reference flight.
 const LEAST_M_S2: f64 = 0.4;
 
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
@@ -51,22 +51,21 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
         return Vec::new();
     }
     let acceleration = acceleration_m_s2(flight).max(LEAST_M_S2);
-    let gap = |span_s: &[f64; 2]| {
+    let gaps = flight.gaps.iter().map(|span_s| {
         let lasts_s = span_s[1] - span_s[0];
         Gap { span_s: *span_s, uncertainty_m: acceleration * lasts_s * lasts_s / 8.0 }
-    };
-    flight.gaps.iter().map(gap).collect()
+    });
+    gaps.collect()
 }
 
-/// The gaps that no lamp shines across, each with the longest way that a lamp can have taken.
+/// The open gaps, where lamps are dark, each with the longest possible path of a lamp.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();
     }
     let speed_m_s = speed_m_s(flight);
     let open = gaps(flight).into_iter().filter(|gap| !gap.is_bridged());
-    let way_m = |gap: &Gap| 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]);
-    open.map(|gap| (gap, way_m(&gap))).collect()
+    open.map(|gap| (gap, 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]))).collect()
 }
 
 /// The samples of a flight in stretches: over bridges, and from one open gap to the next.
@@ -101,7 +100,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     let v_b = velocity_m_s(&after[..end]).unwrap_or(chord_m_s);
     #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
-    let sample = |step: u32| {
+    let samples = (1..steps).map(|step| {
         let u = f64::from(step) / f64::from(steps);
         let (turn, back) = (u * u * (3.0 - 2.0 * u), (1.0 - u) * (1.0 - u));
         let position_m = a.position_m.lerp(&b.position_m, turn)
@@ -116,8 +115,8 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
             roll_rad: half_turn(a.attitude.roll_rad, b.attitude.roll_rad),
         };
         FlightSample { time_s: a.time_s + span_s * u, position_m, attitude, ..*a }
-    };
-    (1..steps).map(sample).collect()
+    });
+    samples.collect()
 }
 
 /// Mean velocity over some samples.
@@ -131,11 +130,10 @@ fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
 fn acceleration_m_s2(flight: &Flight) -> f64 {
     let runs = spaced(flight, &flight.samples);
     let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|run| {
-        let velocity = |a: &FlightSample, b: &FlightSample| {
-            (b.position_m - a.position_m) / (b.time_s - a.time_s)
-        };
+        let [before_m_s, after_m_s] = [(run[0], run[1]), (run[1], run[2])]
+            .map(|(a, b)| (b.position_m - a.position_m) / (b.time_s - a.time_s));
         let lasts_s = 0.5 * (run[2].time_s - run[0].time_s);
-        ((velocity(run[1], run[2]) - velocity(run[0], run[1])).norm() / lasts_s, lasts_s)
+        ((after_m_s - before_m_s).norm() / lasts_s, lasts_s)
     });
     weighted_quantile(&mut accelerations.collect::<Vec<_>>(), 0.95).unwrap_or(0.0)
 }

@@ -32,12 +32,12 @@ pub use programs::{color_led_wrgb, ring_rgb};
 
 pub mod csv;
 pub mod gaps;
+mod lit_path;
 mod programs;
 mod radio;
 mod ring;
 #[cfg(test)]
 mod tests;
-mod way;
 
 /// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -168,14 +168,14 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
-    let fine = LazyCell::new(|| way::stretches(&samples, way::FINE_M));
-    let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
+    let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
+    let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
-            let samples = way::shine(stretches, fixture, &changes);
+            let samples = lit_path::shine(stretches, fixture, &changes);
             if !samples.is_empty() {
                 trace.lamps.push(Lamp { drone: None, emitter, samples });
             }
@@ -186,15 +186,14 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
 
 /// Refuses a flight without any of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
-    let is_command = |fixture: &&Fixture| matches!(fixture.drive, Drive::Command(_));
-    let commanded = fixtures.iter().filter(is_command).find_map(|it| it.drive.channel());
+    let commanded = fixtures.iter().filter(|it| matches!(it.drive, Drive::Command(_)));
+    let commanded = commanded.into_iter().find_map(|it| it.drive.channel());
     let Some(first) = commanded else { return Ok(()) };
-    let heard = |channel: &String| {
+    if flight.lights.keys().any(|channel| {
         fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
             || ring::CHANNELS.contains(&channel.as_str())
             || channel == COLOR_LED.name
-    };
-    if flight.lights.keys().any(heard) {
+    }) {
         return Ok(());
     }
     let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
@@ -227,13 +226,13 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
             }
         }
     }
-    let shine = |color: &Vec<f64>| {
+    let sources = colors.iter().map(|color| {
         let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
         let changes =
             moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
         (emitter(fixture, color), changes.collect())
-    };
-    colors.iter().map(shine).collect()
+    });
+    sources.collect()
 }
 
 /// One source for each primary color of sRGB, with the share of it that every color has: dies lie
@@ -244,7 +243,7 @@ fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, V
         (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))
     });
     let parts: Vec<(f64, [f64; 3])> = parts.collect();
-    let primary = |k: usize| {
+    let primaries = [0, 1, 2].map(|k: usize| {
         let most_cd = parts.iter().map(|(_, part_cd)| part_cd[k]).fold(0.0, f64::max);
         let mut rgb = [0.0; 3];
         rgb[k] = 1.0 / LUMINANCE[k];
@@ -253,8 +252,8 @@ fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, V
             .iter()
             .map(|(time_s, part_cd)| Change { time_s: *time_s, level: level(part_cd[k]) });
         (Emitter { intensity_cd: most_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
-    };
-    [0, 1, 2].map(primary).into()
+    });
+    primaries.into()
 }
 
 /// The levels of all dies at every change of one.
@@ -308,8 +307,8 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
-/// at its faces.
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ; colors outside sRGB are clipped at its
+/// faces.
 ///
 /// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
 /// saturation: a film holds no negative light.

@@ -48,20 +48,18 @@ impl<'a> Programs<'a> {
 
     /// Changes of the level of each die, which is dark before the first.
     pub(super) fn changes(&self, fixture: &Fixture) -> Vec<Vec<Change>> {
-        let alike = |changes: Vec<Change>| vec![changes; fixture.dies.len()];
-        match (&fixture.drive, self.bitmask(fixture)) {
-            (_, Some(level)) => alike(self.steady(level)),
-            (Drive::Always, _) => alike(self.steady(1.0)),
-            (Drive::Command(channel), _) => alike(self.commanded(channel)),
-            (Drive::Blink { on_s, period_s, phase_s }, _) => {
-                alike(self.blink(*on_s, *period_s, *phase_s))
-            }
+        let changes = match (&fixture.drive, self.bitmask(fixture)) {
+            (_, Some(level)) => self.steady(level),
+            (Drive::Always, _) => self.steady(1.0),
+            (Drive::Command(channel), _) => self.commanded(channel),
+            (Drive::Blink { on_s, period_s, phase_s }, _) => self.blink(*on_s, *period_s, *phase_s),
             (Drive::Flicker { flashes_hz, flash_s }, _) => {
-                alike(self.flicker(&fixture.name, *flashes_hz, *flash_s))
+                self.flicker(&fixture.name, *flashes_hz, *flash_s)
             }
-            (Drive::Ring(led), _) => (0..3).map(|die| self.ring(*led, die)).collect(),
-            (Drive::ColorLed, _) => self.color_led(),
-        }
+            (Drive::Ring(led), _) => return (0..3).map(|die| self.ring(*led, die)).collect(),
+            (Drive::ColorLed, _) => return self.color_led(),
+        };
+        vec![changes; fixture.dies.len()]
     }
 
     fn steady(&self, level: f64) -> Vec<Change> {
@@ -100,11 +98,12 @@ impl<'a> Programs<'a> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
         let times_s = (0..).map(|index: u32| (u64::from(index), timer.tick_s(f64::from(index))));
-        let change = |(index, time_s)| {
-            let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
-            Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
-        };
-        times_s.take_while(|(_, time_s)| *time_s < self.end_s).map(change).collect()
+        let changes =
+            times_s.take_while(|(_, time_s)| *time_s < self.end_s).map(|(index, time_s)| {
+                let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
+                Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
+            });
+        changes.collect()
     }
 
     fn ring(&self, led: usize, die: usize) -> Vec<Change> {
@@ -130,21 +129,20 @@ impl<'a> Programs<'a> {
         let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
         let mut changes = self.steady(at_first);
         changes.extend(timer.hold(&arrivals));
-        let levels = |change: &Change| {
+        let mut dies = vec![Vec::new(); 4];
+        for Change { time_s, level } in changes {
             #[expect(clippy::cast_possible_truncation, reason = "packed")]
-            let wrgb = (change.level as u32).to_be_bytes();
-            color_led_levels(wrgb, self.options.color_led_levels)
-        };
-        let die =
-            |die: usize| changes.iter().map(|c| Change { level: levels(c)[die], ..*c }).collect();
-        (0..4).map(die).collect()
+            let wrgb = (level as u32).to_be_bytes();
+            let levels = color_led_levels(wrgb, self.options.color_led_levels);
+            dies.iter_mut().zip(levels).for_each(|(die, level)| die.push(Change { time_s, level }));
+        }
+        dies
     }
 
-    /// What is sent to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
+    /// The commands to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
     fn color_led_sent(&self) -> Vec<f64> {
-        let channel = |name: &str| self.flight.lights.get(name);
-        let level = channel(COLOR_LED.name);
-        let colors = COLOR_LED_COLORS.map(channel);
+        let level = self.flight.lights.get(COLOR_LED.name);
+        let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
         let sent = samples.map(|(row, sample)| {
@@ -161,16 +159,16 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Luminous intensity of the white that the color LED deck mixes of red, green and blue, and that
-/// an LED of the ring mixes.
+/// Luminous intensity of white, mixed of red, green and blue: of the color LED deck, and of an LED of
+/// the ring.
 ///
-/// Of the deck, twice as much overexposes a word of seven letters at f/22, and half as much has 4
-/// steps of green; an LED of the ring can do 1 cd. Colors of the screen that differ in brightness
-/// alone are one: their strongest channel is as bright as that of white, so that one exposure suits
+/// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 4
+/// steps of green; an LED of the ring can do 1 cd. Screen colors that differ only in brightness
+/// become one color: its strongest channel is as bright as that of white, so that one exposure suits
 /// all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Range of that intensity in which, in 16 steps, the bytes are sought that fit best.
+/// Range of that intensity for the search, in 16 steps, for the best bytes.
 const FITTED: [f64; 2] = [0.8, 1.2];
 
 /// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
@@ -197,21 +195,21 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
     let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
     let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
-    let fit = |step: u8| {
+    let fits = (0..=16).map(|step: u8| {
         let scale_cd = white_cd * (FITTED[0] + (FITTED[1] - FITTED[0]) * f64::from(step) / 16.0);
-        let off = |die: usize, byte: u8| (cd(die, byte) / scale_cd - color[die]).abs();
-        let bytes: [u8; 3] = std::array::from_fn(|die| {
-            let nearest = (0..=255).min_by(|a, b| off(die, *a).total_cmp(&off(die, *b)));
-            nearest.unwrap_or(0)
+        let nearest = [0, 1, 2].map(|die| {
+            let errors =
+                (0..=255).map(|byte| (byte, (cd(die, byte) / scale_cd - color[die]).abs()));
+            errors.min_by(|a, b| a.1.total_cmp(&b.1)).expect("256 bytes")
         });
-        let error: f64 = (0..3).map(|die| off(die, bytes[die]) / white[die]).sum();
-        (bytes, error)
-    };
-    (0..=16).map(fit).min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
+        let error: f64 = (0..3).map(|die| nearest[die].1 / white[die]).sum();
+        (nearest.map(|(byte, _)| byte), error)
+    });
+    fits.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
-/// Luminance of each die of a row for a color of the screen (sRGB) whose strongest channel is full,
-/// relative to that of white; what the dies cannot mix is clipped. Black is white.
+/// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of white;
+/// colors outside the dies' gamut are clipped. Black counts as white.
 pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));

@@ -88,8 +88,8 @@ impl Timer {
         self.phase_s + number * self.period_s
     }
 
-    /// Changes of a lamp that follows `arrivals` on this timer. Of several commands within a tick
-    /// the last one counts.
+    /// Changes of a lamp that follows `arrivals` on this timer. The last command within a tick
+    /// counts.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {

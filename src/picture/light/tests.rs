@@ -339,12 +339,12 @@ fn impossible_rows_are_refused_by_name() {
 
 #[test]
 fn the_color_led_writes_each_letter_in_its_color() {
-    let sample = |k: u32| FlightSample {
+    let samples = (0..40).map(|k: u32| FlightSample {
         time_s: 0.1 * f64::from(k),
         letter: [None, Some(0), Some(1), Some(2)][(k as usize / 10) % 4],
         ..FlightSample::default()
-    };
-    let samples: Vec<FlightSample> = (0..40).map(sample).collect();
+    });
+    let samples: Vec<FlightSample> = samples.collect();
     let levels = (0..40).map(|k| if k >= 10 && k % 10 > 1 { 1.0 } else { 0.0 }).collect();
     let lights = [("color-led".to_owned(), levels)].into();
     let flight = Flight { samples, lights, ..Flight::default() };
@@ -354,14 +354,13 @@ fn the_color_led_writes_each_letter_in_its_color() {
         ..LightOptions::default()
     };
     let trace = light(&flight, &options, 1, 0).unwrap();
-    let color_at = |time_s: f64| {
+    let [first, second, third] = [1.5, 2.5, 3.5].map(|time_s: f64| {
         let is_lit = |s: &&LightSample| s.level > 0.0 && (s.time_s - time_s).abs() < 0.3;
         let mut lit = trace.lamps.iter().filter(|lamp| lamp.samples.iter().any(|s| is_lit(&s)));
         let (lamp, other) = (lit.next().unwrap(), lit.find(|l| l.emitter.name == "color LED"));
         assert!(other.is_none_or(|other| other == lamp), "one color at a time");
         lamp.emitter.rgb
-    };
-    let [first, second, third] = [1.5, 2.5, 3.5].map(color_at);
+    });
     assert!(first[0] > 2.0 * first[2] && second[2] > 2.0 * second[0], "{first:?}, {second:?}");
     assert_eq!(first, third, "two colors in turn");
 }
@@ -415,8 +414,7 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
     let fixture = &tables::color_led()[0];
     let levels = |row: u32, die: u32| f64::from((row * (2 * die + 3) + die) % 11) / 10.0;
     let changes = |die: u32| {
-        let change = |row: u32| Change { time_s: f64::from(row), level: levels(row, die) };
-        (0..12).map(change).collect()
+        (0..12).map(|row: u32| Change { time_s: f64::from(row), level: levels(row, die) }).collect()
     };
     let dies: Vec<Vec<Change>> = (0..4).map(changes).collect();
     let sources = sources(fixture, &dies);

@@ -106,12 +106,11 @@ impl Backdrop {
                 Some((on, point_m)) => (Some(on), narrow(room.ambient(on, point_m))),
                 None => (None, 0.0),
             };
-        // Its upper and its lower edge in turn, so that an edge of the room along the row is seen.
-        let at = |i: usize| seen((i * STEP_PX) as f64, (y + i % 2) as f64);
         let mut row = Vec::with_capacity(width + STEP_PX);
-        let mut left = at(0);
+        let mut left = seen(0.0, y as f64);
         for i in 0..width.div_ceil(STEP_PX) {
-            let right = at(i + 1);
+            // The row's upper and lower edge in turn, to detect an edge of the room along the row.
+            let right = seen(((i + 1) * STEP_PX) as f64, (y + (i + 1) % 2) as f64);
             for j in 0..STEP_PX {
                 row.push(if left.0 == right.0 {
                     left.1 + (right.1 - left.1) * ((j as f32 + 0.5) / STEP_PX as f32)
@@ -151,8 +150,8 @@ impl Picture {
                 self.light[usize::from(self.photo.rgb8[3 * (y * width + x) + channel])]
             };
             for (value, &([left, right], along)) in row.iter_mut().zip(&self.columns) {
-                let at = |y| light(left, y) + along * (light(right, y) - light(left, y));
-                let (above, below) = (at(above), at(below));
+                let [above, below] = [above, below]
+                    .map(|y| light(left, y) + along * (light(right, y) - light(left, y)));
                 *value += above + down * (below - above);
             }
         }

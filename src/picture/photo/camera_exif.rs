@@ -3,13 +3,12 @@
 //! EXIF 2.32. The tags that are understood are those of [`taken_as`]; no other tag
 //! changes the camera, and a directory that holds none of them may be broken.
 //!
-//! The width of the sensor is that of the body where the model is known, else from its resolution
-//! in pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
-//! is one of diagonals (CIPA DCG-001; 43.3 mm). Of an edited picture the number of pixels is of
-//! another age than the resolution: Canon writes the resolution as 1000 times the pixels over
-//! thousandths of the unit, so that it holds both of one age; of others the width is taken where
-//! the film equivalent agrees, and else with a warning, or not at all where the tags say that the
-//! picture was edited.
+//! The width of the sensor is that of the body if the model is known, else from its resolution in
+//! pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
+//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be newer
+//! than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths of the
+//! unit, so that it holds both. For other makers the width is taken if the film equivalent agrees,
+//! else with a warning, or not at all if the tags say that the picture was edited.
 
 use std::path::Path;
 
@@ -27,7 +26,7 @@ const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT 
 /// The value of a tag for infinity, in `SubjectDistance`.
 const ENDLESS: u32 = u32::MAX;
 
-/// The value of `PhotographicSensitivity` for 65535 and more: other tags say how much.
+/// The value of `PhotographicSensitivity` for 65535 and more: other tags have the number.
 const ISO_BEYOND: f64 = 65_535.0;
 
 /// Programs that write one of these in `Software` have edited the picture; cameras write their
@@ -64,17 +63,17 @@ pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Ve
     }
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // What is needed may stand in whole directories beside a broken one.
+    // The tags may stand in intact directories beside a broken one.
     let reader = reader.continue_on_error(true);
-    // Of a TIFF file, raw photographs too, the container's reader would make a copy.
+    // The container's reader would copy a TIFF file, and so a raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
     let read = match is_tiff {
         true => reader.read_raw(bytes),
         false => reader.read_from_container(&mut std::io::Cursor::new(bytes)),
     };
     let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
-        let found = format_args!("no EXIF ({error})");
-        Error::input(Place::file(&place), found, "a photograph as the camera wrote it", HINT)
+        let cause = format_args!("no EXIF ({error})");
+        Error::input(Place::file(&place), cause, "a photograph as the camera wrote it", HINT)
     })?;
     let (camera, warnings) = with_exif(camera, &exif, size_px, &place)?;
     // An impossible number is the file's, not that of a key.
@@ -121,8 +120,8 @@ fn with_exif(
         let missing = needed.iter().filter(|(_, value)| value.is_none());
         let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
         let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
-        let found = format_args!("EXIF without {missing}{why}");
-        return Err(Error::input(place, found, "the tags of lens and exposure", HINT));
+        let lack = format_args!("EXIF without {missing}{why}");
+        return Err(Error::input(place, lack, "the tags of lens and exposure", HINT));
     };
     camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
     let distortion = match camera.lens {
@@ -227,36 +226,36 @@ const FILM_MM: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
-/// Width of the sensor of a camera that is not known by name, from tags of one age.
+/// Width of the sensor of an unknown camera, from tags of one age.
 fn width_m(
     exif: &Exif,
     size_px: Option<[f64; 2]>,
     focal_length_m: Option<f64>,
     warnings: &mut Vec<String>,
 ) -> Option<f64> {
-    let of_film = equivalent_width_m(exif, size_px, focal_length_m, warnings);
+    let film_width_m = equivalent_width_m(exif, size_px, focal_length_m, warnings);
     let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
         None | Some(2.0) => 0.0254, // inches by default
         Some(3.0) => 0.01,
         Some(4.0) => 1e-3,
         Some(5.0) => 1e-6,
         Some(unit) => {
-            if of_film.is_none() {
+            if film_width_m.is_none() {
                 warnings.push(format!("FocalPlaneResolutionUnit {unit} is none of EXIF's"));
             }
-            return of_film;
+            return film_width_m;
         }
     };
     let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth));
     let (Some(pixels), Some(per_unit)) = (pixels, number(exif, Tag::FocalPlaneXResolution)) else {
-        return of_film;
+        return film_width_m;
     };
-    let of_canon = canon_width(exif).map(|units| units * unit_m);
-    let width_m = of_canon.unwrap_or(pixels / per_unit * unit_m);
+    let canon_width_m = canon_width(exif).map(|units| units * unit_m);
+    let width_m = canon_width_m.unwrap_or(pixels / per_unit * unit_m);
     if !SENSORS_M.contains(&width_m) {
-        return of_film;
+        return film_width_m;
     }
-    match of_film {
+    match film_width_m {
         // Programs that shrink a picture leave its resolution tags unchanged.
         Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => {
             let [film_mm, width_mm] = [1e3 * film_m, 1e3 * width_m];
@@ -266,7 +265,7 @@ fn width_m(
             ));
             return Some(film_m);
         }
-        None if of_canon.is_none() => {}
+        None if canon_width_m.is_none() => {}
         _ => return Some(width_m),
     }
     let mm = 1e3 * width_m;
@@ -340,10 +339,9 @@ fn edited(exif: &Exif) -> Option<String> {
 fn iso(exif: &Exif) -> Option<f64> {
     let named = number(exif, Tag::PhotographicSensitivity);
     let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
-    let beyond = || others.into_iter().find_map(|tag| number(exif, tag));
     match named {
         Some(named) if named < ISO_BEYOND => number(exif, Tag::ISOSpeed).or(Some(named)),
-        _ => beyond(),
+        _ => others.into_iter().find_map(|tag| number(exif, tag)),
     }
 }
 
@@ -355,9 +353,10 @@ fn subject_m(exif: &Exif) -> Option<f64> {
     }
 }
 
-/// Names tags whose values would change the camera, and do not.
+/// Warnings of tags with values that should change the camera, but cannot.
 fn odd_tags(exif: &Exif) -> Vec<String> {
-    let shown = |tag| Some(exif.get_field(tag, In::PRIMARY)?.display_value().to_string());
+    let [subject, orientation] = [Tag::SubjectDistance, Tag::Orientation]
+        .map(|tag| Some(exif.get_field(tag, In::PRIMARY)?.display_value().to_string()));
     let mut odd = Vec::new();
     if let Some(zoom) = number(exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
         odd.push(format!(
@@ -365,16 +364,16 @@ fn odd_tags(exif: &Exif) -> Vec<String> {
         ));
     }
     // Distance 0 is unknown; numbers alone are distances.
-    if let Some(found) = shown(Tag::SubjectDistance)
+    if let Some(subject) = subject
         && signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
         && subject_m(exif).is_none()
     {
-        odd.push(format!("SubjectDistance {found} is no distance: the focus stays"));
+        odd.push(format!("SubjectDistance {subject} is no distance: the focus stays"));
     }
-    if let Some(found) = shown(Tag::Orientation)
+    if let Some(orientation) = orientation
         && !number(exif, Tag::Orientation).is_some_and(|o| (1.0..=8.0).contains(&o))
     {
-        odd.push(format!("Orientation {found} is none of 1 to 8: taken as not turned"));
+        odd.push(format!("Orientation {orientation} is none of 1 to 8: taken as not turned"));
     }
     odd
 }
@@ -409,9 +408,11 @@ fn value(exif: &Exif, tag: Tag) -> Option<&Value> {
 
 /// Width and height of the picture itself, of a JPEG or PNG file.
 fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
-    let long = |at: usize| Some(u32::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
     let size_px = match bytes.starts_with(b"\x89PNG") {
-        true => [long(16)?, long(20)?].map(u64::from),
+        true => {
+            let [width, height] = [16, 20].map(|offset| bytes.get(offset..)?.first_chunk());
+            [width?, height?].map(|bytes| u64::from(u32::from_be_bytes(*bytes)))
+        }
         false => JpegFrame::of(bytes)?.size_px,
     };
     size_px.iter().all(|side| *side > 0).then(|| size_px.map(|side| side as f64))

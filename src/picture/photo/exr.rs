@@ -36,11 +36,10 @@ impl Readout {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);
         let attributes = self.attributes(camera, notes);
-        let at = |p: Vec2<usize>| {
+        let channels = SpecificChannels::rgb(|p: Vec2<usize>| {
             let rgb = &self.rgb[3 * (p.y() * width + p.x())..][..3];
             (rgb[0], rgb[1], rgb[2])
-        };
-        let channels = SpecificChannels::rgb(at);
+        });
         let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
         let mut image = Image::from_layer(layer);
         image.attributes.chromaticities = Some(CHROMATICITIES);

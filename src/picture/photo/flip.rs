@@ -64,13 +64,14 @@ impl Difference {
             [18.655_705, -11.489_774, -5.601_961_5],
         ];
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-        let level = |share: f32| (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-        let color = |value: f32| -> [u8; 3] {
-            std::array::from_fn(|c| level(FIT.iter().rev().fold(0.0, |sum, k| sum * value + k[c])))
-        };
-        let rgb8 = self.values.iter().flat_map(|&value| color(value)).collect();
+        let rgb8 = self.values.iter().flat_map(|value| {
+            [0, 1, 2].map(|c| {
+                let share: f32 = FIT.iter().rev().fold(0.0, |sum, k| sum * value + k[c]);
+                (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+            })
+        });
         let (width_px, height_px) = (self.width_px, self.height_px);
-        Photo { width_px, height_px, rgb8, scene_toml: None }
+        Photo { width_px, height_px, rgb8: rgb8.collect(), scene_toml: None }
     }
 }
 
@@ -146,21 +147,20 @@ impl Plane {
     /// Filtered by the contrast sensitivity of the eye: a sum of two Gaussians, each separable.
     fn filtered(&self, [a1, b1, a2, b2]: [f32; 4]) -> Self {
         let pi = std::f32::consts::PI;
-        let reach = |b: f32| (3.0 * (b / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil();
         // One radius for all channels, as in the program of the paper.
-        let radius = SENSITIVITY.iter().map(|s| reach(s[1].max(s[3]))).fold(0.0, f32::max);
-        let of = |a: f32, b: f32| {
+        let radii = SENSITIVITY.iter().map(|[_, b1, _, b2]| {
+            (3.0 * (b1.max(*b2) / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil()
+        });
+        let radius = radii.fold(0.0, f32::max);
+        let [(first, bell), (second, wide)] = [(a1, b1), (a2, b2)].map(|(a, b)| {
             let bell = kernel(radius, |x| libm::expf(-pi * pi * x * x / b));
             // The factor a √(π/b) counts once for both axes.
             let area: f32 = bell.iter().sum();
-            (a * (pi / b).sqrt() * area * area, bell)
-        };
-        let (first, bell) = of(a1, b1);
-        let (second, wide) = of(a2, b2);
-        let both = |kernel: Vec<f32>| self.along_x(&kernel).along_y(&kernel);
-        let mut out = both(unit(bell));
+            (a * (pi / b).sqrt() * area * area, unit(bell))
+        });
+        let mut out = self.along_x(&bell).along_y(&bell);
         if second > 0.0 {
-            let wide = both(unit(wide));
+            let wide = self.along_x(&wide).along_y(&wide);
             for (out, wide) in out.values.iter_mut().zip(wide.values) {
                 *out = (first * *out + second * wide) / (first + second);
             }
@@ -195,8 +195,8 @@ impl Plane {
             padded.extend(std::iter::repeat_n(row[0], radius));
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[self.width - 1], radius));
-            let sum = |near: &[f32]| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>();
-            values.extend(padded.windows(kernel.len()).map(sum));
+            let windows = padded.windows(kernel.len());
+            values.extend(windows.map(|w| w.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()));
         }
         Self { width: self.width, values }
     }
@@ -234,8 +234,8 @@ fn unit(mut kernel: Vec<f32>) -> Vec<f32> {
 
 /// Positive values scaled to a sum of 1, negative ones to -1.
 fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
-    let sum = |sign: f32| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>();
-    let (up, down) = (sum(1.0), sum(-1.0));
+    let [up, down] =
+        [1.0, -1.0].map(|sign| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>());
     kernel.iter_mut().for_each(|value| *value /= if *value > 0.0 { up } else { down });
     kernel
 }
@@ -269,15 +269,11 @@ fn xyz_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
 
 /// `L*a*b*` with colorfulness that falls in the dark (Hunt).
 fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
-    let root = |value: f32| {
-        let delta = 6.0_f32 / 29.0;
-        if value > delta * delta * delta {
-            libm::cbrtf(value)
-        } else {
-            value / (3.0 * delta * delta) + 4.0 / 29.0
-        }
-    };
-    let [x, y, z] = [0, 1, 2].map(|c| root(xyz[c] / WHITE[c]));
+    let delta = 6.0_f32 / 29.0;
+    let [x, y, z] = [0, 1, 2].map(|c| match xyz[c] / WHITE[c] {
+        value if value > delta * delta * delta => libm::cbrtf(value),
+        value => value / (3.0 * delta * delta) + 4.0 / 29.0,
+    });
     let lightness = 116.0 * y - 16.0;
     let hunt = 0.01 * lightness;
     [lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z)]

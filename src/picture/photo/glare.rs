@@ -134,14 +134,14 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
     // A bell of σ has the middle of its light at 1.18 σ; its ring reaches from 0.83 σ to 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
-    let share = |index: usize| {
+    let shares = (0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
         let inner = edge(sigmas[index]).min(outer);
         #[expect(clippy::cast_possible_truncation, reason = "0 to WHOLE")]
         let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
         share
-    };
-    (0..sigmas.len()).map(share).collect()
+    });
+    shares.collect()
 }
 
 /// Spreads one channel's scattered light over its octaves.
@@ -149,15 +149,15 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave takes its share of what the finer ones left.
+    // Down: each octave takes its share of the light that the finer ones leave.
     let mut left: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut rest = cells;
     let mut taken = Vec::with_capacity(octaves.len());
     for &octave in &octaves[..octaves.len() - 1] {
         let mut own = rest.clone();
-        let of_left = (u64::from(octave) << 16) / left;
+        let share = (u64::from(octave) << 16) / left;
         for (own, rest) in own.values.iter_mut().zip(&mut rest.values) {
-            *own = (*own >> 16) * of_left + (((*own & 0xffff) * of_left) >> 16);
+            *own = (*own >> 16) * share + (((*own & 0xffff) * share) >> 16);
             *rest -= *own;
         }
         left = (left - u64::from(octave)).max(1);

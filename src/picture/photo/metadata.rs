@@ -100,9 +100,8 @@ impl Metadata {
 
 /// In millionths, or coarser where that is too long.
 fn rational(value: f64) -> Value {
-    let denom = [1_000_000_u32, 1000, 1];
-    let fits = |denom: &u32| value * f64::from(*denom) < f64::from(u32::MAX);
-    let denom = denom.into_iter().find(fits).unwrap_or(1);
+    let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
+    let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);
     Value::Rational(vec![Rational { num: whole(value * f64::from(denom)), denom }])
 }
 

@@ -83,7 +83,7 @@ pub fn develop(
     options: &PhotoOptions,
     seed: u64,
 ) -> Result<Photo> {
-    let levels = Levels8::of(options.tone);
+    let levels = Levels8::cached(options.tone);
     let (_, rgb8) = process(film, camera, room, options, seed, |light, out| {
         options.tone.mix(light);
         levels.row(light, out);
@@ -147,9 +147,9 @@ fn process<T: Copy + Default + Send>(
 ) -> Result<(f64, Vec<T>)> {
     options.check("photo", None)?;
     if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
-        let found = format!("{}x{}", film.width_px, film.height_px);
+        let size = format!("{}x{}", film.width_px, film.height_px);
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
-        return Err(Error::input("film", found, wanted, "develop with the camera that exposed"));
+        return Err(Error::input("film", size, wanted, "develop with the camera that exposed"));
     }
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;

@@ -52,7 +52,7 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
     let (width_px, height_px) = decoder.dimensions();
     checked_size(path, width_px, height_px)?;
-    // A broken EXIF block is none.
+    // A broken EXIF block is ignored.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let rgb8 = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgb8();
     let photo = Photo { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
@@ -61,7 +61,7 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
 
 /// Refuses a JPEG file whose decoding takes more memory than that of any other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
-    // What has no frame is refused by the decoder.
+    // The decoder refuses a file without a frame.
     let Some(frame) = JpegFrame::of(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
@@ -70,10 +70,10 @@ fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     }
     let kind = if frame.progressive { "progressive " } else { "" };
     let [width, height] = frame.size_px;
-    let found =
+    let photo =
         format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
     let hint = "scale the photo down, or save it anew as a baseline JPEG";
-    Err(Error::input(path.display(), found, format!("at most {} MiB", MOST_BYTES >> 20), hint))
+    Err(Error::input(path.display(), photo, format!("at most {} MiB", MOST_BYTES >> 20), hint))
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub fn write_png(
 /// Reads the bytes of a PNG file, and its texts where they are wanted.
 ///
 /// Neither color profile nor texts are unpacked with the picture: a few kilobytes of either may
-/// stand for gigabytes.
+/// expand to gigabytes.
 pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let broken = |source: &dyn std::fmt::Display| {
         Error::input(path.display(), source, "a PNG image", "choose another file")
@@ -142,27 +142,20 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let bytes = color.samples() * if wide { 2 } else { 1 };
     let has_color = color.samples() > 2;
     let n = samples.len() / bytes;
-    let level = |pixel: &[u8], channel: usize| {
-        let channel = if has_color { channel } else { 0 };
-        match wide {
-            false => pixel[channel],
+    samples.resize(samples.len().max(3 * n), 0);
+    for index in 0..n {
+        // Forward where pixels shrink, backward where they grow, so that none is overwritten unread.
+        let index = if bytes >= 3 { index } else { n - 1 - index };
+        let pixel = &samples[index * bytes..][..bytes];
+        let levels = [0, 1, 2].map(|channel| match if has_color { channel } else { 0 } {
+            channel if !wide => pixel[channel],
             // The nearest of 256 levels: 65535 is 255 of 257.
-            true => {
+            channel => {
                 let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
                 u8::try_from((u32::from(level) + 128) / 257).unwrap_or(u8::MAX)
             }
-        }
-    };
-    let rgb = |pixel: &[u8]| [0, 1, 2].map(|channel| level(pixel, channel));
-    samples.resize(samples.len().max(3 * n), 0);
-    let turn = |pixel: usize| {
-        let levels = rgb(&samples[pixel * bytes..][..bytes]);
-        samples[3 * pixel..][..3].copy_from_slice(&levels);
-    };
-    // Forward where pixels shrink, backward where they grow, so that none is overwritten unread.
-    match bytes >= 3 {
-        true => (0..n).for_each(turn),
-        false => (0..n).rev().for_each(turn),
+        });
+        samples[3 * index..][..3].copy_from_slice(&levels);
     }
     samples.truncate(3 * n);
 }

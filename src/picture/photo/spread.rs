@@ -103,7 +103,7 @@ impl Spread<8> {
         let parts = |value: u64| {
             let until = self.cumulative.map(|share| (value as u32 * share as u32) >> self.shift);
             let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
-            [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|at| part(at + 4))]
+            [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
         };
         // The parts of a cell that leave the picture are mirrored at its border.
         let inside = out.get_mut(2..).map(|out| out.as_chunks_mut::<4>().0).unwrap_or_default();

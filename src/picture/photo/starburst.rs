@@ -59,12 +59,12 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
     let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
     let mut changes = Vec::new();
     for point in points(film, camera, &cells(film, WHOLE)) {
-        let of_light = WAVELENGTH_M.map(|wavelength_m| {
+        let shares_px = WAVELENGTH_M.map(|wavelength_m| {
             let blur_px = wavelength_m * camera.f_number / camera.pixel_pitch_m();
-            let of_light = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
-            of_light.min(MAX_SHARE * INNER_PX)
+            let share_px = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
+            share_px.min(MAX_SHARE * INNER_PX)
         });
-        let light = std::array::from_fn(|c| of_light[c] * point.light[c] / f64::from(n_spikes));
+        let light = std::array::from_fn(|c| shares_px[c] * point.light[c] / f64::from(n_spikes));
         let before = changes.len();
         for spike in 0..n_spikes {
             let turn = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;
@@ -92,7 +92,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let bright = BRIGHT_PX * saturation;
     let cell = |x: usize, y: usize| cells.iter().map(|p| p.values[y * width + x]).sum::<u64>();
     let margin = REACH_CELLS + 1;
-    let mut found: Vec<(u64, Point)> = Vec::new();
+    let mut points: Vec<(u64, Point)> = Vec::new();
     for y in margin..height.saturating_sub(margin) {
         for x in margin..width.saturating_sub(margin) {
             let own = cell(x, y);
@@ -104,29 +104,27 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
                 (y - reach..=y + reach)
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
-            // Of equal cells, the last is the point.
+            // The last of equal cells is the point.
             if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x])) {
                 continue;
             }
-            let light = |c: usize| {
-                let sum = |reach| -> u64 {
-                    around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
-                };
+            let light: [f64; 3] = std::array::from_fn(|c: usize| {
                 // A trail leaves three cells of light in the block and two in the ring around.
-                let (block, both) = (sum(REACH_CELLS), sum(margin));
+                let [block, both] = [REACH_CELLS, margin].map(|reach| -> u64 {
+                    around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
+                });
                 (block as f64 - 1.5 * (both - block) as f64).max(0.0)
-            };
-            let light: [f64; 3] = std::array::from_fn(light);
+            });
             if light.iter().any(|light| *light >= bright) {
                 let corner = [x - REACH_CELLS, y - REACH_CELLS];
                 let center_px = center_px(film, corner);
-                found.push((own, Point { corner, center_px, light }));
+                points.push((own, Point { corner, center_px, light }));
             }
         }
     }
-    found.sort_by_key(|(own, _)| std::cmp::Reverse(*own));
-    found.truncate(MAX_POINTS);
-    found.into_iter().map(|(_, point)| point).collect()
+    points.sort_by_key(|(own, _)| std::cmp::Reverse(*own));
+    points.truncate(MAX_POINTS);
+    points.into_iter().map(|(_, point)| point).collect()
 }
 
 /// Pixels of a block of cells, as indices in a plane.
@@ -177,10 +175,10 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
                 libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
             #[expect(clippy::cast_possible_truncation, reason = "counts of a film, below 2^53")]
             let counts = light.map(|light| (light / (u * u) * across) as i64);
-            let mut at = [0; 2];
-            (at[main], at[side]) = (main_px, side_px);
+            let mut place = [0; 2];
+            (place[main], place[side]) = (main_px, side_px);
             if counts != [0; 3] {
-                out.push(Change { index: at[1] * size[0] + at[0], counts });
+                out.push(Change { index: place[1] * size[0] + place[0], counts });
             }
         }
     }
@@ -190,18 +188,22 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
 /// their own.
 fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
-    let count = |c: usize, index: usize| i128::from(film.counts[c * pixels + index]);
-    let drawn = |c: usize| changes[first..].iter().map(|change| i128::from(change.counts[c])).sum();
-    let drawn: [i128; 3] = std::array::from_fn(drawn);
-    let indices = || block(film, point.corner).map(|(x, y)| y * width + x);
-    let all: [i128; 3] = std::array::from_fn(|c| indices().map(|i| count(c, i)).sum());
+    let drawn: [i128; 3] = std::array::from_fn(|c| {
+        changes[first..].iter().map(|change| i128::from(change.counts[c])).sum()
+    });
+    let block = block(film, point.corner).map(|(x, y)| {
+        let index = y * width + x;
+        (index, [0, 1, 2].map(|c| i128::from(film.counts[c * pixels + index])))
+    });
+    let block: Vec<(usize, [i128; 3])> = block.collect();
+    let all = [0, 1, 2].map(|c| block.iter().map(|(_, own)| own[c]).sum::<i128>());
     let mut until = [0_i128; 3];
-    for index in indices() {
-        let counts = std::array::from_fn(|c| {
-            let taken = |until: i128| until * drawn[c] / all[c].max(1);
-            let before = taken(until[c]);
-            until[c] += count(c, index);
-            i64::try_from(before - taken(until[c])).expect("less than the pixel has")
+    for (index, own) in block {
+        let counts = [0, 1, 2].map(|c| {
+            let [before, after] =
+                [until[c], until[c] + own[c]].map(|until| until * drawn[c] / all[c].max(1));
+            until[c] += own[c];
+            i64::try_from(before - after).expect("less than the pixel has")
         });
         changes.push(Change { index, counts });
     }

@@ -47,7 +47,7 @@ impl Tone {
         }
     }
 
-    /// The same of a row.
+    /// The same for a row.
     pub(super) fn mix(self, [red, green, blue]: &mut [Vec<f32>; 3]) {
         if self == Self::Neutral {
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
@@ -115,8 +115,8 @@ pub(super) struct Levels8 {
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
-    /// The tables of a tone, made once.
-    pub(super) fn of(tone: Tone) -> &'static Self {
+    /// The tables of a tone, computed once.
+    pub(super) fn cached(tone: Tone) -> &'static Self {
         static MADE: [OnceLock<Levels8>; 3] = [const { OnceLock::new() }; 3];
         MADE[tone as usize].get_or_init(|| Self::new(tone))
     }
@@ -181,8 +181,8 @@ const NODE_BITS: u32 = 15;
 impl Levels16 {
     pub(super) fn new(tone: Tone) -> Self {
         let nodes = ((1.0_f32.to_bits() - DARK.to_bits()) >> NODE_BITS) + 2;
-        let light = |node: u32| f64::from(f32::from_bits(DARK.to_bits() + (node << NODE_BITS)));
-        Self { nodes: (0..nodes).map(|node| tone.encode(light(node).min(1.0))).collect() }
+        let lights = (0..nodes).map(|node| f32::from_bits(DARK.to_bits() + (node << NODE_BITS)));
+        Self { nodes: lights.map(|light| tone.encode(f64::from(light).min(1.0))).collect() }
     }
 
     /// The nearest level or its neighbor.
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn tables_give_the_nearest_level_of_the_curve() {
         for tone in TONES {
-            let (eight, sixteen) = (Levels8::of(tone), Levels16::new(tone));
+            let (eight, sixteen) = (Levels8::cached(tone), Levels16::new(tone));
             for step in 0..200_000_u32 {
                 let light = f32::from_bits(step.wrapping_mul(20_411) % 1.01_f32.to_bits());
                 let wanted = tone.encode(f64::from(light).min(1.0));

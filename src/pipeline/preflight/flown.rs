@@ -190,7 +190,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Row {
         platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
     let is_battery = |it: &&Warning| matches!(it, Warning::BatteryWeak(_) | Warning::BatteryEmpty);
     let warning = flight.warnings.iter().find(is_battery);
-    let taken = Battery::of(&scene.battery, flight, low_v);
+    let taken = Battery::new(&scene.battery, flight, low_v);
     let lasts = taken.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
     let (volts, wanted) = match &taken {

@@ -278,7 +278,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
     let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
     let battery = |flight: &Result<Flight>| {
         let low_v = platform?.low_battery_v();
-        Battery::of(&scene.battery, flight.as_ref().ok()?, low_v)
+        Battery::new(&scene.battery, flight.as_ref().ok()?, low_v)
     };
     Checks {
         platform,

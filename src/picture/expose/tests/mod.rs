@@ -140,8 +140,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
         let along = if length > 0.0 { (b - a) / length } else { project::Px::X };
         let reach = 8.0 * sigma + length;
         let range = |center: f64, n: usize| {
-            let near = move |i: &usize| (*i as f64 - center).abs() <= reach;
-            (0..n).filter(near)
+            (0..n).filter(move |i: &usize| (*i as f64 - center).abs() <= reach)
         };
         for y in range(a.y, height) {
             for x in range(a.x, width) {
@@ -171,8 +170,8 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
 /// Largest difference of the red plane from the brute force, over the peak.
 fn error_of_peak(film: &Film, reference: &[f64]) -> f64 {
     let peak = reference.iter().copied().fold(0.0, f64::max);
-    let error = |(i, r): (usize, &f64)| (film.exposure_lx_s(0, i) - r).abs();
-    reference.iter().enumerate().map(error).fold(0.0, f64::max) / peak
+    let errors = reference.iter().enumerate().map(|(i, r)| (film.exposure_lx_s(0, i) - r).abs());
+    errors.fold(0.0, f64::max) / peak
 }
 
 #[test]

@@ -4,7 +4,7 @@ use wgpu::naga;
 
 use super::super::curves::LOW_BITS;
 use super::super::gpu::{Gpu, SHADER};
-use super::super::parts::{Part, TILE_PX};
+use super::super::gpu_tiles::{Part, TILE_PX};
 use super::super::record::DITHER;
 use super::*;
 
@@ -38,12 +38,12 @@ fn both_backends_leave_the_same_bits() {
 fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
     let Some(mut gpu) = device() else { return };
     let tile_bytes = 4 * u64::from(TILE_PX) * u64::from(TILE_PX);
-    gpu.max_sheet_bytes = 7 * tile_bytes;
+    gpu.max_tiles_bytes = 7 * tile_bytes;
     for (name, latent) in scenes() {
         let on_gpu = gpu.splat(&latent).expect("splat");
         assert!(on_gpu == cpu::splat(2, &latent), "{name}: sheets differ");
     }
-    gpu.max_sheet_bytes = tile_bytes - 1;
+    gpu.max_tiles_bytes = tile_bytes - 1;
     let refused = gpu.splat(&scenes()[5].1).expect_err("not even a tile fits");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
 }
@@ -147,8 +147,8 @@ fn the_shader_is_valid_and_uses_no_floating_point() {
 fn constants_of_the_shader_equal_those_of_the_cpu() {
     let (module, _) = module();
     let found = |wanted: &str| {
-        let named = |(_, c): &(_, &naga::Constant)| c.name.as_deref() == Some(wanted);
-        let (_, constant) = module.constants.iter().find(named).expect(wanted);
+        let (_, constant) =
+            module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(wanted)).expect(wanted);
         match module.global_expressions[constant.init] {
             naga::Expression::Literal(naga::Literal::U32(value)) => i64::from(value),
             naga::Expression::Literal(naga::Literal::I32(value)) => i64::from(value),

@@ -24,15 +24,15 @@ const LIGHT: [f64; 3] = [214.0, 214.0, 210.0];
 
 /// Lines of a boat on a sheet, in its width: x to the right, y down, to 1/√2.
 fn boat() -> Vec<Vec<[f64; 2]>> {
-    let arc = |k: i32| {
+    let arcs = (0..=40).map(|k: i32| {
         let t = f64::from(k) / 40.0;
         [0.2 + 0.6 * t, 0.6 - 0.03 * libm::sin(3.0 * PI * t).abs()]
-    };
+    });
     vec![
         vec![[0.3, 0.45], [0.72, 0.45], [0.66, 0.53], [0.36, 0.53], [0.3, 0.45]],
         vec![[0.5, 0.42], [0.5, 0.12], [0.66, 0.39], [0.5, 0.39]],
         vec![[0.48, 0.16], [0.38, 0.38], [0.48, 0.38], [0.48, 0.16]],
-        (0..=40).map(arc).collect(),
+        arcs.collect(),
         (0..=30)
             .map(|k| {
                 let (sin, cos) = libm::sincos(f64::from(k) * PI / 15.0);
@@ -43,7 +43,7 @@ fn boat() -> Vec<Vec<[f64; 2]>> {
 }
 
 /// A photograph of the sheet, and its corners there.
-fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
+fn photographed(taken: &Taken) -> (image::RgbImage, paper_photo::Corners) {
     const SIZE: [u32; 2] = [960, 720];
     let high = 1.0 / std::f64::consts::SQRT_2;
     let mut paper = Canvas::new([1414, 1000], [252, 250, 240]);
@@ -66,9 +66,10 @@ fn photographed(taken: &Taken) -> (image::RgbImage, sheet::Corners) {
         [480.0 + 1000.0 * x / far, 360.0 + 1000.0 * tilt_cos * y / far]
     };
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, high], [0.0, high]].map(place);
-    let map = sheet::Map::to(&corners);
-    let below = sheet::Map::to(&[[0.55, 0.4], [1.6, 0.4], [1.6, 1.2], [0.55, 1.2]].map(place));
-    let inverse = |map: &sheet::Map, [x, y]: [f64; 2]| {
+    let map = paper_photo::Map::to(&corners);
+    let below =
+        paper_photo::Map::to(&[[0.55, 0.4], [1.6, 0.4], [1.6, 1.2], [0.55, 1.2]].map(place));
+    let inverse = |map: &paper_photo::Map, [x, y]: [f64; 2]| {
         let [a, b, c] = map.0;
         let (p, q) = ([0, 1].map(|k| a[k] - x * c[k]), [0, 1].map(|k| b[k] - y * c[k]));
         let (r, s) = (x * c[2] - a[2], y * c[2] - b[2]);
@@ -165,14 +166,14 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows
             found.warnings
         );
         // Back in the photograph, the lines lie on those of the boat.
-        let (map, high) = (sheet::Map::to(&corners), 1.0 / std::f64::consts::SQRT_2);
+        let (map, high) = (paper_photo::Map::to(&corners), 1.0 / std::f64::consts::SQRT_2);
         let drawn: Vec<[f64; 2]> = boat()
             .iter()
             .flat_map(|line| crate::smooth::evenly(line, 0.002))
-            .map(|[x, y]| map.at([x, y / high]))
+            .map(|[x, y]| map.apply([x, y / high]))
             .collect();
         for point in found.lines.iter().flat_map(|(line, _)| line).step_by(16) {
-            let at = found.in_file.at(*point);
+            let at = found.in_file.apply(*point);
             let off = drawn.iter().map(|p| distance(*p, at)).fold(99.0, f64::min);
             assert!(off < 10.0, "{index}: {off:.1} pixels off at {at:.0?}");
         }
@@ -191,7 +192,7 @@ fn a_frame_that_is_drawn_is_no_sheet() {
     let walls = [[170.0, 310.0], [480.0, 310.0], [480.0, 590.0], [170.0, 590.0], [170.0, 310.0]];
     paper.draw(&line(&walls), [200, 30, 40], 22.0);
     paper.draw(&line(&[[140.0, 320.0], [325.0, 150.0], [510.0, 320.0]]), [25, 25, 35], 14.0);
-    assert_eq!(sheet::corners(&paper.picture()), None);
+    assert_eq!(paper_photo::corners(&paper.picture()), None);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Strokes of a drawing that are chosen or left out, by number or color.
+//! Selection of a drawing's strokes, by number or color.
 
 use super::LetterOptions;
 use noctograph_core::error::{Error, Result};
@@ -11,8 +11,7 @@ pub(super) type Numbered<T> = Vec<(usize, T)>;
 const HUES: [&str; 9] =
     ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
 const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
-/// Least difference of its channels, of 255, from which a color has a hue; and the levels between
-/// black, gray and white.
+/// Least chroma, of 255, of a color with a hue; and the levels between black, gray and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
@@ -27,14 +26,17 @@ pub(super) fn chosen<T>(
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
     let is_all = !wanted.contains(&true);
-    let is_chosen = |index: usize| (is_all || wanted[index]) && !unwanted[index];
-    let any = strokes.is_empty() || (0..strokes.len()).any(is_chosen);
-    let kept = strokes.into_iter().enumerate().filter(|(index, _)| is_chosen(*index));
-    let kept = kept.map(|(index, stroke)| (index + 1, stroke)).collect();
-    any.then_some(kept).ok_or_else(|| {
-        let (found, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
-        Error::input("letters.without", found, "at least one stroke", hint).at(file, None)
-    })
+    let is_empty = strokes.is_empty();
+    let kept = (1..)
+        .zip(strokes)
+        .filter(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
+    let kept: Numbered<T> = kept.collect();
+    if kept.is_empty() && !is_empty {
+        let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
+        let error = Error::input("letters.without", choice, "at least one stroke", hint);
+        return Err(error.at(file, None));
+    }
+    Ok(kept)
 }
 
 /// All strokes, y up, as they lie in their file.
@@ -42,11 +44,11 @@ pub(super) fn all<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<SourceStroke> {
-    let of = |(points, color): (&Vec<[f64; 2]>, Option<[u8; 3]>)| SourceStroke {
+    let strokes = strokes.map(|(points, color)| SourceStroke {
         points: points.iter().map(|[x, y]| in_file([*x, -y])).collect(),
         color: color.map(name),
-    };
-    strokes.map(of).collect()
+    });
+    strokes.collect()
 }
 
 /// Which strokes a list such as `2,5-7,red` names; every part of it has to be in the drawing.
@@ -60,11 +62,11 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
             .parse()
             .ok()
             .map(|color: svgtypes::Color| name([color.red, color.green, color.blue]));
-        let is_named = |index: &usize| match range {
+        let part = (0..n).filter(|index| match range {
             Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
             None => color.is_some() && colors[*index] == color,
-        };
-        let part: Vec<usize> = (0..n).filter(is_named).collect();
+        });
+        let part: Vec<usize> = part.collect();
         if part.is_empty() {
             let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
             known.sort_unstable();
@@ -78,7 +80,7 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
     Ok(named)
 }
 
-/// The name of a color: of its hue, or black, gray or white.
+/// The name of a color: its hue, or black, gray or white.
 pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     if most - least < CHROMA {

@@ -21,8 +21,7 @@ pub(super) struct Pose {
 /// millimeter. Less makes more samples and no better picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row of several colors in turn, such as an LED of a spinner, whose dashes are
-/// short and many.
+/// The same for a row of several colors in turn, such as an LED of a spinner with many short dashes.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
@@ -157,8 +156,8 @@ fn shine_along(
     }
 }
 
-/// Levels as knots, between which they are linear, and of which two at one time are a step: every
-/// change is one, since LEDs take less than 1 µs.
+/// Levels as knots, linear in between; two knots at one time are a step. Every change is a step,
+/// since LEDs take less than 1 µs.
 fn knots(changes: &[Change]) -> Vec<Change> {
     let mut level = 0.0;
     let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());

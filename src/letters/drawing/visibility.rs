@@ -1,10 +1,10 @@
-//! What a page shows: of strokes and rims, the parts that clips and masks leave, that no later
-//! shape covers, and that stand out from what is beneath them.
+//! Visibility: the parts of strokes and rims inside their clips and masks that are not covered by a
+//! later shape, and that stand out from the background.
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
-//! where it crosses the edges of areas, and each piece is looked at in its middle, a little to its
-//! left and right. Lines have no width: one that crosses another covers nothing of it, unless it
-//! has the color of the paper.
+//! where it crosses the edges of areas, and each piece is tested at its middle, a little to its left
+//! and right. Lines have no width: they do not cover other lines, unless they have the color of the
+//! paper.
 
 use kurbo::{BezPath, Shape as _};
 
@@ -23,10 +23,10 @@ const ALIKE: f64 = 3.0;
 /// Steps of a line's piece.
 const STEPS: usize = 20;
 
-/// How far beside a line its sides are looked at, by the page's larger side.
+/// Distance of the test points from a line, by the page's larger side.
 const BESIDE: f64 = 4e-4;
 
-/// All that lies on a page.
+/// The layers of a page.
 pub(super) struct Page<'a> {
     layers: Vec<Layer<'a>>,
     cuts: &'a [Cut<'a>],
@@ -38,11 +38,11 @@ pub(super) struct Page<'a> {
 /// A visible part of a line, and its color.
 pub(super) type Part = (Vec<[f64; 2]>, Color);
 
-/// A piece of a line, and its color where it is seen.
+/// A piece of a line, and its color if it is visible.
 type Piece = (Vec<[f64; 2]>, Option<Color>);
 
-/// What is left of an element.
-pub(super) enum Shown {
+/// The visible part of an element.
+pub(super) enum Visible {
     /// All of its stroke.
     Stroke(Color),
     /// All of its rim.
@@ -59,7 +59,7 @@ impl<'a> Page<'a> {
     ) -> Self {
         let fills = painted.iter().filter_map(|item| item.fill.map(|(color, _)| color));
         let strokes = painted.iter().filter_map(|item| item.stroke.as_ref().map(|it| it.0));
-        // White ink alone has a dark ground.
+        // If all ink is white, the page is dark.
         let is_light = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_light { 0.0 } else { 255.0 }; 3];
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
@@ -100,9 +100,9 @@ impl<'a> Page<'a> {
             && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
     }
 
-    /// What is left of an element, whose stroke with its dashes is a line, and whether a part of
-    /// that has the color of what is beneath.
-    pub(super) fn shown(&self, index: usize, item: &Painted, line: &BezPath) -> (Shown, bool) {
+    /// The visible part of an element, whose stroke with its dashes is a line, and whether a part of
+    /// that has the color of the background.
+    pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
         self.scale.budget.spend_steps(self.layers.len() / 8);
@@ -113,26 +113,26 @@ impl<'a> Page<'a> {
             return (self.rim(index, item, &near), false);
         };
         let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
-        let is_border =
-            |fill: [u8; 3]| is_of_ground && !alike(fill.map(f64::from), color.map(f64::from));
-        if own.is_some_and(|own| is_border(own.color)) {
-            // A border in the color of the ground: what shows is the fill.
+        let ink = color.map(f64::from);
+        if own.is_some_and(|own| is_of_ground && !alike(own.color.map(f64::from), ink)) {
+            // A border in the color of the background: only the fill is visible.
             near.retain(|layer| layer.element != index || !layer.is_stroke);
             return (self.rim(index, item, &near), false);
         }
         // The sides that only the fill closes, or a clip.
         let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
-        let mut at_rim = |place, sides| self.rim_color(&near, own?, true, place, sides);
-        let (mut sides, _) = self.parts(&closing, item, &near, &mut at_rim);
+        let (mut sides, _) = self.parts(&closing, item, &near, &mut |place, sides| {
+            self.rim_color(&near, own?, true, place, sides)
+        });
         sides.extend(own.map_or(Vec::new(), |own| self.rim_at_clips(item, &near, own)));
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
-        // Whether the stroke cannot be told from a ground.
+        // Whether the stroke does not stand out from a background.
         let blends = |ground: [f64; 3]| {
             alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (f64::from(color[i]) - ground[i])))
         };
         if is_alone && !is_cut && !blends(self.paper) && sides.is_empty() {
-            return (Shown::Stroke(color), false);
+            return (Visible::Stroke(color), false);
         }
         let mut is_alike = false;
         let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
@@ -142,11 +142,13 @@ impl<'a> Page<'a> {
             {
                 return None;
             }
-            let below = |layer: &Layer<'a>| layer.element < index;
-            if !sides.iter().all(|side| blends(self.color_at(*side, &near, below).0)) {
+            let mut below = sides
+                .iter()
+                .map(|side| self.color_at(*side, &near, |layer| layer.element < index).0);
+            if !below.all(blends) {
                 return Some(color);
             }
-            // The edge of what lies under an outline in the color of what is beneath.
+            // An outline in the color of the background shows the edge of the fill under it.
             let rim = own.and_then(|own| self.rim_color(&near, own, true, place, sides));
             is_alike |= rim.is_none();
             rim
@@ -154,10 +156,10 @@ impl<'a> Page<'a> {
         let (mut parts, is_whole) = self.parts(&self.lines(line), item, &near, &mut look);
         if is_whole && sides.is_empty() {
             let color = parts.first().map_or(color, |part| part.1);
-            return (Shown::Stroke(color), is_alike);
+            return (Visible::Stroke(color), is_alike);
         }
         parts.extend(sides);
-        (Shown::Parts(parts), is_alike)
+        (Visible::Parts(parts), is_alike)
     }
 
     /// The color of a fill's rim at a place of its own path, or else of its clip, where the colors
@@ -171,11 +173,11 @@ impl<'a> Page<'a> {
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
         if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
-            // Thinner than a look to its sides.
+            // Thinner than the distance of the test points.
             let seen = !self.is_covered(own.element, near, place) && self.within(&own.cuts, place);
             return seen.then_some(own.color);
         }
-        // Where a clip ends at the fill's own path, that is the rim.
+        // Where a clip ends at the fill's own path, the path is the rim.
         if !is_own && !sides.iter().all(|side| own.area.holds(*side)) {
             return None;
         }
@@ -183,38 +185,39 @@ impl<'a> Page<'a> {
         if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
             return None;
         }
-        // A hole in the color of the paper is the edge of what is around it.
+        // A hole in the color of the paper is an edge of the shape around it.
         let is_paper = alike(own.color.map(f64::from), self.paper);
         let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
-        let of_other = other.filter(|_| is_paper).and_then(|other| {
-            near.iter().find(|layer| layer.element == other).map(|layer| layer.color)
-        });
-        Some(of_other.unwrap_or(own.color))
+        let other = other.filter(|_| is_paper);
+        let around = other.and_then(|other| near.iter().find(|layer| layer.element == other));
+        Some(around.map_or(own.color, |layer| layer.color))
     }
 
     /// The rim of a fill where a clip ends it.
     fn rim_at_clips(&self, item: &Painted, near: &[&Layer<'a>], own: &Layer<'a>) -> Vec<Part> {
-        let mut look = |place, sides| self.rim_color(near, own, false, place, sides);
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
-        let near_ones = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
-        near_ones
-            .flat_map(|line| self.parts(std::slice::from_ref(line), item, near, &mut look).0)
-            .collect()
+        let contours = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
+        let parts = contours.flat_map(|line| {
+            let mut look = |place, sides| self.rim_color(near, own, false, place, sides);
+            self.parts(std::slice::from_ref(line), item, near, &mut look).0
+        });
+        parts.collect()
     }
 
     /// The rim of a fill.
-    fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Shown {
+    fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
-        let Some(own) = own else { return Shown::Parts(Vec::new()) };
-        let mut at_rim = |place, sides| self.rim_color(near, own, true, place, sides);
-        let (mut parts, is_whole) =
-            self.parts(&self.lines(&item.closed()), item, near, &mut at_rim);
+        let Some(own) = own else { return Visible::Parts(Vec::new()) };
+        let closed = self.lines(&item.closed());
+        let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
+            self.rim_color(near, own, true, place, sides)
+        });
         let n_own = parts.len();
         parts.extend(self.rim_at_clips(item, near, own));
         match parts.first() {
-            Some((_, color)) if is_whole && parts.len() == n_own => Shown::Rim(*color),
-            _ => Shown::Parts(parts),
+            Some((_, color)) if is_whole && parts.len() == n_own => Visible::Rim(*color),
+            _ => Visible::Parts(parts),
         }
     }
 
@@ -222,7 +225,7 @@ impl<'a> Page<'a> {
         polylines(path, FLATNESS * self.scale.size, MAX_POINTS).unwrap_or_default()
     }
 
-    /// The parts of lines that are seen, and whether these are all of them, in one color.
+    /// The visible parts of lines, and whether the lines are visible as a whole in one color.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
@@ -242,7 +245,7 @@ impl<'a> Page<'a> {
             let extent = bounds(line.iter().copied());
             let areas: Vec<_> = areas.iter().filter(|area| area.meets(extent)).collect();
             let mut pieces: Vec<Piece> = Vec::new();
-            // How the piece before looks, up to the next edge of an area.
+            // The color of the piece before, up to the next edge of an area.
             let mut last: Option<Option<Color>> = None;
             for [from, to] in legs(line) {
                 shares.clear();
@@ -324,24 +327,24 @@ impl<'a> Page<'a> {
         &self,
         place: [f64; 2],
         near: &[&Layer<'a>],
-        of: impl Fn(&Layer<'a>) -> bool,
+        counts: impl Fn(&Layer<'a>) -> bool,
     ) -> ([f64; 3], Option<usize>) {
         let (mut color, mut top) = (self.paper, None);
-        for layer in near.iter().filter(|layer| of(layer) && self.lies_at(layer, place)) {
+        for layer in near.iter().filter(|layer| counts(layer) && self.lies_at(layer, place)) {
             color = blended(color, layer);
             top = Some(layer.element);
         }
         (color, top)
     }
 
-    /// Whether a cut may end something of an extent: it does not where that lies within the page.
+    /// Whether a cut may cut something of an extent: the page's edge does not if that lies within it.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
-        let (of, slack) = (edge.bounds, BESIDE * self.scale.size);
-        left < of[0] - slack
-            || bottom < of[1] - slack
-            || right > of[2] + slack
-            || top > of[3] + slack
+        let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
+        left < page[0] - slack
+            || bottom < page[1] - slack
+            || right > page[2] + slack
+            || top > page[3] + slack
     }
 
     fn areas<'b>(&'b self, cuts: &[usize], areas: &mut Vec<&'b Area<'a>>) {
@@ -355,7 +358,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Contours of a cut; the page's edge is none.
+    /// Contours of a cut, without the page's edge.
     fn contours(&self, cut: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
         let mut areas = Vec::new();
         if !matches!(self.cuts[cut], Cut::Page(_)) {
@@ -390,26 +393,24 @@ fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
 /// The places to the left and right of one on a leg.
 fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2]; 2] {
     let length = distance(from, to);
-    let off = if length > 0.0 { beside / length } else { 0.0 };
-    let (dx, dy) = (off * (to[0] - from[0]), off * (to[1] - from[1]));
+    let share = if length > 0.0 { beside / length } else { 0.0 };
+    let (dx, dy) = (share * (to[0] - from[0]), share * (to[1] - from[1]));
     [[x - dy, y + dx], [x + dy, y - dx]]
 }
 
-/// Pieces of a line without those too short to be looked at: they are taken for what is around
-/// them.
+/// Pieces of a line with those that are too short joined to their neighbors.
 fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
-    let is_sliver = |points: &[[f64; 2]]| polyline_length_m(points) < shortest;
     let mut kept: Vec<Piece> = Vec::new();
     for (points, seen) in pieces {
         match kept.last_mut() {
-            Some((before, last)) if *last == seen || is_sliver(&points) => {
+            Some((before, last)) if *last == seen || polyline_length_m(&points) < shortest => {
                 before.extend(&points[1..]);
             }
             _ => kept.push((points, seen)),
         }
     }
-    // The first may have been one.
-    if kept.len() > 1 && is_sliver(&kept[0].0) {
+    // The first piece may be too short as well.
+    if kept.len() > 1 && polyline_length_m(&kept[0].0) < shortest {
         let (points, _) = kept.remove(0);
         kept[0].0.splice(..1, points);
     }

@@ -1,20 +1,20 @@
-//! Sheet: the light of one color on some rows of the picture, before it is counted into the film.
+//! Tiles: the light of one color on some rows of the picture, before it is counted into the film.
 //!
-//! All records of a color are added up in one plane, whose lit tiles are then counted into the
-//! three planes of the film: the color is multiplied once per pixel, not once per segment.
+//! All records of a color are added up in one plane. Its lit tiles are then counted into the three
+//! planes of the film: the color is multiplied once per pixel, not once per segment.
 
 use std::ops::Range;
 
 /// Width and height of the tiles that are counted.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// Share of a channel that has all light of the sheet.
+/// Share of a channel with all light of the tiles.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 
 /// Light of one color, in counts of its brightest channel.
 #[derive(Debug)]
-pub(super) struct Sheet {
+pub(super) struct Tiles {
     /// Rows of the picture.
     pub(super) rows: Range<u32>,
     /// Distance between rows, in pixels: at least the width of the picture.
@@ -26,8 +26,8 @@ pub(super) struct Sheet {
     lit: Vec<bool>,
 }
 
-impl Sheet {
-    /// A dark sheet.
+impl Tiles {
+    /// Dark tiles.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
@@ -37,14 +37,13 @@ impl Sheet {
     /// Marks columns and rows of the picture as lit.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
-        let tiles = |range: Range<u32>, first: u32, size: usize| {
-            let tile = |px: u32| (px - first) as usize / size;
-            tile(range.start)..tile(range.end - 1) + 1
-        };
-        let columns = tiles(columns.clone(), 0, TILE_PX[0]);
-        for row in tiles(rows.clone(), self.rows.start, TILE_PX[1]) {
+        let [first_column, last_column] =
+            [columns.start, columns.end - 1].map(|px| px as usize / TILE_PX[0]);
+        let [first_row, last_row] =
+            [rows.start, rows.end - 1].map(|px| (px - self.rows.start) as usize / TILE_PX[1]);
+        for row in first_row..=last_row {
             let first = row * self.width.div_ceil(TILE_PX[0]);
-            self.lit[first + columns.start..first + columns.end].fill(true);
+            self.lit[first + first_column..=first + last_column].fill(true);
         }
     }
 

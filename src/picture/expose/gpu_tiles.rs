@@ -1,4 +1,4 @@
-//! Parts of records on the tiles of a sheet, in chunks for a graphics device.
+//! Parts of records on the lit tiles of a picture, in chunks for a graphics device.
 //!
 //! A workgroup of the shader is a tile and goes through all parts on it, so that no two threads add
 //! to one pixel. The curves of the records are drawn here, while the device adds up those before.
@@ -35,7 +35,7 @@ pub(super) struct Part {
 /// Parts of records, and their curves.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
-    /// With the index of their tile in the sheet.
+    /// With the index of their tile among the lit ones.
     pub(super) parts: Vec<(usize, Part)>,
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
@@ -97,8 +97,8 @@ pub(super) fn chunks(
     }
 }
 
-/// The part of a record on a tile, which has an index in the sheet.
-#[expect(clippy::cast_possible_truncation, reason = "a sheet has fewer than 2^32 pixels")]
+/// The part of a record on a tile, with the tile's index among the lit ones.
+#[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(
     record: &Record,
     shift: u32,
@@ -108,11 +108,10 @@ fn part(
     place: usize,
 ) -> Part {
     let corner = tile.map(|tile| tile as u32 * TILE_PX);
-    let on_tile = |axis: usize| {
+    let [columns, rows] = [0, 1].map(|axis| {
         let Range { start, end } = inside[axis];
         start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
-    };
-    let [columns, rows] = [on_tile(0), on_tile(1)];
+    });
     let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
     Part {
         place: (place as u32 * TILE_PX + j) * TILE_PX + i,

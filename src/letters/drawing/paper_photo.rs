@@ -1,10 +1,10 @@
 //! A sheet of paper on a table: its corners, and the picture of it seen square on.
 //!
-//! Long straight edges are found by their gradient (Duda and Hart, Comm. ACM 15, 1972, with each
-//! pixel's own direction). Of all pairs of pairs of them, the sheet is the four whose quadrangle is
-//! brighter within than without along most of its sides; logarithms make that so in shadow, too.
-//! Its proportions follow from the perspective of square pixels (Zhang and He, Digital Signal
-//! Processing 17, 2007), and are those of a usual format where they are near it.
+//! Long straight edges are detected by a Hough transform of the gradient (Duda and Hart, Comm. ACM
+//! 15, 1972, with each pixel's own direction). The sheet is the quadrangle of four edges that is
+//! brighter inside than outside along most of its sides; logarithms make this work in shadow, too.
+//! Its aspect ratio follows from the perspective of square pixels (Zhang and He, Digital Signal
+//! Processing 17, 2007), and is that of a usual format if it is near it.
 
 use std::f64::consts::PI;
 
@@ -21,11 +21,11 @@ pub(super) type Corners = [[f64; 2]; 4];
 
 /// Pixels of the longer side on which edges are sought.
 const SIDE: u32 = 320;
-/// Half the width of lines that are no edges.
+/// Half the width of lines that are removed before the edges are detected.
 const PEN: usize = 3;
 /// Share of the pixels whose gradient is too weak for an edge.
 const WEAK: f64 = 0.80;
-/// Directions and the pixels between two lines that are told apart; lines that are tried.
+/// Directions of lines; difference of direction and of offset between two lines; most lines.
 const ANGLES: usize = 180;
 const APART: [usize; 2] = [6, 5];
 const LINES: usize = 22;
@@ -36,7 +36,7 @@ const SLANT: f64 = 0.75;
 const LEAST_APART: f64 = 0.2;
 const OUTSIDE: f64 = 0.03;
 /// Least ratio of brightness across an edge, as a logarithm, measured so many pixels to both sides;
-/// and that of an edge that counts in full where one of two quadrangles is chosen.
+/// and the ratio from which an edge has full weight in the choice between quadrangles.
 const EDGE: f64 = 0.02;
 const ACROSS: [f64; 3] = [2.0, 5.0, 12.0];
 const CLEAR: f64 = 0.1;
@@ -46,11 +46,10 @@ const SEEN: [f64; 2] = [0.45, 0.7];
 const POINTS: u32 = 48;
 const SHIFTS: u32 = 16;
 /// Least, usual and greatest focal length by the picture's longer side, of cameras and phones; and
-/// least convergence of sides, across the sheet, from which it is known.
+/// least convergence of sides, across the sheet, for an estimate of it.
 const FOCAL: [f64; 3] = [0.5, 0.85, 3.0];
 const FLAT: f64 = 0.04;
-/// Ratios of the sides of paper that is sold, and how near one has to be where the focal length is
-/// known, and where it is not.
+/// Aspect ratios of paper that is sold, and the tolerance if the focal length is known, and if not.
 const FORMATS: [f64; 4] = [std::f64::consts::SQRT_2, 11.0 / 8.5, 4.0 / 3.0, 1.0];
 const NEAR_FORMAT: [f64; 2] = [0.05, 0.1];
 /// Rim of the sheet that is cut off, by its longer side.
@@ -70,9 +69,9 @@ struct Line {
     offset: f64,
 }
 
-/// The corners of a sheet that lies in the picture as a whole; `None` where none is seen.
+/// The corners of a sheet that is completely in the picture; `None` if there is none.
 pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
-    let edges = Edges::of(picture);
+    let edges = Edges::new(picture);
     let lines = edges.lines();
     let [width, height] = edges.size();
     let mut pairs = Vec::new();
@@ -102,17 +101,18 @@ pub(super) fn corners(picture: &RgbImage) -> Option<Corners> {
 
 impl Edges {
     #[expect(clippy::cast_possible_truncation, reason = "a logarithm")]
-    fn of(picture: &RgbImage) -> Self {
+    fn new(picture: &RgbImage) -> Self {
         let longer = picture.width().max(picture.height());
         let [width, height] =
             [picture.width(), picture.height()].map(|side| (side * SIDE / longer.max(SIDE)).max(3));
-        let log = |pixel: &Rgb<u8>| {
+        let small = thumbnail(picture, width, height);
+        let log = small.pixels().map(|pixel| {
             let [r, g, b] = pixel.0.map(f64::from);
             libm::log(8.0 + 0.299 * r + 0.587 * g + 0.114 * b)
-        };
-        // Without thin dark lines: rulings are no sides of a sheet, nor is a frame that is drawn.
-        let log: Vec<f64> = thumbnail(picture, width, height).pixels().map(log).collect();
-        let log = softened(&closed(&log, width as usize, PEN), width as usize);
+        });
+        // Without thin dark lines: rulings and drawn frames are not sides of a sheet.
+        let log = closed(&log.collect::<Vec<f64>>(), width as usize, PEN);
+        let log = softened(&log, width as usize);
         let log = ImageBuffer::from_fn(width, height, |x, y| {
             Luma([log[(y * width + x) as usize] as f32])
         });
@@ -125,17 +125,18 @@ impl Edges {
         [self.log.width(), self.log.height()].map(f64::from)
     }
 
-    fn at(&self, place: [f64; 2]) -> f64 {
+    fn brightness(&self, place: [f64; 2]) -> f64 {
         between_pixels(&self.log, place).map_or(0.0, |Luma([log])| f64::from(log))
     }
 
-    /// The lines along which the gradient is strongest, in the direction of the gradient.
+    /// The lines with the strongest gradient across them.
     fn lines(&self) -> Vec<Line> {
         let (width, height) = (self.log.width(), self.log.height());
-        let log = |x: u32, y: u32| f64::from(self.log.get_pixel(x, y).0[0]);
         let mut gradients = Vec::new();
         for (y, x) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (y, x))) {
-            let gradient = [log(x + 1, y) - log(x - 1, y), log(x, y + 1) - log(x, y - 1)];
+            let [right, left, below, above] = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
+                .map(|(x, y)| f64::from(self.log.get_pixel(x, y).0[0]));
+            let gradient = [right - left, below - above];
             let strength = libm::hypot(gradient[0], gradient[1]);
             gradients.push(([x, y].map(|x| f64::from(x) + 0.5), gradient, strength));
         }
@@ -163,23 +164,24 @@ impl Edges {
             if votes[most] <= 0.0 {
                 break;
             }
-            let (k, at) = (most / n_offsets, most % n_offsets);
-            let line = Line { normal: normal(k), offset: at as f64 - middle as f64 };
+            let (k, offset) = (most / n_offsets, most % n_offsets);
+            let line = Line { normal: normal(k), offset: offset as f64 - middle as f64 };
             for beside in 0..=2 * APART[0] {
                 let wrapped = k + ANGLES + beside - APART[0];
                 let other = wrapped % ANGLES;
                 // Half a turn further, a line's offset has the other sign.
                 let flips = !(ANGLES..2 * ANGLES).contains(&wrapped);
-                let at = if flips { n_offsets - at } else { at };
-                let range = at.saturating_sub(APART[1])..(at + APART[1] + 1).min(n_offsets);
-                range.for_each(|at| votes[other * n_offsets + at] = 0.0);
+                let offset = if flips { n_offsets - offset } else { offset };
+                let end = (offset + APART[1] + 1).min(n_offsets);
+                let offsets = offset.saturating_sub(APART[1])..end;
+                offsets.for_each(|offset| votes[other * n_offsets + offset] = 0.0);
             }
             lines.push(line);
         }
         lines
     }
 
-    /// The corners of four lines in turn, clockwise from the upper left; `None` where they are no
+    /// The corners of four lines in turn, clockwise from the upper left; `None` unless they can be a
     /// sheet.
     fn quadrangle(&self, lines: [Line; 4]) -> Option<Corners> {
         let corners = [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]));
@@ -187,10 +189,9 @@ impl Edges {
         let mut corners = [a, b, c, d];
         let [right, bottom] = self.size();
         let slack = OUTSIDE * right.max(bottom);
-        let inside = |[x, y]: &[f64; 2]| {
+        if !corners.iter().all(|[x, y]| {
             (-slack..right + slack).contains(x) && (-slack..bottom + slack).contains(y)
-        };
-        if !corners.iter().all(inside) {
+        }) {
             return None;
         }
         let area = area(&corners);
@@ -206,26 +207,29 @@ impl Edges {
             return None;
         }
         // The upper side is the one that looks upward most.
-        let up = |k: &usize| sides[*k][0];
-        let first = (0..4).max_by(|a, b| up(a).total_cmp(&up(b)))?;
+        let first = (0..4).max_by(|a, b| sides[*a][0].total_cmp(&sides[*b][0]))?;
         corners.rotate_left(first);
         Some(corners)
     }
 
-    /// Length of the sides along which a quadrangle is brighter within than without, more where
-    /// that is clear, less what is not; `None` where that is too little.
+    /// Score of a quadrangle: the length of its sides that is brighter inside than outside, with more
+    /// weight for clear edges, less the rest; `None` below the threshold.
     fn seen(&self, corners: &Corners) -> Option<f64> {
         let [mut seen, mut whole, mut balance] = [0.0; 3];
         for k in 0..4 {
             let (from, to) = (corners[k], corners[(k + 1) % 4]);
             let [dx, dy] = direction(from, to);
             let inward = [-dy, dx];
-            let rise = |j: u32| {
+            let rises = (0..POINTS).map(|j| {
                 let place = on_side(from, to, f64::from(j));
-                let step = |across: f64| self.at(ahead(place, inward, across));
-                ACROSS.iter().map(|x| step(*x) - step(-x)).fold(f64::MAX, f64::min)
-            };
-            let edges: Vec<f64> = (0..POINTS).map(rise).filter(|rise| *rise > EDGE).collect();
+                let rises = ACROSS.map(|across| {
+                    let [within, without] =
+                        [across, -across].map(|x| self.brightness(ahead(place, inward, x)));
+                    within - without
+                });
+                rises.into_iter().fold(f64::MAX, f64::min)
+            });
+            let edges: Vec<f64> = rises.filter(|rise| *rise > EDGE).collect();
             let n = edges.len() as f64 / f64::from(POINTS);
             if n < SEEN[0] {
                 return None;
@@ -247,14 +251,16 @@ impl Edges {
             let inward = [-dy, dx];
             let mut best = (0.0, [a, b]);
             for (i, j) in (0..=SHIFTS).flat_map(|i| (0..=SHIFTS).map(move |j| (i, j))) {
-                let shift = |n: u32| 0.5 * f64::from(n) - 0.25 * f64::from(SHIFTS);
-                let [from, to] = [ahead(a, inward, shift(i)), ahead(b, inward, shift(j))];
-                let rise = |piece: u32| {
+                let [from, to] = [(a, i), (b, j)].map(|(end, n)| {
+                    ahead(end, inward, 0.5 * f64::from(n) - 0.25 * f64::from(SHIFTS))
+                });
+                let rises = (2..POINTS - 2).map(|piece| {
                     let place = on_side(from, to, f64::from(piece));
-                    let [within, without] = [1.0, -1.0].map(|x| self.at(ahead(place, inward, x)));
+                    let [within, without] =
+                        [1.0, -1.0].map(|x| self.brightness(ahead(place, inward, x)));
                     (within - without).max(0.0)
-                };
-                let rise: f64 = (2..POINTS - 2).map(rise).sum();
+                });
+                let rise: f64 = rises.sum();
                 if rise > best.0 {
                     best = (rise, [from, to]);
                 }
@@ -280,20 +286,21 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let (width, height) = (f64::from(picture.width()), f64::from(picture.height()));
     let map = Map::to(corners);
     let ratio = map.ratio([0.5 * width, 0.5 * height]);
-    let side = |a: usize, b: usize| distance(corners[a], corners[b]);
-    let (across, down) = (side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2)));
+    let [top, bottom, left, right] =
+        [[0, 1], [3, 2], [0, 3], [1, 2]].map(|[a, b]| distance(corners[a], corners[b]));
+    let (across, down) = (top.max(bottom), left.max(right));
     // As many pixels as the sheet has in the picture.
     let high = libm::sqrt(across * down / ratio).max(8.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
     let [wide, high] = [high * ratio, high].map(|side| side.round().clamp(8.0, 4096.0) as u32);
     let map = back(corners, (wide, high));
     RgbImage::from_fn(wide, high, |x, y| {
-        let place = map.at([x, y].map(|at| f64::from(at) + 0.5));
+        let place = map.apply([x, y].map(|x| f64::from(x) + 0.5));
         between_pixels(picture, place).unwrap_or(Rgb([0; 3]))
     })
 }
 
-/// From the pixels of a picture of the sheet seen square on to those of its corners' picture.
+/// The map from the pixels of the square sheet to those of the photograph.
 pub(super) fn back(corners: &Corners, (wide, high): (u32, u32)) -> Map {
     let [across, down] = [wide, high].map(|side| (1.0 - 2.0 * RIM) / f64::from(side));
     Map(Map::to(corners).0.map(|[x, y, one]| [across * x, down * y, one + RIM * (x + y)]))
@@ -305,8 +312,9 @@ fn between_pixels<P: image::Pixel>(
     picture: &impl image::GenericImageView<Pixel = P>,
     [x, y]: [f64; 2],
 ) -> Option<P> {
-    let within = |x: f64, side: u32| (x - 0.5).clamp(0.0, f64::from(side - 1)) as f32;
-    interpolate_bilinear(picture, within(x, picture.width()), within(y, picture.height()))
+    let [x, y] = [(x, picture.width()), (y, picture.height())]
+        .map(|(x, side)| (x - 0.5).clamp(0.0, f64::from(side - 1)) as f32);
+    interpolate_bilinear(picture, x, y)
 }
 
 /// From the unit square to a quadrangle (Heckbert, Fundamentals of Texture Mapping, 1989).
@@ -326,20 +334,19 @@ impl Map {
         ])
     }
 
-    pub(super) fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn apply(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.0.map(|row| row[0] * u + row[1] * v + row[2]);
         [x / w, y / w]
     }
 
-    /// Width by height of the rectangle of which the quadrangle is a picture with this middle.
+    /// Aspect ratio of the rectangle, from its picture with this middle.
     fn ratio(&self, [cx, cy]: [f64; 2]) -> f64 {
-        let column = |k: usize| {
+        let [[ax, ay, aw], [bx, by, bw]] = [0, 1].map(|k| {
             let [x, y, w] = [0, 1, 2].map(|row| self.0[row][k]);
             [x - cx * w, y - cy * w, w]
-        };
-        let ([ax, ay, aw], [bx, by, bw]) = (column(0), column(1));
-        // The focal length at which the sides are at a right angle; where two of them are parallel
-        // in the picture, it is not known.
+        });
+        // The focal length at which the sides are at a right angle; unknown if two of them are
+        // parallel in the picture.
         let longer = 2.0 * cx.max(cy);
         let square = -(ax * bx + ay * by) / (aw * bw);
         let known = aw.abs().min(bw.abs()) > FLAT
@@ -349,10 +356,10 @@ impl Map {
             (ax * ax + ay * ay + square * aw * aw) / (bx * bx + by * by + square * bw * bw),
         );
         let formats = FORMATS.into_iter().flat_map(|format| [format, 1.0 / format]);
-        let off = |format: &f64| libm::log(format / ratio).abs();
-        let nearest = formats.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let formats = formats.map(|format| (libm::log(format / ratio).abs(), format));
+        let nearest = formats.min_by(|a, b| a.0.total_cmp(&b.0));
         let near = NEAR_FORMAT[usize::from(!known)];
-        nearest.filter(|format| off(format) < near).unwrap_or(ratio)
+        nearest.filter(|(error, _)| *error < near).map_or(ratio, |(_, format)| format)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Limbs: branches of the axis while their ends at junctions are repaired, and their chains.
+//! Branches of the axis, whose ends at junctions are repaired, and their chains.
 
 use noctograph_core::geometry::{arc_lengths, distance};
 use noctograph_core::statistics::median;
@@ -8,25 +8,25 @@ use super::super::vector::{ahead, direction, minus};
 /// A branch is used from where its radius has fallen to this multiple of its median radius.
 const SETTLED: f64 = 1.06;
 
-/// Least and greatest distance from the junction at which it is used, in radii of the junction, and
-/// the largest share of a branch that is left out.
+/// Least and greatest distance from the junction at which a branch is used, in radii of the
+/// junction, and the largest share of a branch that is left out.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
 const SKIPPED_SHARE: f64 = 0.4;
 
-/// A limb is straight where its chord is this share of its length.
+/// A branch is straight where its chord is this share of its length.
 const STRAIGHT: f64 = 0.94;
 
 /// A point of a line, and whether the line has a corner there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Knot {
-    pub(super) at: [f64; 2],
+    pub(super) position: [f64; 2],
     pub(super) corner: bool,
 }
 
 /// A branch's end at a junction.
 #[derive(Debug)]
 pub(super) struct Arm {
-    pub(super) limb: usize,
+    pub(super) branch: usize,
     /// Whether it is the branch's end, not its beginning.
     pub(super) tail: bool,
     /// First point of its usable center line, and the direction there away from the junction.
@@ -38,7 +38,7 @@ pub(super) struct Arm {
 
 /// A branch while its ends are repaired.
 #[derive(Default)]
-pub(super) struct Limb {
+pub(super) struct Branch {
     pub(super) points: Vec<[f64; 2]>,
     /// Radius at each point.
     pub(super) radii: Vec<f64>,
@@ -47,7 +47,7 @@ pub(super) struct Limb {
     used: bool,
 }
 
-/// The way from a limb's end to where it meets others, and the next limb with whether it is
+/// The way from a branch's end to where it meets others, and the next branch with whether it is
 /// entered at its tail.
 #[derive(Default)]
 pub(super) struct Connection {
@@ -55,7 +55,7 @@ pub(super) struct Connection {
     pub(super) next: Option<(usize, bool)>,
 }
 
-impl Limb {
+impl Branch {
     pub(super) fn new(points: Vec<[f64; 2]>, radii: Vec<f64>) -> Self {
         Self { points, radii, ..Self::default() }
     }
@@ -69,7 +69,7 @@ impl Limb {
     }
 
     /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
-    pub(super) fn trim(&mut self, limb: usize, tail: bool, radius: f64) -> Arm {
+    pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
         let along = arc_lengths(&self.points);
         let n = self.points.len();
@@ -88,10 +88,10 @@ impl Limb {
         self.points.drain(..first);
         self.radii.drain(..first);
         self.turn(tail);
-        Arm { limb, tail, from, away, radius: usual }
+        Arm { branch, tail, from, away, radius: usual }
     }
 
-    /// Turns a straight limb about its other end, so that it leads to `to` instead of `from`.
+    /// Turns a straight branch about its other end, so that it leads to `to` instead of `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());
@@ -107,16 +107,16 @@ impl Limb {
     }
 }
 
-/// Follows limbs from end to end.
-pub(super) fn chain(limbs: &mut [Limb]) -> Vec<Vec<Knot>> {
+/// Follows branches from end to end.
+pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
     // From loose ends first; the rest are closed lines.
     for from_loose in [true, false] {
-        for begin in 0..limbs.len() {
+        for begin in 0..branches.len() {
             for tail in [false, true] {
-                let loose = limbs[begin].ends[usize::from(tail)].next.is_none();
-                if !limbs[begin].used && (loose || !from_loose) {
-                    lines.push(follow(limbs, begin, tail));
+                let loose = branches[begin].ends[usize::from(tail)].next.is_none();
+                if !branches[begin].used && (loose || !from_loose) {
+                    lines.push(follow(branches, begin, tail));
                 }
             }
         }
@@ -124,26 +124,26 @@ pub(super) fn chain(limbs: &mut [Limb]) -> Vec<Vec<Knot>> {
     lines
 }
 
-fn follow(limbs: &mut [Limb], begin: usize, tail: bool) -> Vec<Knot> {
+fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
-    let (mut at, mut enters_by_tail) = (begin, tail);
+    let (mut index, mut enters_by_tail) = (begin, tail);
     loop {
-        let limb = &mut limbs[at];
-        limb.used = true;
+        let branch = &mut branches[index];
+        branch.used = true;
         let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));
-        line.extend(limb.ends[entry].knots.iter().rev());
+        line.extend(branch.ends[entry].knots.iter().rev());
         if enters_by_tail {
-            limb.points.reverse();
+            branch.points.reverse();
         }
-        line.extend(limb.points.iter().map(|at| Knot { at: *at, corner: false }));
-        line.extend(limb.ends[exit].knots.iter());
-        match limb.ends[exit].next.filter(|(next, _)| !limbs[*next].used) {
-            Some(next) => (at, enters_by_tail) = next,
+        line.extend(branch.points.iter().map(|point| Knot { position: *point, corner: false }));
+        line.extend(branch.ends[exit].knots.iter());
+        match branch.ends[exit].next.filter(|(next, _)| !branches[*next].used) {
+            Some(next) => (index, enters_by_tail) = next,
             None => break,
         }
     }
     line.dedup_by(|a, b| {
-        let same = distance(a.at, b.at) <= 1e-9;
+        let same = distance(a.position, b.position) <= 1e-9;
         b.corner |= same && a.corner;
         same
     });
