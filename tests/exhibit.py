@@ -609,7 +609,9 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         server = Server(PROGRAM, "--gallery", gallery)
         page, _ = opened(hall.browser, server.page)
         ready(page)
-        wall, _ = opened(hall.browser, f"{server.page}wall.html", reduced_motion="reduce")
+        wall, _ = opened(hall.browser, "about:blank", reduced_motion="reduce")
+        wall.clock.install()
+        wall.goto(f"{server.page}wall.html")
         for word in ["ANNA", "OTTO"]:
             write(page, word)
             page.click("#send")
@@ -617,6 +619,9 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
             page.get_by_text("Write another").click()
             until(wall, f"document.querySelector('#wall').innerText.includes('{word}')", what=f"{word} on the wall")
         assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
+        for word in ["OTTO", "ANNA"]:
+            wall.clock.fast_forward(61_000)
+            until(wall, f"document.querySelector('#newest').innerText.includes('{word}')", what="all hang large, one after the other")
         server.kill()
         until(wall, "document.querySelector('#lost').textContent", 15, "the wall notices")
         again = Server(PROGRAM, "--gallery", gallery)

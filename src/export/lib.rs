@@ -19,6 +19,7 @@ use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
 use noctograph_sim::SimOptions;
+use unicode_normalization::UnicodeNormalization;
 
 mod cflib;
 pub mod compressed;
@@ -307,10 +308,41 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// A word as the stem of a file's name: its letters and digits of ASCII.
+/// Letters that have no decomposition, and their spelling in ASCII.
+const SPELLED: [(char, &str); 14] = [
+    ('Ł', "L"),
+    ('ł', "l"),
+    ('Ø', "O"),
+    ('ø', "o"),
+    ('Đ', "D"),
+    ('đ', "d"),
+    ('ı', "i"),
+    ('ß', "ss"),
+    ('ẞ', "SS"),
+    ('Æ', "AE"),
+    ('æ', "ae"),
+    ('Œ', "OE"),
+    ('œ', "oe"),
+    ('Þ', "Th"),
+];
+
+/// A word as the stem of a file's name: its letters and digits in ASCII, without accents.
+#[must_use]
 pub fn stem(word: &str) -> String {
-    let stem: String = word.chars().filter(char::is_ascii_alphanumeric).take(32).collect();
-    if stem.is_empty() { "drawing".to_owned() } else { stem }
+    let mut stem = String::new();
+    for letter in word.nfkd() {
+        match SPELLED.iter().find(|(known, _)| *known == letter) {
+            Some((_, spelling)) => stem += spelling,
+            None if letter.is_ascii_alphanumeric() => stem.push(letter),
+            None => {}
+        }
+    }
+    stem.truncate(32);
+    match stem.is_empty() {
+        true if word.is_empty() => "drawing".to_owned(),
+        true => "word".to_owned(),
+        false => stem,
+    }
 }
 
 /// One file for each drone, with its number in the name where there are several.

@@ -98,3 +98,18 @@ pub(super) fn waves() -> impl Strategy<Value = Plan> {
         Plan { setpoints: (0..n).map(setpoint).collect(), ..Plan::default() }
     })
 }
+
+#[test]
+fn a_name_keeps_its_letters_in_the_name_of_a_file() {
+    for (word, name) in [
+        ("Łódź", "Lodz"),
+        ("Bjørn", "Bjorn"),
+        ("Strauß", "Strauss"),
+        ("José 2", "Jose2"),
+        ("Ægir", "AEgir"),
+        ("ΑΘΗΝΑ", "word"),
+        ("", "drawing"),
+    ] {
+        assert_eq!(crate::stem(word), name);
+    }
+}

@@ -23,8 +23,8 @@ const MOST_OF_ADDRESS: usize = 500;
 /// Entries that an address may send at once, and the time after which it may send one more.
 const BURST: f64 = 6.0;
 const REFILL_S: f64 = 5.0;
-/// Photos that the wall shows.
-const SHOWN: usize = 24;
+/// Photos that the wall turns through.
+const SHOWN: usize = 500;
 /// Longest wait for news.
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two flights, s: batteries, and the way back.

@@ -29,7 +29,8 @@ export function ofShot(shot) {
       then: `${sentence("reasons", { key: verdict.reason.replace(/_/g, "-"), text: "" })} ${way}`.trim(),
     };
   }
-  return { first: read ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
+  // A question mark stands for light that is no letter.
+  return { first: read && !read.includes("?") ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
 }
 
 /** What is said of an error: its sentence, and a way out. @param {Said} said @returns {Spoken} */

@@ -1,4 +1,5 @@
-// The wall: what was approved, the newest large for a while, and the code of the page. No button.
+// The wall: what was approved, one after the other large for a while, a new one before the others,
+// and the code of the page. No button.
 
 import { follow, get, onLost } from "./ask.js";
 import { putBrand } from "./brand.js";
@@ -7,7 +8,7 @@ import { exposure } from "./exposure.js";
 import { loop } from "./loop.js";
 import { preferred, putWords, speak, t } from "./words.js";
 
-/** A newest photograph is written once, and hangs for a minute at least. */
+/** A photograph is written once, and hangs large for a minute at least. */
 const HANGS_MS = 60_000,
   WRITTEN_MS = 20_000;
 const MOST = 7;
@@ -19,6 +20,8 @@ const newest = byId("newest"),
 let photos = [];
 let since = 0,
   timer = 0;
+/** The newest that has hung large. */
+let latest = "";
 
 /** @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
@@ -45,26 +48,29 @@ const image = (/** @type {Hung} */ { key, title }) =>
     alt: title === null ? t("alt-drawing") : t("alt", { title }),
   });
 
-/** Hangs the photographs: the newest is changed at most once a minute. */
+/** Hangs the photographs: another one large each minute, the newest first, those after it small. */
 function hang() {
   clearTimeout(timer);
   byId("bare").hidden = photos.length > 0;
   byId("wall").classList.toggle("bare", !photos.length);
-  const first = photos[0];
-  const shown = newest.dataset.key ?? "";
-  const stays = photos.some(({ key }) => key === shown);
+  const shown = photos.findIndex(({ key }) => key === newest.dataset.key);
   const wait = HANGS_MS - (Date.now() - since);
-  if (first && first.key !== shown && (!stays || wait <= 0)) {
+  if (photos.length > 1) timer = window.setTimeout(hang, Math.max(wait, 0) || HANGS_MS);
+  let large = photos[shown];
+  if (photos.length && (!large || wait <= 0)) {
+    const next = photos[0].key === latest ? photos[(shown + 1) % photos.length] : photos[0];
     since = Date.now();
-    put(first);
-  } else if (first && first.key !== shown) timer = window.setTimeout(hang, wait);
-  newest.hidden = !first;
-  if (!first) {
+    latest = photos[0].key;
+    if (next !== large) put(next);
+    large = next;
+  }
+  newest.hidden = !large;
+  if (!large) {
     newest.replaceChildren();
     newest.dataset.key = "";
-  } else if (first.key === shown)
-    newest.querySelector("figcaption")?.replaceWith(caption(first, true));
-  const rest = photos.filter(({ key }) => key !== newest.dataset.key).slice(0, MOST - 1);
+  } else newest.querySelector("figcaption")?.replaceWith(caption(large, true));
+  const place = photos.indexOf(large);
+  const rest = [...photos.slice(place + 1), ...photos.slice(0, Math.max(place, 0))].slice(0, MOST - 1);
   const known = new Map(
     [...older.children].map((figure) => [/** @type {HTMLElement} */ (figure).dataset.key, figure]),
   );
