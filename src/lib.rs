@@ -35,7 +35,8 @@
 //! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
-//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], [`control`], the loop ([`sim`]) | `core` |
+//! | `control` | [`control`]: linear systems, regulators, margins; no drone | `core` |
+//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], the loop ([`sim`]) | `control`, `core` |
 //! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
 //! | `score` | Photo → [`score::Verdict`] | `core` |
 //! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `sim` |
@@ -49,7 +50,7 @@
 //!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
-//! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
+//! - `expose` knows no drone, `light` no pixels, `letters` no speed.
 //! - The world is in meters, f64 and nalgebra; the picture is in pixels: glam up to the segments of
 //!   `expose`, f32 in its records, integers after them. Each width changes in one function.
 //! - No clock, no environment, no printing and no progress bar below `cli`: stages report progress
