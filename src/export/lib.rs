@@ -121,41 +121,20 @@ impl Format {
                 "for viewers: no drone is flown and no lamp is driven by it; lights and places are \
                  of one clock, and colors are a screen's.",
             ),
-            Self::Cflib
-            | Self::Compressed
-            | Self::Poly4d
-            | Self::Crazyswarm2
-            | Self::Gains
-            | Self::LogConfig => None,
+            _ => None,
         }
     }
 
     /// Whether its files fly a drone.
     #[must_use]
     pub fn flies(self) -> bool {
-        match self {
-            Self::Gains | Self::LogConfig => false,
-            Self::Cflib
-            | Self::Compressed
-            | Self::Poly4d
-            | Self::Crazyswarm2
-            | Self::Skyc
-            | Self::Vviz => true,
-        }
+        !matches!(self, Self::Gains | Self::LogConfig)
     }
 
     /// Whether its files are trajectories of the letters alone, which begin and end in the air.
     #[must_use]
     pub fn stays_in_the_air(self) -> bool {
-        match self {
-            Self::Compressed | Self::Poly4d => true,
-            Self::Cflib
-            | Self::Crazyswarm2
-            | Self::Skyc
-            | Self::Vviz
-            | Self::Gains
-            | Self::LogConfig => false,
-        }
+        matches!(self, Self::Compressed | Self::Poly4d)
     }
 }
 
@@ -199,8 +178,8 @@ fn visible(text: &str) -> String {
     for c in text.chars() {
         match c {
             _ if c.is_control() => visible.push(' '),
-            _ if c.is_alphanumeric() || c.escape_debug().len() == 1 => visible.push(c),
-            _ if c.is_ascii() => visible.push(c),
+            _ if c.is_ascii() || c.is_alphanumeric() => visible.push(c),
+            _ if c.escape_debug().len() == 1 => visible.push(c),
             _ => visible.extend(c.escape_unicode()),
         }
     }

@@ -90,12 +90,11 @@ impl<'a> Target<'a> {
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
     let channels = plan.lamps().map(|(channel, _)| channel.as_str());
-    let switches = channels.filter(|channel| match Target::new(channel, &fixtures) {
+    Vec::from_iter(channels.filter(|channel| match Target::new(channel, &fixtures) {
         Ok(Target::Deck(channel)) => channel.colors.is_empty(),
         Ok(Target::Own(_, most)) => most == 1,
         Err(_) => false,
-    });
-    switches.collect()
+    }))
 }
 
 /// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring:
@@ -153,10 +152,8 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 /// As [`commands`].
 pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let fixtures = options.fixtures();
-    let commands = plan.lamps().map(|(channel, _)| {
-        Ok(Target::new(channel, &fixtures)?.command(0.0, channel, 0.0, [0; 4]))
-    });
-    commands.collect()
+    let targets = plan.lamps().map(|(channel, _)| (channel, Target::new(channel, &fixtures)));
+    targets.map(|(channel, target)| Ok(target?.command(0.0, channel, 0.0, [0; 4]))).collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
@@ -167,7 +164,6 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
-
     for Channel { name, ready, off, .. } in &CHANNELS {
         let set = match plan.lights.contains_key(*name) {
             true => *ready,

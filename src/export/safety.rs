@@ -146,15 +146,14 @@ impl Battery {
             times.zip(flight.extra.get(BATTERY_V)?.iter().copied()).collect();
         // Charge spent and drop at the resistance at each sample.
         let (mut spent_frac, mut before_s) = (0.0, voltages.first()?.0);
-        let loads = voltages.iter().map(|(time_s, voltage_v)| {
+        let loads = Vec::from_iter(voltages.iter().map(|(time_s, voltage_v)| {
             let open_v = options.open_circuit_v((options.charge_frac - spent_frac).max(0.0));
             let drop_v = open_v - voltage_v;
             let current_a = drop_v / options.resistance_ohm;
             spent_frac += current_a * (time_s - before_s) / (3600.0 * options.capacity_ah);
             before_s = *time_s;
             (*time_s, spent_frac, drop_v)
-        });
-        let loads: Vec<(f64, f64, f64)> = loads.collect();
+        }));
         let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
         while low < high {
             let middle = low.midpoint(high);

@@ -28,18 +28,16 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     if n < 2 || lengths.contains(&0.0) {
         return points.to_vec();
     }
-    let neighbors = (0..n).map(|leg| {
+    let neighbors = Vec::from_iter((0..n).map(|leg| {
         let before = (leg > 0 || closed).then_some((leg + n - 1) % n);
         [before, (leg + 1 < n || closed).then_some((leg + 1) % n)]
-    });
-    let neighbors: Vec<[Option<usize>; 2]> = neighbors.collect();
-    let stems = (0..n).map(|leg| {
+    }));
+    let stems = Vec::from_iter((0..n).map(|leg| {
         let beside = neighbors[leg].into_iter().flatten().map(|leg| lengths[leg]);
         lengths[leg] >= LONG && lengths[leg] >= STEM * beside.fold(f64::INFINITY, f64::min)
-    });
-    let stems: Vec<bool> = stems.collect();
+    }));
     // The tangent at the end of a leg; `None` at a corner, or where the run ends.
-    let tangents = (0..n).map(|leg| {
+    let tangents = Vec::from_iter((0..n).map(|leg| {
         let next = neighbors[leg][1]?;
         let corner = dot(along[leg], along[next]) <= CORNER_COS
             || (lengths[leg] >= LONG && lengths[next] >= LONG);
@@ -53,8 +51,7 @@ pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
                 Some(direction([0.0; 2], ahead(sum, along[next], lengths[leg])))
             }
         }
-    });
-    let tangents: Vec<Option<[f64; 2]>> = tangents.collect();
+    }));
     let mut curve = vec![points[0]];
     for leg in 0..n {
         let (from, to, chord) = (points[leg], points[leg + 1], along[leg]);
@@ -88,11 +85,10 @@ mod tests {
 
     #[test]
     fn points_on_a_circle_become_the_circle() {
-        let ats = (0..=12).map(|k: i32| {
+        let run = Vec::from_iter((0..=12).map(|k: i32| {
             let (sin, cos) = libm::sincos(f64::from(k % 12) * std::f64::consts::TAU / 12.0);
             [0.4 * cos, 0.4 * sin]
-        });
-        let run: Vec<[f64; 2]> = ats.collect();
+        }));
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let off = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();

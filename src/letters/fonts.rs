@@ -45,8 +45,8 @@ impl Fonts {
         for (start, character) in line.char_indices() {
             let end = start + character.len_utf8();
             let mut fonts = self.0.iter();
-            let first = fonts.position(|font| character != ' ' && font.draws(character));
-            let first = first.unwrap_or(0);
+            let first =
+                fonts.position(|font| character != ' ' && font.draws(character)).unwrap_or(0);
             match parts.last_mut() {
                 // Spaces, marks and signs go with the letters before them.
                 Some((font, part))

@@ -175,8 +175,9 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
+    let line_gap_m = options.line_gap_m.unwrap_or(0.5 * options.cap_height_m);
     for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
-        let up_m = (options.cap_height_m + options.lines_apart_m()) * below as f64;
+        let up_m = (options.cap_height_m + line_gap_m) * below as f64;
         glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
@@ -273,12 +274,11 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
 /// Characters in boxes.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
-    let cells = line.chars().enumerate().map(|(index, character)| {
+    let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {
         let shape = font.face.shape(character).filter(|_| character != ' ');
         let at_m = (width_m + gap_m) * index as f64;
         Placed { character, shape, at_m, width_m, fit: Fit::Box }
-    });
-    let cells: Vec<_> = cells.collect();
+    }));
     let end_m = (width_m + gap_m) * cells.len() as f64;
     (cells, end_m)
 }

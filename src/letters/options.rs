@@ -135,11 +135,6 @@ impl LetterOptions {
         fonts.filter(|(_, name)| !font::is_shipped(name)).chain(drawing)
     }
 
-    /// Whether some strokes of a drawing are chosen or left out.
-    pub(super) fn chooses(&self) -> bool {
-        !(self.ink.is_empty() && self.without.is_empty())
-    }
-
     /// The same in another size, on the same baseline and canvas.
     #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
@@ -161,10 +156,5 @@ impl LetterOptions {
     /// Gap between two boxes.
     pub(super) fn box_gap_m(&self) -> f64 {
         self.gap_m.unwrap_or(0.2 * self.cap_height_m)
-    }
-
-    /// Gap between two lines.
-    pub(super) fn lines_apart_m(&self) -> f64 {
-        self.line_gap_m.unwrap_or(0.5 * self.cap_height_m)
     }
 }

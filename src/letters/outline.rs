@@ -117,14 +117,13 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
             continue;
         }
         let n = samples.len();
-        let kept = (0..n).map(|index| {
+        let kept = Vec::from_iter((0..n).map(|index| {
             let (a, b) = (samples[index], samples[(index + 1) % n]);
             let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
             // A hundredth of an edge to either side.
             let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
             ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
-        });
-        let kept: Vec<bool> = kept.collect();
+        }));
         let Some(first_gap) = kept.iter().position(|kept| !kept) else {
             samples.push(samples[0]);
             runs.push(samples);

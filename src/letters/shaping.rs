@@ -62,11 +62,10 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
         let mut end = run.start;
-        let words = line[run].split(' ').map(|word| {
+        let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             end += word.len() + 1;
             (end - word.len() - 1, word)
-        });
-        let mut words: Vec<(usize, &str)> = words.collect();
+        }));
         if leftward {
             words.reverse();
         }
@@ -102,11 +101,10 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
 /// The runs of a line from left to right, and whether each is read from right to left.
 pub(super) fn visual_runs(line: &str) -> Vec<(Range<usize>, bool)> {
     let info = BidiInfo::new(line, None);
-    let runs = info.paragraphs.iter().flat_map(|paragraph| {
+    Vec::from_iter(info.paragraphs.iter().flat_map(|paragraph| {
         let (levels, runs) = info.visual_runs(paragraph, paragraph.range.clone());
         runs.into_iter().map(move |run| (run.clone(), levels[run.start].is_rtl()))
-    });
-    runs.collect()
+    }))
 }
 
 #[cfg(test)]

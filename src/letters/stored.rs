@@ -73,11 +73,10 @@ fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         around.pop();
     }
     let n = around.len();
-    let turns = (0..n).filter(|index| {
+    let turns = Vec::from_iter((0..n).filter(|index| {
         let [before, here, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
         dot(direction(before, here), direction(here, after)) < BACK
-    });
-    let turns: Vec<usize> = turns.collect();
+    }));
     let [from, to] = turns[..] else { return line };
     let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
     let [length, way_back] = [there, &back].map(polyline_length_m);

@@ -146,12 +146,11 @@ impl Typeface {
         let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
-        let sided = glyphs.into_iter().filter_map(|placed| {
+        let mut sided = Vec::from_iter(glyphs.into_iter().filter_map(|placed| {
             let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
             let bounds = path.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
-        });
-        let mut sided: Vec<([f64; 2], Placed)> = sided.collect();
+        }));
         sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
         for ([left, right], placed) in sided {

@@ -75,8 +75,7 @@ impl Enlarged {
         let by_motion = slopes(&moved_m);
         let rows = 3 * n..by_motion.nrows();
         let all = rows.flat_map(|row| (0..3 * n).map(move |column| (row, column)));
-        let transition: Vec<Entry> =
-            all.map(|entry| (entry.0, entry.1, by_motion[entry])).collect();
+        let transition: Vec<Entry> = all.map(|(i, j)| (i, j, by_motion[(i, j)])).collect();
         let by_noise = slopes(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += lifted(&moved_m);
@@ -127,7 +126,6 @@ impl Enlarged {
         let whiten = DMatrix::from_diagonal(&roots)
             * eigen.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale);
-
         let places = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = places.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();

@@ -110,13 +110,12 @@ pub fn link_errors(
     });
     let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = errors.unzip();
     let links = spread_by_link(&compared, &errors_m).into_iter();
-    let rows = links.map(|(link, (median_m, scatter_m, ranges))| LinkError {
+    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| LinkError {
         link: link.to_string(),
         median_m,
         scatter_m,
         ranges,
-    });
-    rows.collect()
+    }))
 }
 
 #[cfg(test)]

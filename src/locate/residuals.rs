@@ -86,15 +86,14 @@ fn link_residuals(
     sigma_m: f64,
 ) -> Vec<LinkResidual> {
     let links = spread_by_link(samples, residuals_m).into_iter();
-    let rows = links.map(|(link, (median_m, scatter_m, ranges))| {
+    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
         let refused = refused.get(&link).copied().unwrap_or(0);
         let (n, n_refused) = (ranges as f64, refused as f64);
         let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
         let is_biased = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
         let suspect = is_biased || refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
         LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
-    });
-    rows.collect()
+    }))
 }
 
 impl Located {

@@ -242,12 +242,11 @@ mod tests {
     /// Ranges of `end_s` at 100 a second over the links in turn.
     fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
         let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
-        let samples = (0..end_s * 100).map(|k: u32| {
+        Vec::from_iter((0..end_s * 100).map(|k: u32| {
             let (time_s, link) = (f64::from(k) * 0.01, links[k as usize % links.len()]);
             let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
-        });
-        samples.collect()
+        }))
     }
 
     fn to_anchors(drone: usize, anchors: impl IntoIterator<Item = usize>) -> Vec<Link> {

@@ -157,11 +157,10 @@ impl Passes<'_, '_> {
     fn again(&self, index: usize, begin: &Filter, about: Option<&Path>) -> Vec<Step> {
         let (mut filter, mut unused) = (begin.clone(), Innovations::default());
         let ranges = together(&self.samples[begin.ranges..]).take(self.window).enumerate();
-        let steps = ranges.map(|(k, ranges)| {
+        Vec::from_iter(ranges.map(|(k, ranges)| {
             let here = about.map(|about| about.states(index * self.window + k));
             self.model.advance(&mut filter, ranges, here, &mut unused)
-        });
-        steps.collect()
+        }))
     }
 
     /// A pass backward over the steps of a pass forward, which was linearized about the path or not.

@@ -36,8 +36,10 @@ pub(super) fn start(
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
     // A range between drones that begin at different times does not tell where both began.
     let mut means = means(heard_s, samples);
-    let at_once: Vec<Observation> =
-        means.iter().copied().filter(|m| begin_together(heard_s, m)).collect();
+    let at_once = Vec::from_iter(means.iter().copied().filter(|mean| {
+        let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
+        begins_s.iter().all(|begin_s| (begin_s - begins_s[0]).abs() <= LATE_S)
+    }));
     if at_once.len() >= n {
         means = at_once;
     }
@@ -78,11 +80,6 @@ pub(super) fn start(
         }
     }
     Ok(Normal::new(state, covariance))
-}
-
-fn begin_together(heard_s: &[[f64; 2]], mean: &Observation) -> bool {
-    let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
-    begins_s.iter().all(|begin_s| (begin_s - begins_s[0]).abs() <= LATE_S)
 }
 
 /// Mean range of each link in the first second in which its drones are heard.

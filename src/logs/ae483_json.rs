@@ -124,8 +124,7 @@ fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Resu
 /// events have steps of any length.
 fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
-        let blocks = log.blocks.iter_mut().filter(|block| block.clock == clock);
-        let mut blocks: Vec<&mut Block> = blocks.collect();
+        let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
         let steps = blocks.iter().filter_map(|block| {
             let steps = block.time_s.windows(2).map(|pair| pair[1] - pair[0]);
             median(steps.filter(|step| *step > 0.0))

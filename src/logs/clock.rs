@@ -140,8 +140,7 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
 
 /// Shifts the blocks that began just after a wrap by one wrap, onto the clock of those before it.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
-    let drone = blocks.iter_mut().filter(|block| block.clock == Clock::Drone);
-    let mut drone: Vec<&mut Block> = drone.collect();
+    let mut drone = Vec::from_iter(blocks.iter_mut().filter(|block| block.clock == Clock::Drone));
     let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);
     for block in &mut drone {
         if block.time_s[0] < latest_s - 0.5 * wrap_s {

@@ -191,7 +191,7 @@ impl Mapper<'_> {
     /// Warnings of measured quantities other than the pose that are held over gaps of their own.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<String> {
         let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-        let warnings = measured.into_iter().filter_map(|quantity| {
+        Vec::from_iter(measured.into_iter().filter_map(|quantity| {
             let channels = self.quantities.channels.get(&quantity)?;
             let held = stamps_s.iter().filter(|stamp_s| {
                 channels
@@ -203,8 +203,7 @@ impl Mapper<'_> {
             let text =
                 format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
             (n > 0).then_some(text)
-        });
-        warnings.collect()
+        }))
     }
 
     /// All columns that belong to no quantity, held.

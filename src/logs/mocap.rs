@@ -284,11 +284,10 @@ impl Search {
 
     /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
     fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
-        let pairs = stamps.iter().filter_map(|t| {
+        let mut pairs = Vec::from_iter(stamps.iter().filter_map(|t| {
             let path_m = place_m(&self.path, *t, path_gap_s)?;
             Some((path_m, place_m(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
-        });
-        let mut pairs: Vec<(Vector3<f64>, Vector3<f64>)> = pairs.collect();
+        }));
         if pairs.len() * 2 < stamps.len() {
             return None;
         }

@@ -235,11 +235,8 @@ impl Cursor<'_> {
     fn text(&mut self, what: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
-            return Err(self.error(
-                self.offset,
-                "no zero byte",
-                format!("{what}, which ends in one"),
-            ));
+            let wanted = format!("{what}, which ends in one");
+            return Err(self.error(self.offset, "no zero byte", wanted));
         };
         let Ok(text) = std::str::from_utf8(&rest[..length]) else {
             return Err(self.error(self.offset, "bytes that are no text", what));
@@ -248,12 +245,7 @@ impl Cursor<'_> {
         Ok(text.to_owned())
     }
 
-    fn error(
-        &self,
-        offset: usize,
-        content: impl std::fmt::Display,
-        wanted: impl Into<String>,
-    ) -> Error {
-        Error::input(format!("byte {offset}"), content, wanted, HINT).at(self.file, None)
+    fn error(&self, byte: usize, text: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
+        Error::input(format!("byte {byte}"), text, wanted, HINT).at(self.file, None)
     }
 }

@@ -32,11 +32,10 @@ const STEPS: usize = 3;
 
 /// Lines through the junctions of an axis, straight strokes joined.
 pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
-    let is_key = (0..axis.middles.len()).map(|node| match axis.degree(node) {
+    let is_key = Vec::from_iter((0..axis.middles.len()).map(|node| match axis.degree(node) {
         2 => bends[node],
         degree => degree != 0,
-    });
-    let is_key: Vec<bool> = is_key.collect();
+    }));
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
@@ -197,7 +196,7 @@ fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize
 /// A cubic from one arm into another in their directions, in 16 pieces.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
     let third = distance(a.from, b.from) / 3.0;
-    let points = (0..=16).map(|k| {
+    Vec::from_iter((0..=16).map(|k| {
         let t = f64::from(k) / 16.0;
         let s = 1.0 - t;
         [0, 1].map(|i| {
@@ -207,8 +206,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
                 + 3.0 * s * t * t * d
                 + t * t * t * b.from[i]
         })
-    });
-    points.collect()
+    }))
 }
 
 /// The point nearest to the lines of all arms.

@@ -116,10 +116,9 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 /// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
 fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
     let legs: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
-    let untouched = (0..whole.len()).map(|node| {
+    let untouched = Vec::from_iter((0..whole.len()).map(|node| {
         legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
-    });
-    let untouched: Vec<bool> = untouched.collect();
+    }));
     let mut links = whole.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);

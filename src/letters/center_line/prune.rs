@@ -85,12 +85,11 @@ fn cut_tips(axis: &mut Axis) {
 /// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
-    let spurs = ends.filter_map(|end| {
+    let spurs = Vec::from_iter(ends.filter_map(|end| {
         let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
         way.reverse();
         (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
-    });
-    let spurs: Vec<Path> = spurs.collect();
+    }));
     for spur in &spurs {
         bends[spur[0]] |= protrusion(axis, spur) > BENDS;
         axis.cut(spur);

@@ -139,15 +139,14 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
 
 /// The lines of the patches of a drawing whose larger side is given, in pixels.
 pub(super) fn lines(patches: Vec<Patch<'_>>, larger_px: f64) -> Vec<Vec<[f64; 2]>> {
-    let letters = patches.iter().map(|patch| {
+    let letters = Vec::from_iter(patches.iter().map(|patch| {
         if patch.is_thin() || patch.penned() < PENNED[1] {
             return false;
         }
         let mut beside: Vec<&Patch<'_>> = patches.iter().collect();
         beside.retain(|other| !std::ptr::eq(patch, *other) && patch.is_beside(other));
         beside.len() >= LETTERS && beside.iter().any(|other| other.penned() > PENNED[0])
-    });
-    let letters: Vec<bool> = letters.collect();
+    }));
     let thin = patches.iter().filter(|patch| patch.is_thin());
     let pen = median(thin.map(|patch| patch.pen_px()[0])).unwrap_or(0.0);
     let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);

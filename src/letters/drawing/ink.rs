@@ -125,11 +125,10 @@ impl Field {
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
         // Shadows cross a photographed drawing and do not change its hue.
-        let colors = self.color.iter().map(|color| {
+        let colors = Vec::from_iter(self.color.iter().map(|color| {
             let light = if self.is_clean { 1.0 } else { color.iter().sum::<f64>().max(APART) };
             color.map(|value| value / light)
-        });
-        let colors: Vec<[f64; CHANNELS]> = colors.collect();
+        }));
         let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > RIM);
         let edges = inner.filter(|pixel| {
             [2, 2 * self.width].iter().any(|step| {
@@ -204,15 +203,14 @@ pub(super) fn even_paper(picture: &RgbImage) -> Option<Even> {
 fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
     let channels = channels(picture, false);
     let [width, height] = [picture.width() as usize, picture.height() as usize];
-    let inks = (0..channels[0].len()).map(|pixel| {
+    Vec::from_iter((0..channels[0].len()).map(|pixel| {
         let place = [(pixel % width) as f64 / width as f64, (pixel / width) as f64 / height as f64];
         let (paper, values) = (paper.color(place), [0, 1, 2].map(|c| channels[c][pixel]));
         let contrasts =
             [0, 1, 2].map(|c| (values[c] - paper[c]).abs() / paper[c].max(255.0 - paper[c]));
         let most = contrasts.into_iter().fold(0.0, f64::max);
         (most.min(1.0), values.map(|value| value / 255.0))
-    });
-    inks.collect()
+    }))
 }
 
 /// The ink of each pixel relative to the paper around it, either dark or light.
@@ -240,7 +238,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
         f64::from(u8::from(is_dark || most > HUE * least))
     });
     let patches = extremes(&patches.collect::<Vec<f64>>(), width, NEAR, f64::max);
-    let inks = papers.enumerate().map(|(pixel, (near, far))| {
+    Vec::from_iter(papers.enumerate().map(|(pixel, (near, far))| {
         let paper = if patches[pixel] > 0.0 { far } else { near };
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
         let (mut most, mut left) = (0.0_f64, [0.0; CHANNELS]);
@@ -250,8 +248,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
             left[c] = if is_light { (255.0 - value) / 255.0 } else { (value / paper[c]).min(1.0) };
         }
         (most, left)
-    });
-    inks.collect()
+    }))
 }
 
 /// Whether ink is lighter than its paper: if the few outlying pixels of each block are brighter than

@@ -101,26 +101,19 @@ impl Area<'_> {
     }
 
     /// Whether it is a rectangle over a page.
-    pub(super) fn is_page(&self, page: [f64; 2], slack: f64) -> bool {
+    pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
+        let is_as_wide = left <= slack && right >= width - slack;
+        let is_as_high = top >= -slack && bottom <= slack - height;
         let area = self.contours.iter().map(|contour| outline::area(contour)).sum::<f64>();
         let box_ = (right - left) * (top - bottom);
-        covers_page(self.bounds, page, slack) && (area.abs() - box_).abs() < 1e-6 * box_
+        is_as_wide && is_as_high && (area.abs() - box_).abs() < 1e-6 * box_
     }
 
     pub(super) fn meets(&self, other: [f64; 4]) -> bool {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
     }
-}
-
-/// Whether a box, y up, covers a page but for a slack.
-fn covers_page(
-    [left, bottom, right, top]: [f64; 4],
-    [width, height]: [f64; 2],
-    slack: f64,
-) -> bool {
-    left <= slack && top >= -slack && right >= width - slack && bottom <= slack - height
 }
 
 /// An area in a color.

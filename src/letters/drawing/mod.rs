@@ -118,7 +118,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
                 detailed(lines, options.detail, size, |point| point, options, &file)
             };
             let (mut lines, mut left_out, strokes) = drawn(placing.scale)?;
-            if options.chooses() {
+            if !(options.ink.is_empty() && options.without.is_empty()) {
                 // The chosen strokes fill the canvas, and are as smooth as at that size.
                 placing = Placing::new(extent(&lines), options, &file)?;
                 (lines, left_out, _) = drawn(placing.scale)?;

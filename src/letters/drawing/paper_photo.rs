@@ -125,8 +125,13 @@ impl Edges {
         [self.log.width(), self.log.height()].map(f64::from)
     }
 
-    fn brightness(&self, place: [f64; 2]) -> f64 {
-        between_pixels(&self.log, place).map_or(0.0, |Luma([log])| f64::from(log))
+    /// How much brighter it is inward of a place than outward, some pixels away.
+    fn rise(&self, place: [f64; 2], inward: [f64; 2], away: f64) -> f64 {
+        let [within, without] = [away, -away].map(|away| {
+            let pixel = between_pixels(&self.log, ahead(place, inward, away));
+            pixel.map_or(0.0, |Luma([log])| f64::from(log))
+        });
+        within - without
     }
 
     /// The lines with the strongest gradient across them.
@@ -189,9 +194,8 @@ impl Edges {
         let mut corners = [a, b, c, d];
         let [right, bottom] = self.size();
         let slack = OUTSIDE * right.max(bottom);
-        if !corners.iter().all(|[x, y]| {
-            (-slack..right + slack).contains(x) && (-slack..bottom + slack).contains(y)
-        }) {
+        let [across, down] = [right, bottom].map(|side| -slack..side + slack);
+        if !corners.iter().all(|[x, y]| across.contains(x) && down.contains(y)) {
             return None;
         }
         let area = area(&corners);
@@ -222,11 +226,7 @@ impl Edges {
             let inward = [-dy, dx];
             let rises = (0..POINTS).map(|j| {
                 let place = on_side(from, to, f64::from(j));
-                let rises = ACROSS.map(|across| {
-                    let [within, without] =
-                        [across, -across].map(|x| self.brightness(ahead(place, inward, x)));
-                    within - without
-                });
+                let rises = ACROSS.map(|across| self.rise(place, inward, across));
                 rises.into_iter().fold(f64::MAX, f64::min)
             });
             let edges: Vec<f64> = rises.filter(|rise| *rise > EDGE).collect();
@@ -255,10 +255,7 @@ impl Edges {
                     ahead(end, inward, 0.5 * f64::from(n) - 0.25 * f64::from(SHIFTS))
                 });
                 let rises = (2..POINTS - 2).map(|piece| {
-                    let place = on_side(from, to, f64::from(piece));
-                    let [within, without] =
-                        [1.0, -1.0].map(|x| self.brightness(ahead(place, inward, x)));
-                    (within - without).max(0.0)
+                    self.rise(on_side(from, to, f64::from(piece)), inward, 1.0).max(0.0)
                 });
                 let rise: f64 = rises.sum();
                 if rise > best.0 {

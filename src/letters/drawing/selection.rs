@@ -44,11 +44,10 @@ pub(super) fn all<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<SourceStroke> {
-    let strokes = strokes.map(|(points, color)| SourceStroke {
+    Vec::from_iter(strokes.map(|(points, color)| SourceStroke {
         points: points.iter().map(|[x, y]| in_file([*x, -y])).collect(),
         color: color.map(name),
-    });
-    strokes.collect()
+    }))
 }
 
 /// Which strokes a list such as `2,5-7,red` names; every part of it has to be in the drawing.
@@ -62,11 +61,10 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
             .parse()
             .ok()
             .map(|color: svgtypes::Color| name([color.red, color.green, color.blue]));
-        let part = (0..n).filter(|index| match range {
+        let part = Vec::from_iter((0..n).filter(|index| match range {
             Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
             None => color.is_some() && colors[*index] == color,
-        });
-        let part: Vec<usize> = part.collect();
+        }));
         if part.is_empty() {
             let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
             known.sort_unstable();

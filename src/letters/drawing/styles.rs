@@ -43,12 +43,11 @@ impl Named {
 
     /// One sentence for each.
     pub(super) fn sentences(&self, document: &Document<'_>, file: &str) -> Vec<String> {
-        let sentences = self.0.iter().map(|((what, how), (n, start))| {
+        Vec::from_iter(self.0.iter().map(|((what, how), (n, start))| {
             let row = document.text_pos_at(*start).row;
             let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
             format!("{n} {} {what}: {how} ({}{file}:{row})", s.0, s.1)
-        });
-        sentences.collect()
+        }))
     }
 }
 

@@ -10,14 +10,13 @@ type Drawn = (Vec<Vec<[f64; 2]>>, Vec<String>);
 fn read(document: &[u8]) -> Result<Drawn> {
     let drawing = svg::read(document, "a.svg")?;
     let lines = drawing.flatten(1e-3, "a.svg")?;
-    let turneds = lines.into_iter().map(|(line, _)| {
+    let mut lines = Vec::from_iter(lines.into_iter().map(|(line, _)| {
         let mut line: Vec<[f64; 2]> = line.iter().map(|[x, y]| [*x, -y]).collect();
         if line[0] > line[line.len() - 1] {
             line.reverse();
         }
         line
-    });
-    let mut lines: Vec<Vec<[f64; 2]>> = turneds.collect();
+    }));
     lines.sort_by(|a, b| (a[0][1], a[0][0]).partial_cmp(&(b[0][1], b[0][0])).unwrap());
     Ok((lines, drawing.warnings))
 }

@@ -197,11 +197,10 @@ impl<'a> Page<'a> {
     fn rim_at_clips(&self, item: &Painted, near: &[&Layer<'a>], own: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
         let contours = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
-        let parts = contours.flat_map(|line| {
+        Vec::from_iter(contours.flat_map(|line| {
             let mut look = |place, sides| self.rim_color(near, own, false, place, sides);
             self.parts(std::slice::from_ref(line), item, near, &mut look).0
-        });
-        parts.collect()
+        }))
     }
 
     /// The rim of a fill.

@@ -19,7 +19,7 @@ const CLIMB: usize = 10;
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
-    let steps = run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
+    Vec::from_iter(run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
         let share = (0.5 - HELD_S / dt_s).max(0.0);
         let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
@@ -31,8 +31,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
         })
-    });
-    steps.collect()
+    }))
 }
 
 /// Roots of the commands at each sample. Between two logged commands they are interpolated, not held.

@@ -117,11 +117,10 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
             None => trails.push((lamp, segments)),
         }
     }
-    let readings = trails.into_iter().filter_map(|(lamp, mut segments)| {
+    let readings = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
         segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
         reading(lamp, &segments, camera)
-    });
-    let readings: Vec<LampReading> = readings.collect();
+    }));
     if readings.is_empty() {
         let hint = "check the lights of the flight, the shutter and the pose of the camera";
         let lack = "no lamp that is lit in the picture";

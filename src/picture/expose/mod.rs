@@ -213,13 +213,15 @@ impl Latent {
     }
 
     fn on_cpu(&self) -> Exposure {
-        let film = self.develop_on_all();
-        Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
+        Exposure { film: self.develop_on_all(), backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
 
     fn on_gpu(&self, gpu: Gpu) -> Result<Exposure> {
-        let film = self.film(gpu.splat(self)?);
-        Ok(Exposure { film, backend: Backend::Wgpu, adapter: gpu.adapter })
+        Ok(Exposure {
+            film: self.film(gpu.splat(self)?),
+            backend: Backend::Wgpu,
+            adapter: gpu.adapter,
+        })
     }
 
     fn counts_per_lx_s(&self) -> f64 {

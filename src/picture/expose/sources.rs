@@ -70,12 +70,11 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
             }
         }
     }
-    let trees = groups.into_iter().map(|(emitter, _, sources)| {
+    Vec::from_iter(groups.into_iter().map(|(emitter, _, sources)| {
         let mut branches = Vec::new();
         grow(sources, floor_z_m, &mut branches);
         Tree { emitter, branches }
-    });
-    trees.collect()
+    }))
 }
 
 /// A lamp's light as moments during which it moves little for its height. The level of a moment is

@@ -49,16 +49,12 @@ fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     }
 }
 
-/// Whether a head is that of a light trace.
-fn is_its_own(head: &Head) -> bool {
-    let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
-    COLUMNS.iter().all(|column| names.contains(column))
-}
-
 /// Whether a text begins with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
-    is_its_own(&Head::find(&Text::of(&text[..text.len().min(1 << 16)]).bytes))
+    let head = Head::find(&Text::of(&text[..text.len().min(1 << 16)]).bytes);
+    let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
+    COLUMNS.iter().all(|column| names.contains(column))
 }
 
 /// Reads the text of a light trace or of another program's light log; `file` is its name in
@@ -127,12 +123,11 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         }
     }
     let [x_m, y_m, z_m] = ["x", "y", "z"].map(|name| size(name).unwrap_or(1.0));
-    let instants = (0..t.len()).map(|row: usize| Instant {
+    let instants = Vec::from_iter((0..t.len()).map(|row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
         position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
-    });
-    let instants: Vec<Instant> = instants.collect();
+    }));
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
     Ok((LightTrace { lamps }, warnings))
 }
@@ -183,14 +178,13 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
         });
         return channels.collect();
     }
-    let lamps = stretches.into_iter().map(|(rows, brightest)| {
+    Vec::from_iter(stretches.into_iter().map(|(rows, brightest)| {
         let rgb = brightest.rgb_cd.map(|c| c / brightest.strength_cd());
         let first = rows.start.saturating_sub(1);
         lamp(&run[first..(rows.end + 1).min(run.len())], rgb, |i, instant: &Instant| {
             if rows.contains(&(first + i)) { instant.strength_cd() } else { 0.0 }
         })
-    });
-    lamps.collect()
+    }))
 }
 
 /// Whether two rows have one color, within the resolution of the file.

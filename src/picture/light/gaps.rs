@@ -51,11 +51,10 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
         return Vec::new();
     }
     let acceleration = acceleration_m_s2(flight).max(LEAST_M_S2);
-    let gaps = flight.gaps.iter().map(|span_s| {
+    Vec::from_iter(flight.gaps.iter().map(|span_s| {
         let lasts_s = span_s[1] - span_s[0];
         Gap { span_s: *span_s, uncertainty_m: acceleration * lasts_s * lasts_s / 8.0 }
-    });
-    gaps.collect()
+    }))
 }
 
 /// The open gaps, where lamps are dark, each with the longest possible path of a lamp.
@@ -100,7 +99,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     let v_b = velocity_m_s(&after[..end]).unwrap_or(chord_m_s);
     #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
-    let samples = (1..steps).map(|step| {
+    Vec::from_iter((1..steps).map(|step| {
         let u = f64::from(step) / f64::from(steps);
         let (turn, back) = (u * u * (3.0 - 2.0 * u), (1.0 - u) * (1.0 - u));
         let position_m = a.position_m.lerp(&b.position_m, turn)
@@ -115,8 +114,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
             roll_rad: half_turn(a.attitude.roll_rad, b.attitude.roll_rad),
         };
         FlightSample { time_s: a.time_s + span_s * u, position_m, attitude, ..*a }
-    });
-    samples.collect()
+    }))
 }
 
 /// Mean velocity over some samples.
@@ -193,11 +191,10 @@ mod tests {
         let stretches = stretches(&flight);
         assert_eq!(stretches.len(), 2, "the long gap stays open");
         let bridged = stretches[0].iter().filter(|s| s.time_s > 1.0 && s.time_s < 1.5);
-        let errors = bridged.map(|s| {
+        let errors = Vec::from_iter(bridged.map(|s| {
             let (sin, cos) = libm::sincos(s.time_s);
             (s.position_m - Vector3::new(0.5 * cos, 0.0, 1.0 + 0.5 * sin)).norm()
-        });
-        let errors: Vec<f64> = errors.collect();
+        }));
         assert!(errors.len() >= 45, "{} samples", errors.len());
         let worst_m = errors.into_iter().fold(0.0, f64::max);
         assert!(worst_m < 0.2 * short.uncertainty_m, "{worst_m} m off the circle");

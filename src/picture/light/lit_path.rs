@@ -141,7 +141,9 @@ fn shine_along(
             let here = lamp(pose, fixture);
             let start = before.map_or(here, |before| lamp(before, fixture));
             for index in first..*next {
-                if lit_beside(knots, index) {
+                // Lit at the knot, just before or just after it.
+                let beside = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
+                if beside.iter().any(|knot| knot.level > 0.0) {
                     let Change { time_s, level } = knots[index];
                     samples.push(LightSample { level, ..between(start, here, time_s) });
                 }
@@ -168,12 +170,6 @@ fn knots(changes: &[Change]) -> Vec<Change> {
         }
     }
     knots
-}
-
-/// Whether a lamp is lit at a knot, just before or just after it.
-fn lit_beside(knots: &[Change], index: usize) -> bool {
-    let first = index.saturating_sub(1);
-    knots[first..(index + 2).min(knots.len())].iter().any(|knot| knot.level > 0.0)
 }
 
 /// The level between the knots before and after `next`.

@@ -226,13 +226,12 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
             }
         }
     }
-    let sources = colors.iter().map(|color| {
+    Vec::from_iter(colors.iter().map(|color| {
         let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
         let changes =
             moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
         (emitter(fixture, color), changes.collect())
-    });
-    sources.collect()
+    }))
 }
 
 /// One source for each primary color of sRGB, with the share of it that every color has: dies lie

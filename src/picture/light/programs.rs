@@ -145,7 +145,7 @@ impl<'a> Programs<'a> {
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
-        let sent = samples.map(|(row, sample)| {
+        Vec::from_iter(samples.map(|(row, sample)| {
             letter = sample.letter.or(letter);
             let wrgb = match colors {
                 [Some(white), Some(red), Some(green), Some(blue)] => {
@@ -154,8 +154,7 @@ impl<'a> Programs<'a> {
                 _ => self.options.wrgb_of(letter),
             };
             f64::from(packed(&wrgb, level.map_or(1.0, |levels| levels[row])))
-        });
-        sent.collect()
+        }))
     }
 }
 

@@ -72,11 +72,6 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// Its first tick at or after `time_s`.
-    pub(super) fn next_s(self, time_s: f64) -> f64 {
-        if self.period_s == 0.0 { time_s } else { self.tick_s(self.next(time_s)) }
-    }
-
     /// The number of its first tick at or after `time_s`.
     pub(super) fn next(self, time_s: f64) -> f64 {
         // The slack keeps a command that arrives on a tick from missing it by rounding.
@@ -93,7 +88,8 @@ impl Timer {
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {
-            let time_s = self.next_s(arrival.time_s);
+            let tick_s = self.tick_s(self.next(arrival.time_s));
+            let time_s = if self.period_s == 0.0 { arrival.time_s } else { tick_s };
             changes.pop_if(|last| last.time_s >= time_s);
             changes.push(Change { time_s, level: arrival.level });
         }

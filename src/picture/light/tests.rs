@@ -339,12 +339,11 @@ fn impossible_rows_are_refused_by_name() {
 
 #[test]
 fn the_color_led_writes_each_letter_in_its_color() {
-    let samples = (0..40).map(|k: u32| FlightSample {
+    let samples = Vec::from_iter((0..40).map(|k: u32| FlightSample {
         time_s: 0.1 * f64::from(k),
         letter: [None, Some(0), Some(1), Some(2)][(k as usize / 10) % 4],
         ..FlightSample::default()
-    });
-    let samples: Vec<FlightSample> = samples.collect();
+    }));
     let levels = (0..40).map(|k| if k >= 10 && k % 10 > 1 { 1.0 } else { 0.0 }).collect();
     let lights = [("color-led".to_owned(), levels)].into();
     let flight = Flight { samples, lights, ..Flight::default() };

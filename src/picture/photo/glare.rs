@@ -134,14 +134,13 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
     // A bell of σ has the middle of its light at 1.18 σ; its ring reaches from 0.83 σ to 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
-    let shares = (0..sigmas.len()).map(|index: usize| {
+    Vec::from_iter((0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
         let inner = edge(sigmas[index]).min(outer);
         #[expect(clippy::cast_possible_truncation, reason = "0 to WHOLE")]
         let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
         share
-    });
-    shares.collect()
+    }))
 }
 
 /// Spreads one channel's scattered light over its octaves.

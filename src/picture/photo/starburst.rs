@@ -191,11 +191,10 @@ fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>
     let drawn: [i128; 3] = std::array::from_fn(|c| {
         changes[first..].iter().map(|change| i128::from(change.counts[c])).sum()
     });
-    let block = block(film, point.corner).map(|(x, y)| {
+    let block = Vec::from_iter(block(film, point.corner).map(|(x, y)| {
         let index = y * width + x;
         (index, [0, 1, 2].map(|c| i128::from(film.counts[c * pixels + index])))
-    });
-    let block: Vec<(usize, [i128; 3])> = block.collect();
+    }));
     let all = [0, 1, 2].map(|c| block.iter().map(|(_, own)| own[c]).sum::<i128>());
     let mut until = [0_i128; 3];
     for (index, own) in block {

@@ -340,12 +340,11 @@ fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
         let film = film(size_px, |_, _, _| count(light));
         let rgb = read_out(&film, &camera(size_px, |_| {}), &options, 1).unwrap().rgb;
         let side = side as usize;
-        let mean_ofs = (0..40_000).map(|i: usize| {
+        let blocks = Vec::from_iter((0..40_000).map(|i: usize| {
             let (x, y) = (block * (i % 200), block * (i / 200));
             let pixels = (0..block * block).map(|j| 3 * ((y + j / block) * side + x + j % block));
             pixels.map(|at| f64::from(rgb[at + 1])).sum::<f64>() / (block * block) as f64
-        });
-        let blocks: Vec<f64> = mean_ofs.collect();
+        }));
         let mean = blocks.iter().sum::<f64>() / 4e4;
         (mean, blocks.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / 4e4)
     };
