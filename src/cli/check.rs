@@ -1,8 +1,8 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
 use super::{
-    Args, Outcome, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, print,
-    show, wrapped,
+    Args, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, print, show,
+    wrapped,
 };
 use crate::preflight::{Preflight, Severity, preflight};
 
@@ -37,17 +37,23 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         report.text.push('\n');
         report.value("placement", placement);
     }
-    let counts = [Severity::Warning, Severity::Unknown].map(|severity| {
-        let n = found.iter().filter(|checked| checked.row.severity == severity).count();
-        Some(n).filter(|n| *n > 0)
-    });
+    let counted = |severity, one: &str, several: &str| match found
+        .iter()
+        .filter(|checked| checked.row.severity == severity)
+        .count()
+    {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        n => Some(format!("{n} {several}")),
+    };
     let words = json!({
-        "room": profile.room_m, "warnings": counts[0], "unchecked": counts[1],
+        "room": profile.room_m, "warnings": counted(Severity::Warning, "warning", "warnings"),
+        "unchecked": counted(Severity::Unknown, "property", "properties"),
     });
     report.text += &print(CONCLUSION, &[&report.json, &words]);
-    Ok(report.with_outcome(if stops { Outcome::NotSafe } else { Outcome::Done }))
+    Ok(report.passes(!stops))
 }
 
 const CONCLUSION: &str = "\
-{fly?safe to fly:not safe to fly} (profile {profile.name}[, room {room.0}x{room.1}x{room.2}])[, warnings: {warnings}][, not checked: {unchecked}]
+{fly?safe to fly:not safe to fly} (profile {profile.name}[, room {room.0}x{room.1}x{room.2}])[, {warnings}][, {unchecked} not checked]
 ";

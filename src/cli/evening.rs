@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::studies::counter;
+use super::studies::{counter, shortened};
 use super::{OutputFolder, Report, Result, json, shell_word, warn_of};
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
@@ -39,9 +39,11 @@ pub(super) fn run(
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
     });
+    let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
     let words = json!({
         "folder": folder.display().to_string(), "n_logs": n_logs, "n_sound": n_sound, "advice": advice,
-        "files": evening.logs.iter().map(|log| end_of(&log.log)).collect::<Vec<_>>(),
+        // So that rows keep to 80 columns.
+        "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
         "none": rows.is_empty().then_some("no log is sound"),
     });
@@ -80,12 +82,4 @@ fn advice_of(mean: &MeanDrone) -> String {
          vehicle.center_of_mass_m=[{x:.2e},{y:.2e}]",
         mean.k_f_n
     )
-}
-
-/// The end of a log's name, so that rows keep to 80 columns.
-fn end_of(name: &str) -> String {
-    match name.chars().count().saturating_sub(16) {
-        0 => name.to_owned(),
-        beyond => "…".chars().chain(name.chars().skip(beyond + 1)).collect(),
-    }
 }

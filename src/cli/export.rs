@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::{
-    Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags,
-    findings, json, named, warn,
+    Args, Error, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, findings, json,
+    named, warn,
 };
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
 use crate::geometry::bounds;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         "bytes": null, "deviation_mm": null,
     });
     if stops.is_some() && !args.unchecked {
-        return Ok(Report::of(product, REFUSED).with_files(&[]).with_outcome(Outcome::NotSafe));
+        return Ok(Report::of(product, REFUSED).with_files(&[]).passes(false));
     }
     // The script of setpoints can be told to fly the trajectory, if that is safe as well.
     let on_board = match args.to {

@@ -4,8 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use super::{
-    Args, Outcome, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, Value, json,
-    named, names,
+    Args, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, Value, json, named, names,
 };
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
@@ -75,8 +74,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
     let files = folder.keep()?;
     let kept = found.iter().all(|figures| figures.missed.is_empty());
-    let outcome = if kept { Outcome::Done } else { Outcome::NotSafe };
-    Ok(report.with_files(&files).with_outcome(outcome))
+    Ok(report.with_files(&files).passes(kept))
 }
 
 const LAYOUT: &str = "\

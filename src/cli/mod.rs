@@ -19,7 +19,7 @@ use flags::{
     warn_of_idle_keys,
 };
 use names::{Corners, named, names, numbers};
-use outcome::{Outcome, shell_word, typed_command};
+use outcome::{shell_word, typed_command};
 use output::{Output, OutputFolder, Outputs, is_svg};
 use picture::{CameraFlags, PictureFlags, StandFlag};
 use printer::{line, print, table, wrapped};
@@ -247,11 +247,10 @@ pub fn main() -> ExitCode {
         } else {
             print_out(&text)?;
         }
-        Ok(report.outcome)
+        Ok(report.passed)
     });
     match done {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
+        Ok(passed) => ExitCode::from(u8::from(!passed)),
         Err(error) => {
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {

@@ -5,7 +5,6 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 use serde::Serialize;
 
 use super::{Value, line, print};
-use crate::score::Verdict;
 use noctograph_core::files::STANDARD_OUTPUT;
 
 /// Result of a verb: its product as an object, and printed for people.
@@ -15,24 +14,17 @@ pub struct Report {
     pub text: String,
     /// An object.
     pub json: Value,
-    pub(super) outcome: Outcome,
+    /// Whether the word is legible, or safe to fly: the exit code.
+    pub(super) passed: bool,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,
-}
-
-/// What decides the exit code.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
-    Done,
-    NotLegible,
-    NotSafe,
 }
 
 impl Report {
     /// A text, and what serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
-        Self { text, json, outcome: Outcome::Done, aside: false }
+        Self { text, json, passed: true, aside: false }
     }
 
     /// What serializes as an object, printed by a layout.
@@ -76,14 +68,8 @@ impl Report {
         self
     }
 
-    pub(super) fn with_outcome(self, outcome: Outcome) -> Self {
-        Self { outcome, ..self }
-    }
-}
-
-impl From<&Verdict> for Outcome {
-    fn from(verdict: &Verdict) -> Self {
-        if verdict.legible { Self::Done } else { Self::NotLegible }
+    pub(super) fn passes(self, passed: bool) -> Self {
+        Self { passed, ..self }
     }
 }
 

@@ -9,8 +9,8 @@ use super::export::warn_of_trailing;
 use super::output::{SCENE, forget_scene, is_csv};
 use super::spread::SpreadFlags;
 use super::{
-    Args, Outcome, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value,
-    findings, json, line, named, show, table, typed_command, warn, watch, wrapped,
+    Args, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value, findings,
+    json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, Profile, ShotPlan};
@@ -150,11 +150,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     let files = folder.keep()?;
     files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
-    let outcome = match stops {
-        Some(_) => Outcome::NotSafe,
-        None => verdict.map_or(Outcome::Done, Outcome::from),
-    };
-    Ok(report.with_files(&files).with_outcome(outcome))
+    let is_read = verdict.is_none_or(|verdict| verdict.legible);
+    Ok(report.with_files(&files).passes(is_read && stops.is_none()))
 }
 
 /// Warns of a camera that has no place in the room.

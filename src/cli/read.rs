@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Args, CameraFlags, Corners, Outcome, Report, Result, json, message};
+use super::{Args, CameraFlags, Corners, Report, Result, json, message};
 use crate::camera::Framing;
 use crate::photo::{self, Photo};
 use crate::score::{Reading, View, quarter_turned, read_any_way_up};
@@ -23,10 +23,9 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read_upright(photo, "").1.of_writing();
-    let outcome = if reading.text.is_empty() { Outcome::NotLegible } else { Outcome::Done };
     let text = Some(&reading.text).filter(|text| !text.is_empty());
     let report = Report::with_words(&reading, &json!({ "line": text }), LAYOUT);
-    Ok(report.with_outcome(outcome))
+    Ok(report.passes(!reading.text.is_empty()))
 }
 
 const LAYOUT: &str = "\

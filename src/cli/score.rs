@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use super::read::read_upright;
 use super::relit::relit_where_dark;
 use super::{
-    Args, CameraFlags, Corners, Error, FlightFlags, Outcome, Output, Report, Result, SceneFlags,
-    is_svg, message, set_word, shell_word, show,
+    Args, CameraFlags, Corners, Error, FlightFlags, Output, Report, Result, SceneFlags, is_svg,
+    message, set_word, shell_word, show,
 };
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -132,7 +132,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         let text = format!("{again} flies its scene again, and names settings that help");
         report.line("settings", &text);
     }
-    Ok(report.with_files(&files).with_outcome(Outcome::from(&verdict)))
+    Ok(report.with_files(&files).passes(verdict.legible))
 }
 
 /// Refuses a font or drawing that is not the one of the photo, where the photo says which.

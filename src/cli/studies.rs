@@ -199,26 +199,22 @@ fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
     shortened(&names, width - 1)
 }
 
-/// Distinct names with at most `n` characters each: of those that are longer the beginning; where
-/// two would then be alike, the end; where these are alike as well, the beginning and a number.
-fn shortened(names: &[&str], n: usize) -> Vec<String> {
-    let cut = |name: &str, keep: &dyn Fn(&[char]) -> String| {
-        let all: Vec<char> = name.chars().collect();
-        if all.len() <= n { name.to_owned() } else { keep(&all) }
-    };
-    let beginning = |name: &str, n: usize| name.chars().take(n - 1).collect::<String>() + "…";
-    let end = |all: &[char]| "…".chars().chain(all[all.len() + 1 - n..].iter().copied()).collect();
-    let heads = names.iter().map(|name| cut(name, &|_| beginning(name, n)));
-    let tails = names.iter().map(|name| cut(name, &end));
-    let ways: [Vec<String>; 2] = [heads.collect(), tails.collect()];
-    let is_distinct = |way: &&Vec<String>| way.iter().collect::<HashSet<_>>().len() == way.len();
-    ways.iter().find(is_distinct).cloned().unwrap_or_else(|| {
-        let numbered = |(index, name): (usize, &&str)| {
-            let number = (index + 1).to_string();
-            cut(name, &|_| beginning(name, n - number.len()) + &number)
-        };
-        names.iter().enumerate().map(numbered).collect()
-    })
+/// Distinct names with at most `n` characters each: of those that are longer the end, behind their
+/// number where two ends are alike.
+pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
+    let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
+    if ends.iter().collect::<HashSet<_>>().len() == ends.len() {
+        return ends;
+    }
+    (1..).zip(names).map(|(number, name)| end_of(name, &format!("{number}…"), n)).collect()
+}
+
+/// The end of a name behind a head, where it has more than `n` characters.
+fn end_of(name: &str, head: &str, n: usize) -> String {
+    match name.chars().count() {
+        all if all <= n => name.to_owned(),
+        all => head.chars().chain(name.chars().skip(all + head.chars().count() - n)).collect(),
+    }
 }
 
 #[cfg(test)]
@@ -234,10 +230,10 @@ mod tests {
             assert!(found.iter().all(|name| name.chars().count() <= 12), "{found:?}");
             found
         };
-        assert_eq!(of(&["team".into(), long("")]), ["team", "a-scene-wit…"]);
+        assert_eq!(of(&["team".into(), long("")]), ["team", "…a-long-name"]);
         assert_eq!(of(&[long("-1"), long("-2")]), ["…long-name-1", "…long-name-2"]);
         let both = [long("-x-and-the-end"), long("-y-and-the-end"), "team".into()];
-        assert_eq!(of(&both), ["a-scene-wi…1", "a-scene-wi…2", "team"]);
-        assert_eq!(of(&["zażółć-gęślą-jaźń".into()]), ["zażółć-gęśl…"]);
+        assert_eq!(of(&both), ["1…nd-the-end", "2…nd-the-end", "team"]);
+        assert_eq!(of(&["zażółć-gęślą-jaźń".into()]), ["…gęślą-jaźń"]);
     }
 }
