@@ -33,7 +33,7 @@ pub struct Avionics {
     /// Heading that is held, from world x toward y.
     yaw_rad: f64,
     estimate: State,
-    /// Whether `estimate` is that of the present tick.
+    /// Whether `estimate` is of the present tick.
     fresh: bool,
     /// Held between two runs of the controller.
     command: Command,
@@ -47,7 +47,7 @@ pub struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
-    /// The setpoint from which the firmware lands by itself, where those before are of another
+    /// First setpoint of the firmware's own landing, where the setpoints before it are of another
     /// kind.
     lands_from: Option<usize>,
     kind: Kind,
@@ -66,7 +66,7 @@ enum Kind {
     Sent,
     /// The firmware's own since the host is silent.
     Level,
-    /// The firmware's own landing, after those of another kind.
+    /// The firmware's own landing, after setpoints of another kind.
     Landing,
 }
 
@@ -127,12 +127,8 @@ impl Avionics {
         let short = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
-        let due = |next: usize| {
-            plan.setpoints.get(next).is_some_and(|s| s.time_s <= time_s + TIME_TOLERANCE_S)
-        };
-        while due(self.setpoint + 1) {
-            self.setpoint += 1;
-        }
+        let further = plan.setpoints.iter().skip(self.setpoint + 1);
+        self.setpoint += further.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
         self.heard = match &mut self.link {
             None => self.setpoint,
             Some(link) => link.hear(time_s, self.setpoint),
@@ -178,7 +174,7 @@ impl Avionics {
                 (setpoint.time_s + (time_s - link.since_s())).min(next_s).max(setpoint.time_s)
             }
         };
-        let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
+        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), design_s);
         let mut estimate = self.estimate;
         let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
             true => Kind::Level,
@@ -242,7 +238,7 @@ impl Avionics {
     /// The design at this instant, without what is added for the drone's own controller.
     pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
         let setpoint = &plan.setpoints[self.setpoint];
-        Reference::at(setpoint, setpoint.position_m, time_s)
+        Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
     }
 
     /// A message to the fleet.
@@ -320,7 +316,7 @@ fn landing(plan: &Plan) -> Option<usize> {
     Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
 }
 
-/// A state as if the heading that is held were that of world x, for which controllers are designed.
+/// A state turned so that the held heading is along world x, as controllers are designed.
 fn ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
@@ -381,7 +377,7 @@ mod tests {
 
     #[test]
     fn a_lost_drone_and_a_lost_observer_are_both_found() {
-        let (body, estimate) = (RigidBody::at(Vector3::z()), State::zeros());
+        let (body, estimate) = (RigidBody::resting_at(Vector3::z()), State::zeros());
         assert_eq!(lost(&body, &estimate), None, "at the start");
         let away = RigidBody { position_m: Vector3::new(f64::NAN, 0.0, 0.0), ..body };
         assert_eq!(lost(&away, &estimate), Some("flies away"));

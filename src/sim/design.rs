@@ -56,8 +56,8 @@ pub struct Design {
     #[serde(rename = "B", serialize_with = "rows")]
     pub b: DMatrix<f64>,
     /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
-    /// columns more where it is designed for rotors that lag. `None` for a controller that is no
-    /// regulator.
+    /// columns more where it is designed for rotors that lag. `None` for controllers other
+    /// than regulators.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
     /// Its columns: the first of [`STATES`], and those of the rotors.
@@ -105,10 +105,11 @@ fn rows<'a, S: Serializer>(
     matrix: impl Into<Option<&'a DMatrix<f64>>>,
     to: S,
 ) -> std::result::Result<S::Ok, S::Error> {
-    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
-        m.row_iter().map(|row| row.iter().copied().collect()).collect()
-    };
-    matrix.into().map(rows).serialize(to)
+    let rows = matrix.into().map(|matrix| {
+        let rows = matrix.row_iter().map(|row| row.iter().copied().collect());
+        rows.collect::<Vec<Vec<f64>>>()
+    });
+    rows.serialize(to)
 }
 
 /// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
@@ -140,9 +141,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         let closed = &a - &b * &k;
         ([a, b, k], closed)
     };
-    let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
     let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
-    let lagging_margins = margins(&a_lag, &b_lag, &k_lag).map(of_inputs);
+    let lagging_margins = margins(&a_lag, &b_lag, &k_lag).map(|m| [m[0], m[1], m[2], m[3]]);
     let longest_lag_s = longest(|lag_s| is_hurwitz(&lagging(lag_s).1));
 
     // The observer: the nine states of `Motion` with body rate and thrust as inputs.
@@ -171,7 +171,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         regulator_poles: poles(&(fed_a - fed_b * k)),
         observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
         l: dynamic(&l),
-        margins: margins(fed_a, fed_b, k).map(of_inputs),
+        margins: margins(fed_a, fed_b, k).map(|m| [m[0], m[1], m[2], m[3]]),
         motor_lag_s,
         lagging_poles: poles(&closed_lag),
         warnings: warnings(options, motor_lag_s, lagging_margins.is_some(), longest_lag_s),

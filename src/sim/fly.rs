@@ -11,7 +11,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::MAX_DURATION_S;
 use noctograph_core::input_error;
-use noctograph_core::plan::{Plan, Setpoint};
+use noctograph_core::plan::Plan;
 
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
@@ -122,10 +122,10 @@ pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
         check_plan(plan, &actual.floor)?;
         members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
     }
-    let rig = |(place, (plan, drone)): (usize, &(&Plan, Drone<'_>))| {
+    let rigs = fleet.iter().enumerate().map(|(place, (plan, drone))| {
         Rig::new(plan, drone, &Fleet { members: members.clone(), place })
-    };
-    fleet.iter().enumerate().map(rig).collect()
+    });
+    rigs.collect()
 }
 
 /// A drone in flight.
@@ -234,20 +234,17 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 /// its last. Before and after, where a ramp begins and ends that rises above the step, the drone
 /// stands on the step.
 fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
-    let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
-    let above = |s: &Setpoint| s.position_m.z > below_m(s);
-    let all = &plan.setpoints;
-    let first = all.iter().position(above).unwrap_or(0);
-    let last = all.iter().rposition(above).unwrap_or(all.len() - 1);
-    let inside = |s: &Setpoint| s.position_m.z > 0.0 && !above(s);
-    let higher =
-        |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
-    let refused = |i: &usize| {
-        let s = &all[*i];
-        inside(s) && ((first..=last).contains(i) || !higher(s))
-    };
-    let Some(i) = (0..all.len()).find(refused) else { return Ok(()) };
-    let (height_m, floor_m) = (all[i].position_m.z, below_m(&all[i]));
+    let places_m = plan.setpoints.iter().map(|s| s.position_m);
+    // Height of each setpoint, and of the floor there.
+    let heights_m: Vec<[f64; 2]> = places_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
+    let first = heights_m.iter().position(|[z, floor]| z > floor).unwrap_or(0);
+    let last = heights_m.iter().rposition(|[z, floor]| z > floor).unwrap_or(heights_m.len() - 1);
+    let mut numbered = heights_m.iter().enumerate();
+    let refused = numbered.find(|(i, [z, floor])| {
+        let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);
+        *z > 0.0 && z <= floor && ((first..=last).contains(i) || !ramp.any(|[z, _]| z > floor))
+    });
+    let Some((i, [height_m, floor_m])) = refused else { return Ok(()) };
     Err(input_error!(
         format!("plan, setpoint {i}"),
         "a height of {height_m} m",

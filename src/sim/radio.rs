@@ -109,12 +109,17 @@ mod tests {
 
     /// The longest silence of each 10 ms.
     fn silences_s(link: &mut Link, ticks: u32) -> Vec<f64> {
-        let silence_s = |tick| {
+        let silences_s = (0..ticks).map(|tick| {
             let time_s = f64::from(tick) * 0.01;
             link.hear(time_s, tick as usize);
             link.silent_s(time_s)
-        };
-        (0..ticks).map(silence_s).collect()
+        });
+        silences_s.collect()
+    }
+
+    /// Share of silences that are longer.
+    fn share(silences_s: &[f64], least_s: f64) -> f64 {
+        silences_s.iter().filter(|s| **s > least_s).count() as f64 / silences_s.len() as f64
     }
 
     #[test]
@@ -131,17 +136,11 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_shares_and_outages_are_common_to_all() {
-        let share = |silences_s: &[f64], least_s: f64| {
-            let (later, all) = silences_s.iter().fold((0.0, 0.0), |(later, all), silence_s| {
-                (later + f64::from(*silence_s > least_s), all + 1.0)
-            });
-            later / all
-        };
         // Lost packets in a row: a share p² of the turns is the second in a row.
         let lossy = share(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
-        let silent = |index| silences_s(&mut link(1, 0.0, 10.0, 0.5, index), 200_000);
-        let [one, other] = [silent(0), silent(1)];
+        let [one, other] =
+            [0, 1].map(|index| silences_s(&mut link(1, 0.0, 10.0, 0.5, index), 200_000));
         let out: f64 = share(&one, 0.01);
         assert!((out / (0.49 / 10.5) - 1.0).abs() < 0.2, "{out}");
         let both = one.iter().zip(&other).filter(|(a, b)| (**a > 0.02) != (**b > 0.02)).count();

@@ -13,7 +13,8 @@ pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
 /// The drone hangs at one place from the start, and writes with its headlights.
 pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
     let (position_m, letter) = (Vector3::from(position_m), Some(0));
-    let at = |time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() };
+    let setpoints =
+        [0.0, end_s].map(|time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() });
     let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
-    Plan { setpoints: vec![at(0.0), at(end_s)], lights, ..Plan::default() }
+    Plan { setpoints: setpoints.into(), lights, ..Plan::default() }
 }

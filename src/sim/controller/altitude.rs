@@ -147,8 +147,9 @@ mod tests {
     #[test]
     fn a_position_that_jumps_by_meters_tilts_no_more_than_half_a_meter_does() {
         let design_m = Vector3::new(1.0, 2.0, 1.5);
-        let seen = |x_m: f64| within_reach(&at(design_m + Vector3::x() * x_m, 0.0), &design_m);
-        assert_eq!(seen(0.3), at(design_m + Vector3::x() * 0.3, 0.0));
-        assert_eq!(seen(-8.0), at(design_m - Vector3::x() * 0.5, 0.0));
+        for (x_m, seen_m) in [(0.3, 0.3), (-8.0, -0.5)] {
+            let [there, seen] = [x_m, seen_m].map(|x_m| at(design_m + Vector3::x() * x_m, 0.0));
+            assert_eq!(within_reach(&there, &design_m), seen);
+        }
     }
 }

@@ -109,8 +109,8 @@ mod tests {
         let mut k = gain(&SimOptions::default()).k;
         for (row, entries) in want {
             for &(column, value) in entries {
-                let found = std::mem::replace(&mut k[(row, column)], 0.0);
-                assert!((found - value).abs() < 5.1e-7, "K[{row}, {column}] is {found}");
+                let gain = std::mem::replace(&mut k[(row, column)], 0.0);
+                assert!((gain - value).abs() < 5.1e-7, "K[{row}, {column}] is {gain}");
             }
         }
         assert!(k.norm() < 1e-9, "all others are zero: {k}");
@@ -121,26 +121,26 @@ mod tests {
         // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121
         // s, the team's weights.
         let team = SimOptions::default().controller;
-        let found = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
-        for (found, want) in [
-            (found.k[(1, 0)], 0.004_876_789_371_787_908),
-            (found.k[(1, 4)], 0.006_612_203_428_033_52),
-            (found.k[(3, 2)], 0.364_017_628_587_216_3),
-            (found.k_rotor[(1, 1)], 2.885_381_350_569_77),
-            (found.k_rotor[(3, 3)], 0.568_869_269_857_286_6),
+        let gain = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
+        for (entry, want) in [
+            (gain.k[(1, 0)], 0.004_876_789_371_787_908),
+            (gain.k[(1, 4)], 0.006_612_203_428_033_52),
+            (gain.k[(3, 2)], 0.364_017_628_587_216_3),
+            (gain.k_rotor[(1, 1)], 2.885_381_350_569_77),
+            (gain.k_rotor[(3, 3)], 0.568_869_269_857_286_6),
         ] {
-            assert!((found / want - 1.0).abs() < 1e-8, "{found} against {want}");
+            assert!((entry / want - 1.0).abs() < 1e-8, "{entry} against {want}");
         }
     }
 
     #[test]
     fn a_given_gain_is_flown_as_it_is() {
         let mut options = SimOptions::cf21();
-        let row = |row| (0..12).map(|i| f64::from(12 * row + i)).collect();
-        options.controller.lqr.k = Some((0..4).map(row).collect());
-        let found = gain(&options);
-        assert_eq!((found.k[(1, 0)], found.k[(3, 11)]), (12.0, 47.0));
-        assert_eq!(found.k_rotor, Matrix4::zeros());
+        let rows = (0..4).map(|row| (0..12).map(|i| f64::from(12 * row + i)).collect());
+        options.controller.lqr.k = Some(rows.collect());
+        let gain = gain(&options);
+        assert_eq!((gain.k[(1, 0)], gain.k[(3, 11)]), (12.0, 47.0));
+        assert_eq!(gain.k_rotor, Matrix4::zeros());
         assert_eq!(modeled_lag_s(&options), None);
     }
 

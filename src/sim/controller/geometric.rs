@@ -117,8 +117,8 @@ fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// `½ (R_dᵀ R − Rᵀ R_d)^∨`: for a small turn, the turn from the wanted attitude in body axes, rad.
-fn attitude_error(wanted: &Matrix3<f64>, found: &Matrix3<f64>) -> Vector3<f64> {
-    let turn = wanted.transpose() * found;
+fn attitude_error(wanted: &Matrix3<f64>, actual: &Matrix3<f64>) -> Vector3<f64> {
+    let turn = wanted.transpose() * actual;
     Vector3::new(
         turn[(2, 1)] - turn[(1, 2)],
         turn[(0, 2)] - turn[(2, 0)],

@@ -56,16 +56,14 @@ impl LinearController {
             let next = controller.memory().into_iter().map(|value| *value);
             Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
         };
-        let slope = |i: usize| Ok((tick(i, STEP)? - tick(i, -STEP)?) / (2.0 * STEP));
-        let slopes = (0..12 + n).map(slope).collect::<Result<Vec<_>>>()?;
-        let slopes = DMatrix::from_columns(&slopes);
-        let part = |at, size| slopes.view(at, size).into_owned();
-        let (k, h) = (part((0, 0), (4, 12)), part((0, 12), (4, n)));
-        let (f, g) = (part((4, 12), (n, n)), part((4, 0), (n, 12)));
+        let slopes = (0..12 + n).map(|i| Ok((tick(i, STEP)? - tick(i, -STEP)?) / (2.0 * STEP)));
+        let slopes = DMatrix::from_columns(&slopes.collect::<Result<Vec<_>>>()?);
+        let parts = [((0, 0), (4, 12)), ((0, 12), (4, n)), ((4, 12), (n, n)), ((4, 0), (n, 12))];
+        let [k, h, f, g] = parts.map(|(first, size)| slopes.view(first, size).into_owned());
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// The continuous system whose transform by Tustin, `s = 2 (z − 1) / (T (z + 1))`, is this.
+    /// The continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms into this one.
     fn continuous(self, tick_s: f64) -> Self {
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
         let inverse = (&one + &self.f).try_inverse().expect("no memory alternates for ever");
@@ -92,36 +90,41 @@ mod tests {
     fn the_geometric_law_is_linearized_to_its_own_gains() {
         let mut options = SimOptions::default();
         options.controller.kind = ControllerKind::Geometric;
-        let found = LinearController::new(&options).unwrap();
+        let linear = LinearController::new(&options).unwrap();
         let (gains, vehicle) = (&options.controller.geometric, &options.vehicle);
         let [_, j_y, _] = vehicle.inertia_kg_m2;
-        let near = |found: f64, want: f64, what: &str| {
-            assert!((found / want - 1.0).abs() < 2e-3, "{what}: {found} instead of {want}");
-        };
-        assert_eq!(found.f.nrows(), 6);
-        near(found.k[(3, 2)], -vehicle.mass_kg * gains.k_position, "thrust per height");
-        near(found.k[(3, 8)], -vehicle.mass_kg * gains.k_velocity, "thrust per climb");
-        near(found.k[(1, 10)], -j_y * gains.k_rate[1], "torque per pitch rate");
+        assert_eq!(linear.f.nrows(), 6);
+        let (k, mass_kg) = (&linear.k, vehicle.mass_kg);
         let forward = -j_y * gains.k_attitude[1] * gains.k_position / GRAVITY_M_S2;
-        near(found.k[(1, 0)], forward, "torque per distance");
         // An integral of the position error acts as k_position_integral per second.
-        let integral = found.h.row(3) * found.g.column(2);
-        near(integral[0], -vehicle.mass_kg * gains.k_position_integral, "thrust per integral");
-        assert!(found.f.diagonal().norm() < 1e-6, "integrals do not decay: {}", found.f);
+        let integral = linear.h.row(3) * linear.g.column(2);
+        for (slope, want, what) in [
+            (k[(3, 2)], -mass_kg * gains.k_position, "thrust per height"),
+            (k[(3, 8)], -mass_kg * gains.k_velocity, "thrust per climb"),
+            (k[(1, 10)], -j_y * gains.k_rate[1], "torque per pitch rate"),
+            (k[(1, 0)], forward, "torque per distance"),
+            (integral[0], -mass_kg * gains.k_position_integral, "thrust per integral"),
+        ] {
+            assert!((slope / want - 1.0).abs() < 2e-3, "{what}: {slope} instead of {want}");
+        }
+        assert!(linear.f.diagonal().norm() < 1e-6, "integrals do not decay: {}", linear.f);
+    }
+
+    fn n_memory(options: &SimOptions) -> usize {
+        LinearController::new(options).unwrap().f.nrows()
     }
 
     #[test]
     fn the_cascades_memory_is_what_its_gains_use() {
         let mut options = SimOptions::cf21();
         options.controller.kind = ControllerKind::Pid;
-        let of = |options: &SimOptions| LinearController::new(options).unwrap().f.nrows();
-        assert_eq!(of(&options), 13, "ten integrals, three derivatives");
+        assert_eq!(n_memory(&options), 13, "ten integrals, three derivatives");
         let pid = &mut options.controller.pid;
         (pid.roll_rate[1], pid.pitch_rate[1]) = (0.0, 0.0);
-        assert_eq!(of(&options), 11, "no integral of the roll and pitch rate");
+        assert_eq!(n_memory(&options), 11, "no integral of the roll and pitch rate");
         options.controller.pid = PidOptions::default();
         options.vehicle.motor_rise_s = 0.0;
-        assert_eq!(of(&options), 21, "immediate motors need filters");
+        assert_eq!(n_memory(&options), 21, "immediate motors need filters");
     }
 
     /// Whether a drone that hovers, tilted a little, comes to rest under the controller of the
@@ -156,14 +159,15 @@ mod tests {
                 return false;
             }
         }
-        let most = |sizes: &[f64]| sizes.iter().copied().fold(0.0, f64::max);
-        most(&sizes[4500..]) < most(&sizes[2000..2500])
+        let [late, early] = [&sizes[4500..], &sizes[2000..2500]]
+            .map(|sizes| sizes.iter().copied().fold(0.0, f64::max));
+        late < early
     }
 
     #[test]
     fn the_delay_that_the_margins_allow_is_that_of_the_simulated_drone() {
-        let is_feedback = |kind: &&ControllerKind| matches!(kind.law(), Law::StateFeedback { .. });
-        for &kind in ControllerKind::ALL.iter().filter(|kind| !is_feedback(kind)) {
+        let kinds = ControllerKind::ALL.iter();
+        for &kind in kinds.filter(|kind| !matches!(kind.law(), Law::StateFeedback { .. })) {
             let mut options = SimOptions::cf21();
             options.controller.kind = kind;
             let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
@@ -175,11 +179,12 @@ mod tests {
                 let delay_s = one.phase_rad.unwrap() / one.crossover_rad_s.unwrap();
                 println!("{kind:?} {name}: {delay_s:.4} s, {one:?}");
                 // Commands are held for 2 ms, which is 1 ms of delay.
-                #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
-                let ticks = |share: f64| (share * delay_s / 0.002 - 0.5).max(0.0) as usize;
-                let stays = |share: f64| comes_to_rest(&options, input, ticks(share));
-                assert!(stays(0.8), "{kind:?} {name}: 0.8 of {delay_s} s");
-                assert!(!stays(1.25), "{kind:?} {name}: 1.25 of {delay_s} s");
+                for (share, rests) in [(0.8, true), (1.25, false)] {
+                    #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
+                    let ticks = (share * delay_s / 0.002 - 0.5_f64).max(0.0) as usize;
+                    let what = format!("{kind:?} {name}: {share} of {delay_s} s");
+                    assert_eq!(comes_to_rest(&options, input, ticks), rests, "{what}");
+                }
             }
         }
     }

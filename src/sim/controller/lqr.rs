@@ -148,9 +148,9 @@ mod tests {
         let held = regulator(ControllerKind::Lqr);
         assert_eq!(held.wrench(&at(reference.held_m, 0.0), &reference).0, held.hover);
         let design = regulator(ControllerKind::LqrFeedforward);
-        let found = design.wrench(&reference.trim().0, &reference).0;
+        let wrench = design.wrench(&reference.trim().0, &reference).0;
         let want = Wrench::new(0.0, 0.0, 0.0, 0.0351 * 11.0);
-        assert!((found - want).norm() < 1e-15, "{found}");
+        assert!((wrench - want).norm() < 1e-15, "{wrench}");
     }
 
     #[test]

@@ -44,7 +44,7 @@ const RATE_CUTOFF_HZ: f64 = 30.0;
 /// Butterworth low-pass filter of order 2 by the bilinear transform.
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// Gain of the newest input; twice that of the one before, and once of the one before that.
+    /// Gain of the newest input. The one before has twice this gain, and the one before that, once.
     b: f64,
     /// Of the last two outputs, subtracted.
     a: [f64; 2],
@@ -142,7 +142,6 @@ impl PidCascade {
     pub(super) fn new(options: &SimOptions) -> Self {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
         let slow = |gains, output_max| Pid::new(gains, INTEGRAL_MAX, output_max, slow_hz);
-        let fast = |gains, integral, output_max| Pid::new(gains, integral, output_max, fast_hz);
         let speed_max = SPEED_MAX * OVERHEAD;
         let tilt_max = TILT_MAX * OVERHEAD;
         let vehicle = &options.vehicle;
@@ -151,7 +150,7 @@ impl PidCascade {
         let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
         let [position, velocity, attitude, rate] = options.controller.pid.gains();
         let with_bounds = |loops: [[f64; 3]; 3], bounds: [f64; 3], output_max: f64| {
-            std::array::from_fn(|i| fast(loops[i], bounds[i], output_max))
+            std::array::from_fn(|i| Pid::new(loops[i], bounds[i], output_max, fast_hz))
         };
         let [vx, vy, vz] = velocity;
         let mut rate: [Pid; 3] = with_bounds(rate, [33.3, 33.3, 166.7], COMMAND_MAX);
@@ -188,10 +187,9 @@ impl PidCascade {
     fn outer(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
         let attitude = attitude(estimate);
         let (sin, cos) = libm::sincos(attitude.yaw_rad);
-        let turned = |v: Vector3<f64>| [v.x * cos + v.y * sin, -v.x * sin + v.y * cos, v.z];
-        let there = turned(setpoint_m);
-        let here = turned(position(estimate));
-        let moving = turned(attitude.world_from_body() * velocity(estimate));
+        let moving = attitude.world_from_body() * velocity(estimate);
+        let [there, here, moving] = [setpoint_m, position(estimate), moving]
+            .map(|v| [v.x * cos + v.y * sin, -v.x * sin + v.y * cos, v.z]);
         let mut out = [0.0; 3];
         for i in 0..3 {
             let wanted = self.position[i].update(there[i] - here[i], here[i]);
@@ -324,9 +322,9 @@ mod tests {
                 let row: Vec<f64> =
                     rows.next().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
                 assert_eq!(row[0], f64::from(k));
-                let found = [roll, pitch, yaw, cascade.thrust];
+                let command = [roll, pitch, yaw, cascade.thrust];
                 for (i, worst) in worst.iter_mut().enumerate() {
-                    *worst = worst.max((found[i] - row[i + 1]).abs());
+                    *worst = worst.max((command[i] - row[i + 1]).abs());
                 }
             }
         }
@@ -351,15 +349,15 @@ mod tests {
 
     #[test]
     fn the_filter_passes_what_is_slow_and_halves_the_power_at_its_cut_off() {
-        let amplitude = |frequency_hz: f64| {
+        let [slow, cut_off, fast] = [1.0, 30.0, 200.0].map(|frequency_hz| {
             let mut filter = LowPass::new(30.0, 500);
             let w = 2.0 * PI * frequency_hz / 500.0;
             let out = (0..1000).map(|i| filter.update(libm::sin(w * f64::from(i))));
-            out.skip(500).fold(0.0, f64::max)
-        };
-        assert!((amplitude(1.0) - 1.0).abs() < 1e-3, "{}", amplitude(1.0));
-        assert!((amplitude(30.0) - 0.5_f64.sqrt()).abs() < 1e-2, "{}", amplitude(30.0));
-        assert!(amplitude(200.0) < 0.01, "{}", amplitude(200.0));
+            out.skip(500).fold(0.0_f64, f64::max)
+        });
+        assert!((slow - 1.0).abs() < 1e-3, "{slow}");
+        assert!((cut_off - 0.5_f64.sqrt()).abs() < 1e-2, "{cut_off}");
+        assert!(fast < 0.01, "{fast}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub(crate) struct Reference {
 
 impl Reference {
     /// A setpoint with the position that is sent for it; `time_s` is at or after its own.
-    pub(crate) fn at(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
+    pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
             held_m: sent_m,
@@ -80,16 +80,17 @@ mod tests {
             acceleration_m_s2: Vector3::new(2.0, -1.0, 0.5),
             letter: None,
         };
-        let reference = Reference::at(&setpoint, setpoint.position_m, 1.1);
+        let reference = Reference::from_setpoint(&setpoint, setpoint.position_m, 1.1);
         let (state, thrust) = reference.trim();
         assert_eq!(reference.held_m, setpoint.position_m);
         let options = VehicleOptions::default();
         let wrench = Wrench::new(0.0, 0.0, 0.0, thrust * options.mass_kg);
-        let world = |s: &State| attitude(s).world_from_body() * velocity(s);
-        let wanted = Vector3::new(0.5, -0.3, 0.15);
-        assert!((world(&state) - wanted).norm() < 1e-12, "velocity {}", world(&state));
         let slope = Vehicle::new(&options).derivative(&state, &wrench);
-        let found = (world(&(state + slope * 1e-6)) - world(&state)) / 1e-6;
-        assert!((found - setpoint.acceleration_m_s2).norm() < 1e-5, "acceleration {found}");
+        let [now, ahead] =
+            [state, state + slope * 1e-6].map(|s| attitude(&s).world_from_body() * velocity(&s));
+        let wanted = Vector3::new(0.5, -0.3, 0.15);
+        assert!((now - wanted).norm() < 1e-12, "velocity {now}");
+        let change = (ahead - now) / 1e-6;
+        assert!((change - setpoint.acceleration_m_s2).norm() < 1e-5, "acceleration {change}");
     }
 }

@@ -37,7 +37,7 @@ fn undisturbed(kind: ControllerKind) -> SimOptions {
 /// A lying eight of 1 m by 0.5 m in the plane of the word, once round in 8 s (0.79 m/s at most),
 /// with setpoints that carry velocity and acceleration, 50 a second.
 fn figure_eight() -> Plan {
-    let at = |i: u32| {
+    let setpoints = (0..=1200).map(|i| {
         let time_s = f64::from(i) * 0.02;
         let w = TAU / 8.0;
         let (sin, cos) = libm::sincos(w * time_s);
@@ -50,8 +50,8 @@ fn figure_eight() -> Plan {
             // The first lap begins at rest and does not count.
             letter: (time_s >= 8.0).then_some(0),
         }
-    };
-    Plan { setpoints: (0..=1200).map(at).collect(), ..Default::default() }
+    });
+    Plan { setpoints: setpoints.collect(), ..Default::default() }
 }
 
 /// Samples that write a letter, in the plane of the word: (design, position).

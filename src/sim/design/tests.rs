@@ -19,8 +19,8 @@ fn both_gains_are_those_of_sixty_digits() {
         (2, 3, 0.001_018_156_587_328_857_4),
         (3, 8, 0.165_290_114_583_781_13),
     ] {
-        let found = design.k.as_ref().unwrap()[(row, column)];
-        assert!((found / want - 1.0).abs() < 1e-11, "K[{row}, {column}] = {found}");
+        let entry = design.k.as_ref().unwrap()[(row, column)];
+        assert!((entry / want - 1.0).abs() < 1e-11, "K[{row}, {column}] = {entry}");
     }
     for (row, column, want) in [
         (0, 0, 17.758_102_840_564_2),
@@ -32,8 +32,8 @@ fn both_gains_are_those_of_sixty_digits() {
         (6, 1, 135.859_508_005_650_4),
         (7, 2, 93.494_699_000_845_72),
     ] {
-        let found = std::mem::take(&mut design.l[(row, column)]);
-        assert!((found / want - 1.0).abs() < 1e-11, "L[{row}, {column}] = {found}");
+        let entry = std::mem::take(&mut design.l[(row, column)]);
+        assert!((entry / want - 1.0).abs() < 1e-11, "L[{row}, {column}] = {entry}");
     }
     assert!(design.l.norm() < 1e-9, "all others are zero: {}", design.l);
 }
@@ -126,7 +126,7 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.vehicle.airspeed_moment_n_s = 4e-7;
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
-    let found = design(&options, 0.072).unwrap();
+    let dragged = design(&options, 0.072).unwrap();
     // Hovering in a wind is moving through still air: what it does in 2 ms, per wind.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
@@ -146,12 +146,12 @@ fn the_model_slows_down_as_the_simulator_does() {
     for axis in 0..3 {
         let state = change(axis);
         for row in 6..12 {
-            let (model, real) = (found.a[(row, 6 + axis)], state[row]);
+            let (model, real) = (dragged.a[(row, 6 + axis)], state[row]);
             assert!(
                 (model - real).abs() < 2e-3 * (1.0 + real.abs()),
                 "{row} {axis}: {model} {real}"
             );
         }
     }
-    assert_eq!(found.k, plain.k, "the gain is designed without drag");
+    assert_eq!(dragged.k, plain.k, "the gain is designed without drag");
 }

@@ -98,10 +98,10 @@ mod tests {
     #[test]
     fn angles_are_those_of_the_matrix() {
         let attitude = Attitude { yaw_rad: 2.0, pitch_rad: -0.7, roll_rad: 0.4 };
-        let found = angles(&attitude.world_from_body());
-        let off = (found.yaw_rad - 2.0).abs()
-            + (found.pitch_rad + 0.7).abs()
-            + (found.roll_rad - 0.4).abs();
-        assert!(off < 1e-14, "{found:?}");
+        let turned_angles = angles(&attitude.world_from_body());
+        let apart = (turned_angles.yaw_rad - 2.0).abs()
+            + (turned_angles.pitch_rad + 0.7).abs()
+            + (turned_angles.roll_rad - 0.4).abs();
+        assert!(apart < 1e-14, "{turned_angles:?}");
     }
 }

@@ -140,7 +140,7 @@ mod tests {
             assert_eq!(taken(1, 3.0), None, "after {refusals}");
         }
         assert_eq!(taken(2, 3.0), None, "another source");
-        assert_eq!(taken(1, 3.0).map(|found| found.variance), Some(9.0 + 0.1 * 0.1));
+        assert_eq!(taken(1, 3.0).map(|innovation| innovation.variance), Some(9.0 + 0.1 * 0.1));
         assert_eq!(taken(1, 3.0), None, "in a row");
     }
 

@@ -72,7 +72,7 @@ pub struct Density {
 
 impl Inertial {
     /// A level drone at rest that looks along world x.
-    pub fn at(position_m: Vector3<f64>) -> Self {
+    pub fn level_at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
             velocity_m_s: Vector3::zeros(),
@@ -146,7 +146,7 @@ impl Normal {
     /// Mean errors of a drone, position, velocity and turn, which begin anew.
     pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
         let first = ERRORS * drone;
-        let errors = [0, VELOCITY, TURN].map(|at| self.three(first + at));
+        let errors = [0, VELOCITY, TURN].map(|row| self.three(first + row));
         self.mean.rows_mut(first, ERRORS).fill(0.0);
         errors
     }
@@ -162,10 +162,10 @@ impl Normal {
         let cross = turn_rad.cross_matrix();
         let t_transposed = Matrix3::identity() + cross + cross * cross * 0.5;
 
-        let at = [first, first + VELOCITY, first + TURN];
-        let [pp, pv, pt] = at.map(|column| self.block(at[0], column));
-        let [vv, vt] = [at[1], at[2]].map(|column| self.block(at[1], column));
-        let tt = self.block(at[2], at[2]);
+        let rows = [first, first + VELOCITY, first + TURN];
+        let [pp, pv, pt] = rows.map(|column| self.block(rows[0], column));
+        let [vv, vt] = [rows[1], rows[2]].map(|column| self.block(rows[1], column));
+        let tt = self.block(rows[2], rows[2]);
         let b_tt = b * tt;
         let pt_next = pt + vt * span_s + b_tt * (0.5 * span_s);
         let vt_next = vt + b_tt;
@@ -185,11 +185,11 @@ impl Normal {
             tt[(i, i)] += density.rate * span_s;
         }
         for (k, block) in [pp, vv, tt].iter().enumerate() {
-            self.set(at[k], at[k], &((block + block.transpose()) * 0.5));
+            self.set(rows[k], rows[k], &((block + block.transpose()) * 0.5));
         }
         for (row, column, block) in [(0, 1, &pv), (0, 2, &pt), (1, 2, &vt)] {
-            self.set(at[row], at[column], block);
-            self.set(at[column], at[row], &block.transpose());
+            self.set(rows[row], rows[column], block);
+            self.set(rows[column], rows[row], &block.transpose());
         }
 
         let t = t_transposed.transpose();
@@ -197,7 +197,7 @@ impl Normal {
         for other in (0..first).chain(first + ERRORS..n) {
             let with = &states[other * n + first..][..ERRORS];
             let [p, v, turn] =
-                [0, VELOCITY, TURN].map(|at| Vector3::new(with[at], with[at + 1], with[at + 2]));
+                [0, VELOCITY, TURN].map(|i| Vector3::new(with[i], with[i + 1], with[i + 2]));
             let carried = [p + v * span_s + c * turn, v + b * turn, t * turn];
             for (i, with) in carried.iter().flatten().enumerate() {
                 states[other * n + first + i] = *with;
@@ -229,7 +229,7 @@ mod tests {
             let (drone, phase) = (step % 2, 0.1 * f64::from(u8::try_from(step).unwrap()));
             let force = Vector3::new(libm::sin(phase), libm::cos(phase), 9.8);
             let turn_rad = Vector3::new(0.01, -0.02, libm::sin(3.0 * phase) * 0.03);
-            let (span_s, lever, at) = (0.05, -force.cross_matrix(), ERRORS * drone);
+            let (span_s, lever, first) = (0.05, -force.cross_matrix(), ERRORS * drone);
             normal.carry(drone, &Span { span_s, lever, turn_rad }, &density);
             let (mut phi, one) = (DMatrix::identity(19, 19), Matrix3::identity());
             let cross = turn_rad.cross_matrix();
@@ -239,18 +239,18 @@ mod tests {
                 (VELOCITY, TURN, lever * span_s),
                 (TURN, TURN, one - cross + cross * cross * 0.5),
             ] {
-                phi.fixed_view_mut::<3, 3>(at + row, at + column).copy_from(&block);
+                phi.fixed_view_mut::<3, 3>(first + row, first + column).copy_from(&block);
             }
             p = &phi * p * phi.transpose();
             for (k, density) in density.acceleration.into_iter().enumerate() {
-                p[(at + k, at + k)] += density * span_s * span_s * span_s / 3.0;
-                p[(at + k, at + k + 3)] += density * span_s * span_s / 2.0;
-                p[(at + k + 3, at + k)] += density * span_s * span_s / 2.0;
-                p[(at + k + 3, at + k + 3)] += density * span_s;
-                p[(at + k + 6, at + k + 6)] += 0.04 * span_s;
+                p[(first + k, first + k)] += density * span_s * span_s * span_s / 3.0;
+                p[(first + k, first + k + 3)] += density * span_s * span_s / 2.0;
+                p[(first + k + 3, first + k)] += density * span_s * span_s / 2.0;
+                p[(first + k + 3, first + k + 3)] += density * span_s;
+                p[(first + k + 6, first + k + 6)] += 0.04 * span_s;
             }
-            let off = (&normal.covariance - &p).norm() / p.norm();
-            assert!(off < 1e-13, "{off}");
+            let apart = (&normal.covariance - &p).norm() / p.norm();
+            assert!(apart < 1e-13, "{apart}");
             // What the drones and the floor have in common.
             let slope =
                 [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];

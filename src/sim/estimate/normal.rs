@@ -92,8 +92,8 @@ impl Normal {
 
     /// Mean of three states.
     #[inline]
-    pub fn three(&self, at: usize) -> Vector3<f64> {
-        self.mean.fixed_rows::<3>(at).into_owned()
+    pub fn three(&self, first: usize) -> Vector3<f64> {
+        self.mean.fixed_rows::<3>(first).into_owned()
     }
 
     /// Covariance of three states with three.
@@ -107,9 +107,9 @@ impl Normal {
         self.covariance[(state, state)].max(0.0).sqrt()
     }
 
-    /// Propagates by a transition `Φ`, given as the entries of `Φ − 1` in an order in which no row
-    /// is changed before another that it enters, and by the upper triangle of a covariance `Q` of
-    /// noise.
+    /// Propagates by a transition `Φ` and a covariance `Q` of noise. `Φ` is given as the entries of
+    /// `Φ − 1`; a row must not change before another row reads it. `Q` is given as its upper
+    /// triangle.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
@@ -190,12 +190,12 @@ fn spread(p: &[f64], slope: &[Part], a: &mut [f64], n: usize) {
     a.fill(0.0);
     for part in slope {
         match *part {
-            Part::One(at, h) => {
-                let x = &p[at * n..][..n];
+            Part::One(state, h) => {
+                let x = &p[state * n..][..n];
                 (0..n).for_each(|i| a[i] += x[i] * h);
             }
-            Part::Three(at, h) => {
-                let [x, y, z] = [at, at + 1, at + 2].map(|column| &p[column * n..][..n]);
+            Part::Three(first, h) => {
+                let [x, y, z] = [first, first + 1, first + 2].map(|state| &p[state * n..][..n]);
                 (0..n).for_each(|i| a[i] += x[i] * h.x + y[i] * h.y + z[i] * h.z);
             }
         }
@@ -215,11 +215,11 @@ fn reduce(p: &mut [f64], k: &[f64], n: usize) {
 /// Change of a measurement with states.
 #[inline(always)]
 pub fn along(slope: &[Part], states: &[f64]) -> f64 {
-    let one = |part: &Part| match *part {
-        Part::One(at, h) => h * states[at],
-        Part::Three(at, h) => h.x * states[at] + h.y * states[at + 1] + h.z * states[at + 2],
-    };
-    slope.iter().map(one).sum()
+    let changes = slope.iter().map(|part| match *part {
+        Part::One(state, h) => h * states[state],
+        Part::Three(i, h) => h.x * states[i] + h.y * states[i + 1] + h.z * states[i + 2],
+    });
+    changes.sum()
 }
 
 /// One step that a filter recorded.
@@ -236,8 +236,8 @@ pub struct Step {
 }
 
 impl Step {
-    /// The states of this step as all measurements have them, given the step after it and what
-    /// these make of that one (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965); `None` where its
+    /// The states of this step by all measurements, from the step after it and that step's smoothed
+    /// states (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965); `None` where its
     /// predicted covariance is not positive.
     pub fn smoothed(&self, after: &Self, smooth: &Normal) -> Option<Normal> {
         let (updated, predicted) = (&self.updated, &after.predicted);
@@ -271,8 +271,8 @@ mod tests {
         let mut h = DVector::zeros(n);
         for part in slope {
             match *part {
-                Part::One(at, slope) => h[at] = slope,
-                Part::Three(at, slope) => h.fixed_rows_mut::<3>(at).copy_from(&slope),
+                Part::One(state, slope) => h[state] = slope,
+                Part::Three(first, slope) => h.fixed_rows_mut::<3>(first).copy_from(&slope),
             }
         }
         h
@@ -289,7 +289,7 @@ mod tests {
         (&before.mean + gain * (value - h.dot(&before.mean)), covariance)
     }
 
-    fn of(slope: &[Part], value: f64, variance: f64) -> Measurement<'_> {
+    fn measured(slope: &[Part], value: f64, variance: f64) -> Measurement<'_> {
         Measurement { slope, value, variance }
     }
 
@@ -297,7 +297,7 @@ mod tests {
         let mut normal = Normal::independent(&[0.3, 0.2, 0.1, 0.4, 0.5]);
         for i in 0..4 {
             let part = Part::Three(i % 3, Vector3::new(0.3, -0.8, 0.5));
-            normal.correct(&of(&[part], 0.1, 0.02), |_| true);
+            normal.correct(&measured(&[part], 0.1, 0.02), |_| true);
         }
         normal
     }
@@ -306,7 +306,7 @@ mod tests {
     fn a_correction_is_that_of_joseph() {
         let mut normal = some();
         let slope = [Part::Three(0, Vector3::new(1.0, 0.5, -0.2)), Part::One(4, -0.7)];
-        let measurement = of(&slope, 0.02, 0.01);
+        let measurement = measured(&slope, 0.02, 0.01);
         let (mean, covariance) = joseph(&normal, &measurement);
         assert!(normal.correct(&measurement, |_| true));
         assert!((&normal.covariance - &covariance).norm() < 1e-14 * covariance.norm());
@@ -336,8 +336,8 @@ mod tests {
     #[test]
     fn a_constant_is_estimated_as_the_weighted_mean_of_its_measurements() {
         let mut filter = Normal::independent(&[1e4]);
-        for (measured, variance) in [(2.0, 1.0), (5.0, 0.5), (3.0, 0.25)] {
-            filter.correct(&of(&[Part::One(0, 1.0)], measured, variance), |_| true);
+        for (value, variance) in [(2.0, 1.0), (5.0, 0.5), (3.0, 0.25)] {
+            filter.correct(&measured(&[Part::One(0, 1.0)], value, variance), |_| true);
         }
         let mean = (2.0 / 1.0 + 5.0 / 0.5 + 3.0 / 0.25) / 7.0;
         assert!((filter.mean[0] - mean).abs() < 1e-7, "{}", filter.mean[0]);
@@ -353,11 +353,11 @@ mod tests {
         let mut filter = Normal::independent(&[1.0, 1.0]);
         for _ in 0..2000 {
             filter.predict(&transition, &noise);
-            filter.correct(&of(&h, 0.0, r), |_| true);
+            filter.correct(&measured(&h, 0.0, r), |_| true);
         }
         let mut next = filter.clone();
         next.predict(&transition, &noise);
-        let (_, steady) = joseph(&next, &of(&h, 0.0, r));
+        let (_, steady) = joseph(&next, &measured(&h, 0.0, r));
         let residual = steady - &filter.covariance;
         assert!(residual.norm() < 1e-12 && filter.covariance[(0, 0)] < r, "{residual}");
     }
@@ -373,7 +373,7 @@ mod tests {
             let place = Vector3::new(libm::sin(angle), libm::cos(angle), libm::sin(0.7 * angle));
             let turn = place.cross(&Vector3::x()) * 0.015;
             let slope = [Part::Three(0, place), Part::Three(3, turn)];
-            normal.correct(&of(&slope, 0.0, 1e-8), |_| true);
+            normal.correct(&measured(&slope, 0.0, 1e-8), |_| true);
         }
         let scale = normal.covariance.diagonal().map(|d| 1.0 / d.sqrt());
         let correlation =
@@ -386,17 +386,17 @@ mod tests {
         let (mut normal, before) = (some(), some());
         let slope = [Part::One(0, 1.0)];
         let sigma = (before.covariance[(0, 0)] + 0.01).sqrt();
-        let gate = |innovation: &Innovation| !innovation.is_beyond(9.0);
-        let off = |sigmas: f64| before.mean[0] + sigmas * sigma;
-        assert!(!normal.correct(&of(&slope, off(3.01), 0.01), gate), "beyond");
-        assert_eq!((&normal.mean, &normal.covariance), (&before.mean, &before.covariance));
-        assert!(normal.correct(&of(&slope, off(2.99), 0.01), gate), "within");
+        for (sigmas, within) in [(3.01, false), (2.99, true)] {
+            assert_eq!((&normal.mean, &normal.covariance), (&before.mean, &before.covariance));
+            let measurement = measured(&slope, before.mean[0] + sigmas * sigma, 0.01);
+            assert_eq!(normal.correct(&measurement, |i| !i.is_beyond(9.0)), within, "{sigmas}");
+        }
     }
 
     #[test]
     fn an_innovation_knows_its_own_spread() {
         let mut normal = Normal::independent(&[3.0_f64.sqrt()]);
-        let innovation = normal.innovation(&of(&[Part::One(0, 2.0)], 4.0, 4.0));
+        let innovation = normal.innovation(&measured(&[Part::One(0, 2.0)], 4.0, 4.0));
         assert!((innovation.variance - 16.0).abs() < 1e-14);
         assert_eq!(Innovation { value: 4.0, variance: 16.0 }.sigmas(), 1.0);
         assert_eq!(Innovation { value: 4.0, variance: 16.0 }.nis(), 1.0);

@@ -43,7 +43,7 @@ impl Estimator for Altitude {
         }
         for &(sensor, measured_m) in readings.heights {
             let upright = if sensor.looks_down() { cos_tilt } else { 1.0 };
-            filter.update(AltitudeSensor::of(sensor), measured_m * upright);
+            filter.update(AltitudeSensor::from_height(sensor), measured_m * upright);
         }
     }
 

@@ -52,7 +52,7 @@ pub enum AltitudeState {
     Barometer,
 }
 
-/// What measures the altitude, by the biases that the filter estimates of it.
+/// Kinds of altitude sensors, by the biases that the filter estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AltitudeSensor {
     /// Satellites: z.
@@ -68,7 +68,7 @@ impl AltitudeSensor {
     pub const ALL: [Self; 3] = [Self::Gnss, Self::TimeOfFlight, Self::Barometer];
 
     /// What a sensor of the height is to the filter.
-    pub fn of(sensor: HeightSensor) -> Self {
+    pub fn from_height(sensor: HeightSensor) -> Self {
         if sensor.looks_down() { Self::TimeOfFlight } else { Self::Barometer }
     }
 }
@@ -177,16 +177,13 @@ impl AltitudeFilter {
     /// A range beyond the gate is not taken in; the second in a row moves the ranger's bias by the
     /// mean of their innovations and widens it.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
-        let (options, of) = (&self.options, |state: AltitudeState| Part::One(state as usize, 1.0));
-        let altitude = of(AltitudeState::Altitude);
+        let [altitude, ranger, barometer] =
+            [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
+                .map(|state| Part::One(state as usize, 1.0));
         let (slope, sigma_m): (&[Part], f64) = match sensor {
             AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
-            AltitudeSensor::TimeOfFlight => {
-                (&[altitude, of(AltitudeState::Ranger)], TIME_OF_FLIGHT_SIGMA_M)
-            }
-            AltitudeSensor::Barometer => {
-                (&[altitude, of(AltitudeState::Barometer)], options.barometer_sigma_m)
-            }
+            AltitudeSensor::TimeOfFlight => (&[altitude, ranger], TIME_OF_FLIGHT_SIGMA_M),
+            AltitudeSensor::Barometer => (&[altitude, barometer], self.options.barometer_sigma_m),
         };
         let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
         let innovation = self.normal.innovation(&measurement);

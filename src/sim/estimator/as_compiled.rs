@@ -47,10 +47,11 @@ fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
 /// `hurry` times as fast.
 fn motion(t: f64, hurry: f64) -> (Vector3<f64>, Vector3<f64>, Matrix3<f64>) {
     let axes = [bow(0.5, hurry * 0.7, t), bow(0.3, hurry * 0.9, t), bow(0.3, hurry * 0.5, t)];
-    let of = |order: usize| Vector3::from_fn(|axis, _| axes[axis][order]);
-    let place_m = of(0) + Vector3::z() * 0.8;
-    let force_m_s2 = of(2) + Vector3::z() * 9.81;
-    let up = (force_m_s2 + of(1) * 0.45).normalize();
+    let [place_m, velocity_m_s, acceleration_m_s2] =
+        [0, 1, 2].map(|order: usize| Vector3::from_fn(|axis, _| axes[axis][order]));
+    let place_m = place_m + Vector3::z() * 0.8;
+    let force_m_s2 = acceleration_m_s2 + Vector3::z() * 9.81;
+    let up = (force_m_s2 + velocity_m_s * 0.45).normalize();
     let (sin, cos) = libm::sincos(bow(0.3, hurry * 0.4, t)[0]);
     let left = up.cross(&Vector3::new(cos, sin, 0.0)).normalize();
     (place_m, force_m_s2, Matrix3::from_columns(&[left.cross(&up), left, up]))
@@ -62,7 +63,7 @@ struct Apart {
     states: [f64; 3],
     /// The largest ratio of standard deviations, less 1.
     worst_sigma: f64,
-    /// The mean ratio of those of positions, less 1: that of any one is as far off by chance.
+    /// The mean ratio of those of positions, less 1; each alone differs more, by chance.
     mean_sigma: f64,
 }
 
@@ -147,7 +148,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
             .then(|| place_m.z / r[(2, 2)] + 0.0025 * numbers.normal());
         let heights: Vec<_> =
             distance_m.into_iter().map(|it| (HeightSensor::TimeOfFlight, it)).collect();
-        let truth = RigidBody::at(place_m);
+        let truth = RigidBody::resting_at(place_m);
         let readings = Readings {
             throttle: 0.5,
             position_m,
@@ -165,14 +166,14 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
         assert_eq!(row[0], f64::from(k));
         let state = filter.state();
         let Attitude { yaw_rad, pitch_rad, roll_rad } = attitude(&state);
-        let found = [
+        let estimated = [
             [state[0], state[1], state[2]],
             [state[6], state[7], state[8]],
             [yaw_rad, pitch_rad, roll_rad].map(f64::to_degrees),
         ];
-        for (part, found) in found.iter().enumerate() {
-            let off = (0..3).map(|i| (found[i] - row[1 + 3 * part + i]).powi(2));
-            squares[part] += off.sum::<f64>() / 3.0;
+        for (part, estimated) in estimated.iter().enumerate() {
+            let errors = (0..3).map(|i| (estimated[i] - row[1 + 3 * part + i]).powi(2));
+            squares[part] += errors.sum::<f64>() / 3.0;
         }
         for (state, want) in row[10..].iter().enumerate() {
             let ratio = (filter.sigma(state) / want).ln();

@@ -47,9 +47,9 @@ pub struct Bound {
 pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     options.check()?;
     if !options.sensors.positioning.is_by_ranges() {
-        let found = options.sensors.positioning.name();
+        let name = options.sensors.positioning.name();
         let hint = "set sensors.positioning = \"uwb-twr\" or \"uwb-tdoa\"";
-        return Err(Error::input("sensors.positioning", found, "ultra-wideband ranges", hint));
+        return Err(Error::input("sensors.positioning", name, "ultra-wideband ranges", hint));
     }
     if options.observer.kind == EstimatorKind::Cooperative {
         return along(plans, 0, options);
@@ -66,9 +66,9 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let mut fleet = Fleet::new(plans.len(), options);
     let mut bounds = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
-    let has = |sensor: &&HeightSensor| sensors.heights.contains(sensor);
-    let clock = |sensor: &HeightSensor| (*sensor, Clock::new(sensors.height_rate_hz(*sensor)));
-    let mut heights: Vec<_> = HeightSensor::ALL.iter().filter(has).map(clock).collect();
+    let carried = HeightSensor::ALL.iter().filter(|sensor| sensors.heights.contains(sensor));
+    let clocks = carried.map(|sensor| (*sensor, Clock::new(sensors.height_rate_hz(*sensor))));
+    let mut heights: Vec<_> = clocks.collect();
     let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
     let mut ranges = Clock::new(uwb.rate_hz);
@@ -147,14 +147,14 @@ impl<'a> Fleet<'a> {
 
     /// Measures one link.
     fn range(&mut self, turn: Turn) {
-        let from = |drone: usize, anchor: usize| {
-            toward(&(self.places_m[drone] - self.anchors_m[anchor])).0
-        };
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
             Turn::Anchor { drone, anchor, minus } => {
-                let minus = minus.map_or(Vector3::zeros(), |minus| from(drone, minus));
-                let slope = Part::Three(ERRORS * drone, from(drone, anchor) - minus);
+                let units = [Some(anchor), minus].map(|anchor| {
+                    let away_m = anchor.map(|it| self.places_m[drone] - self.anchors_m[it]);
+                    away_m.map_or(Vector3::zeros(), |away_m| toward(&away_m).0)
+                });
+                let slope = Part::Three(ERRORS * drone, units[0] - units[1]);
                 self.correct(&[slope], variance);
             }
             Turn::Drones(i, j) => {
@@ -257,10 +257,10 @@ mod tests {
         let plan = hover([0.0, 0.0, 1.0], 1.0);
         let bound = bounds(&[&plan], &options).unwrap().remove(0);
         // Velocity is known to 1 cm/s: at 0.1 s it has moved by less than the ranges tell.
-        let at = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
-        let n = ((bound.time_s[at] * 180.0).floor() + 1.0) / 3.0;
+        let row = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
+        let n = ((bound.time_s[row] * 180.0).floor() + 1.0) / 3.0;
         let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();
-        let found_m = bound.sigma_m[at];
+        let found_m = bound.sigma_m[row];
         assert!((found_m / want_m - 1.0).abs() < 0.05, "{found_m} m of {want_m} m");
     }
 

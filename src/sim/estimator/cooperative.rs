@@ -29,7 +29,7 @@ use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::options::{ObserverOptions, Share};
 use crate::sensors::{
-    Fleet, Leg, Member, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
+    Fleet, Leg, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
 };
 use crate::vehicle::State;
 
@@ -85,13 +85,13 @@ impl Cooperative {
     pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
         let own_m = fleet.members[fleet.place].start_m;
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
-        let peer = |(place, member): (usize, &Member)| Peer {
+        let peers = others.map(|(place, member)| Peer {
             place,
             position_m: member.start_m,
             velocity_m_s: Vector3::zeros(),
             tilt_rad: Vector3::zeros(),
             motions: [Reckoning::default()].into(),
-        };
+        });
         let start = &options.cooperative;
         let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
         Self {
@@ -101,9 +101,9 @@ impl Cooperative {
                 own_m,
                 Normal::of_drones(fleet.members.len(), sigmas, &[]),
             ),
-            alone: Inertial::at(Vector3::zeros()),
+            alone: Inertial::level_at(Vector3::zeros()),
             dead_reckoning: Reckoning::default(),
-            peers: others.map(peer).collect(),
+            peers: peers.collect(),
             place: fleet.place,
             share: start.share,
             force_m_s2: Vector3::z() * GRAVITY_M_S2,
@@ -127,7 +127,7 @@ impl Cooperative {
         }
     }
 
-    /// Keeps what was measured at this tick for the next message and for those of the others.
+    /// Keeps the measurements of this tick for its next message and for the messages of the others.
     fn note(&mut self, readings: &Readings<'_>) {
         let time_s = self.dead_reckoning.time_s;
         let variance = self.own.model.range[TWO_WAY];
@@ -245,13 +245,15 @@ impl Cooperative {
         for (from, range) in between {
             let Target::Drone(other) = range.target else { continue };
             let key = (range.time_s, from.min(other), from.max(other));
-            let block = |place| self.peers.iter().position(|peer| peer.place == place);
-            let Some((i, j)) = block(from).zip(block(other)) else { continue };
+            let blocks =
+                [from, other].map(|it| self.peers.iter().position(|peer| peer.place == it));
+            let [Some(i), Some(j)] = blocks else { continue };
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
                 continue;
             }
-            let last_s = |k: usize| self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
-            if range.time_s > last_s(i).min(last_s(j)) {
+            let last_s =
+                [i, j].map(|k| self.peers[k].motions.back().map_or(0.0, |last| last.time_s));
+            if range.time_s > last_s[0].min(last_s[1]) {
                 self.between.push((from, range));
                 continue;
             }

@@ -1,8 +1,7 @@
 //! What the Lighthouse deck's driver makes of sweeps before the Kalman filter gets them.
 //!
-//! Both sweeps of a rotation are passed on at the second one, a rotation of which one is missing is
-//! dropped, and of all second-generation stations together some 50 rotations a second are kept, by
-//! chance.
+//! Both sweeps of a rotation are passed on at the second one. A rotation that lacks a sweep is
+//! dropped. Some 50 rotations a second are kept, by chance, over all second-generation stations.
 //!
 //! Source: firmware 2026.08, `pulse_processor_v2.c` (pairs), `lighthouse_core.c` (at the second
 //! sweep), `lighthouse_throttle.c`.
@@ -123,13 +122,13 @@ mod tests {
     fn a_rotation_needs_both_its_sweeps_and_comes_at_the_second() {
         let mut deck = deck(&FirmwareOptions::default());
         assert!(deck.hear(&[sweep(0, 0.1)], 0.0).is_empty());
-        let found = deck.hear(&[sweep(1, 0.2)], 0.008);
-        assert_eq!(found[0].both_rad, Some([[0.1; 4], [0.2; 4]]));
-        assert_eq!(found[0].planes.len(), 2);
+        let rotations = deck.hear(&[sweep(1, 0.2)], 0.008);
+        assert_eq!(rotations[0].both_rad, Some([[0.1; 4], [0.2; 4]]));
+        assert_eq!(rotations[0].planes.len(), 2);
         assert!(deck.hear(&[sweep(1, 0.2)], 0.028).is_empty(), "the first one was lost");
         assert!(deck.hear(&[sweep(0, 0.4), sweep(0, 0.3)], 0.04).is_empty());
-        let found = deck.hear(&[sweep(1, 0.2)], 0.046);
-        assert_eq!(found[0].both_rad.unwrap()[0], [0.3; 4], "the earlier one of two");
+        let rotations = deck.hear(&[sweep(1, 0.2)], 0.046);
+        assert_eq!(rotations[0].both_rad.unwrap()[0], [0.3; 4], "the earlier one of two");
         let one_by_one = FirmwareOptions { paired_sweeps: false, ..FirmwareOptions::default() };
         let mut deck = self::deck(&one_by_one);
         assert_eq!(deck.hear(&[sweep(0, 0.1)], 0.0)[0].planes, [(0, [0.1; 4])]);
@@ -138,21 +137,21 @@ mod tests {
 
     #[test]
     fn fifty_rotations_a_second_are_kept_of_any_number_and_fewer_are_all_kept() {
-        let kept = |rotations_hz: u32, options: &FirmwareOptions| {
-            let mut deck = deck(options);
-            let rotation = |n: u32| {
+        let throttled = FirmwareOptions::default();
+        let whole = FirmwareOptions { rotations_hz: 0.0, ..throttled.clone() };
+        for (rotations_hz, options, wanted) in [
+            (100, &throttled, 1900..2100),
+            (160, &throttled, 1900..2100),
+            (40, &throttled, 1600..1601),
+            (100, &whole, 4000..4001),
+        ] {
+            let (mut deck, mut kept) = (deck(options), 0);
+            for n in 0..40 * rotations_hz {
                 let time_s = f64::from(n) / f64::from(rotations_hz);
                 deck.hear(&[sweep(0, 0.1)], time_s);
-                deck.hear(&[sweep(1, 0.1)], time_s + 0.006).len()
-            };
-            (0..40 * rotations_hz).map(rotation).sum::<usize>()
-        };
-        let all = FirmwareOptions::default();
-        for rotations_hz in [100, 160] {
-            assert!((1900..2100).contains(&kept(rotations_hz, &all)), "{rotations_hz} a second");
+                kept += deck.hear(&[sweep(1, 0.1)], time_s + 0.006).len();
+            }
+            assert!(wanted.contains(&kept), "{kept} of {rotations_hz} a second");
         }
-        assert_eq!(kept(40, &all), 1600);
-        let whole = FirmwareOptions { rotations_hz: 0.0, ..all };
-        assert_eq!(kept(100, &whole), 4000, "not throttled");
     }
 }

@@ -82,7 +82,7 @@ pub(super) struct Model {
     /// Variance of a difference of ranges, and of two-way ranging.
     pub(super) range: [f64; 2],
     pub(super) gate_sigmas: f64,
-    /// The sensors with the noise that the filter believes of those of the height.
+    /// The sensors, with the height sensors' noise as the filter believes it.
     pub(super) sensors: SensorOptions,
 }
 
@@ -97,7 +97,7 @@ impl Ekf {
         let floor = &floor[..usize::from(options.floor_steps)];
         let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
         Self {
-            motion: Inertial::at(position_m),
+            motion: Inertial::level_at(position_m),
             normal: Normal::of_drones(1, START, floor),
             model: Model::new(options, sensors),
             step_test: options.floor_steps.then_some(step_test),
@@ -167,13 +167,13 @@ impl Estimator for Ekf {
         self.advance(readings, tick_s, |normal, source, measurement| {
             match (source, &mut step_test) {
                 (Source::Sweep { radius_m }, _) => {
-                    normal.correct(measurement, |found| sweeps.takes(radius_m * found.value));
+                    normal.correct(measurement, |error| sweeps.takes(radius_m * error.value));
                 }
                 (Source::To(Target::Height(sensor)), Some(test)) if sensor.looks_down() => {
                     test.correct(normal, measurement, gate_sq);
                 }
                 _ => {
-                    normal.correct(measurement, |found| !found.is_beyond(gate_sq));
+                    normal.correct(measurement, |error| !error.is_beyond(gate_sq));
                 }
             }
         });
@@ -191,7 +191,6 @@ impl Estimator for Ekf {
 
 impl Model {
     pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
-        let square = |sigma: f64| sigma * sigma;
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
         let mut believed = sensors.clone();
@@ -206,9 +205,9 @@ impl Model {
                 acceleration: [level, level, upright].map(variance_rate),
                 rate: variance_rate(options.rate_noise_rad_s_sqrt_hz),
             },
-            sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
-            position: square(options.position_sigma_m),
-            range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
+            sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(|rad| rad * rad),
+            position: options.position_sigma_m * options.position_sigma_m,
+            range: [options.range_sigma_m, options.two_way_sigma_m].map(|m| m * m),
             gate_sigmas: options.gate_sigmas,
             sensors: believed,
         }

@@ -55,7 +55,7 @@ pub(super) struct Firmware {
     /// In the body.
     velocity_m_s: Vector3<f64>,
     attitude: Turned,
-    /// The attitude at the end of the last tick, by which a whole tick computes.
+    /// The attitude at the end of the last tick; the whole present tick uses it.
     world_from_body: Matrix3<f64>,
     /// Error of the attitude since.
     turn_rad: Vector3<f64>,
@@ -171,8 +171,8 @@ impl Firmware {
         }
     }
 
-    /// The angle by which the deck is turned, as one station sees it: rays to its sensors are cut
-    /// with the plane of the deck where the filter has it.
+    /// Yaw of the deck beyond the filter's, as one station sees it: its rays to the sensors meet
+    /// the plane of the deck as the filter believes it.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
@@ -180,21 +180,22 @@ impl Firmware {
         let station = &self.model.stations[rotation.station];
         let normal = self.world_from_body.column(2).into_owned();
         let above = normal.dot(&(station.position_m - self.position_m));
-        let seen_m = |k: usize| {
-            let ray = station.ray(rotation.both_rad?.map(|angles_rad| angles_rad[k]));
+        let both_rad = rotation.both_rad?;
+        let seen_m = [0, 1, 2, 3].map(|k: usize| {
+            let ray = station.ray(both_rad.map(|angles_rad| angles_rad[k]));
             let toward = -normal.dot(&ray);
             (toward != 0.0).then(|| station.position_m + ray * (above / toward))
-        };
-        let diagonal = |from: usize, to: usize| {
+        });
+        let diagonals_rad = [(0, 3), (1, 2)].map(|(from, to)| {
             let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
             let believed = self.world_from_body * (b - a);
-            let seen = seen_m(to)? - seen_m(from)?;
+            let seen = seen_m[to]? - seen_m[from]?;
             let length = believed.norm() * seen.norm();
             let angle_rad = libm::acos((believed.dot(&seen) / length).clamp(-1.0, 1.0));
             let left = normal.dot(&believed.cross(&seen)) > 0.0;
             (seen.norm() >= 1e-4).then_some(if left { -angle_rad } else { angle_rad })
-        };
-        Some(0.5 * (diagonal(0, 3)? + diagonal(1, 2)?))
+        });
+        Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
     fn correct_by_range(&mut self, range: &Range) {
@@ -256,12 +257,11 @@ impl Firmware {
 
     /// `P ← Φ P Φᵀ`, symmetric; Φ leaves positions and velocities as they are where nothing drifts.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
-        let p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
-        // Columns are the rows of the transposed.
-        let moved = |p: SMatrix<f64, 9, 9>| {
-            SMatrix::from_data(ArrayStorage(moved(&p.transpose().data.0, drift, turn)))
-        };
-        let p = moved(moved(p));
+        let mut p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
+        for _ in 0..2 {
+            // Columns are the rows of the transposed.
+            p = SMatrix::from_data(ArrayStorage(moved(&p.transpose().data.0, drift, turn)));
+        }
         self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
     }
 
@@ -328,7 +328,7 @@ impl Estimator for Firmware {
     }
 }
 
-/// What errors of velocity and turn add to those of position, and make of those of velocity.
+/// How errors of velocity and turn enter the position's, and how they change the velocity's.
 struct Drift {
     position: [Matrix3<f64>; 2],
     velocity: [Matrix3<f64>; 2],

@@ -15,7 +15,6 @@ use crate::sensors::{
 use crate::tests::written;
 use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::flight::FlightSample;
 use noctograph_core::geometry::Attitude;
 use noctograph_plan::{Extent, PlanOptions};
 
@@ -43,8 +42,8 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     let rate = Vector3::new(turning[(2, 1)], turning[(0, 2)], turning[(1, 0)]);
     let state = state(&p, a, &velocity, &rate);
     let middle_s = time_s - 0.5 * TICK_S;
-    let place = |t: f64| motion(t).0;
-    let bend = (place(middle_s + h) + place(middle_s - h) - place(middle_s) * 2.0) / (h * h);
+    let [after, before, here] = [middle_s + h, middle_s - h, middle_s].map(|t| motion(t).0);
+    let bend = (after + before - here * 2.0) / (h * h);
     let force = motion(middle_s).1.world_from_body().tr_mul(&(bend + Vector3::z() * GRAVITY_M_S2));
     (state, force)
 }
@@ -134,16 +133,16 @@ fn the_filters_covariance_is_consistent_with_its_errors() {
 fn nees(truth: &State, ekf: &Ekf) -> f64 {
     let a = Attitude { yaw_rad: truth[3], pitch_rad: truth[4], roll_rad: truth[5] };
     let r = a.world_from_body();
-    let off = ekf.motion.attitude.matrix().transpose() * r;
+    let apart = ekf.motion.attitude.matrix().transpose() * r;
     let mut error = SVector::<f64, 9>::zeros();
     let position = truth.fixed_rows::<3>(0) - ekf.motion.position_m;
     error.fixed_rows_mut::<3>(0).copy_from(&position);
     let velocity = r * truth.fixed_rows::<3>(6) - ekf.motion.velocity_m_s;
     error.fixed_rows_mut::<3>(3).copy_from(&velocity);
     let turn = Vector3::new(
-        off[(2, 1)] - off[(1, 2)],
-        off[(0, 2)] - off[(2, 0)],
-        off[(1, 0)] - off[(0, 1)],
+        apart[(2, 1)] - apart[(1, 2)],
+        apart[(0, 2)] - apart[(2, 0)],
+        apart[(1, 0)] - apart[(0, 1)],
     );
     error.fixed_rows_mut::<3>(6).copy_from(&(turn * 0.5));
     let p = Cholesky::new(ekf.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned())
@@ -169,17 +168,16 @@ fn without_noise_the_filter_follows_the_truth() {
 
 #[test]
 fn outliers_are_rejected() {
-    let error_m = |gate: f64| {
+    let [gated, open] = [4.0, 1e6].map(|gate_sigmas| {
         let mut sensors = white(Positioning::UwbTwr);
         sensors.uwb.outlier_frac = 0.1;
-        let options = EkfOptions { gate_sigmas: gate, ..honest(&sensors) };
+        let options = EkfOptions { gate_sigmas, ..honest(&sensors) };
         let mut square = 0.0;
         follow(&options, &sensors, 3, 20, |_, truth, ekf| {
             square += (truth.fixed_rows::<3>(0) - ekf.motion.position_m).norm_squared();
         });
         (square / f64::from(20 * RATE_HZ)).sqrt()
-    };
-    let (gated, open) = (error_m(4.0), error_m(1e6));
+    });
     println!("outliers: {gated:.4} m gated, {open:.4} m open");
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
@@ -216,8 +214,8 @@ fn errors_m(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Vec<Vec
     options.sensors.positioning = positioning;
     options.observer.kind = kind;
     let flight = flown(&plan, &options, seed).unwrap();
-    let error = |s: &FlightSample| s.estimate_m - s.position_m;
-    flight.samples.iter().filter(|s| s.time_s > 2.0).map(error).collect()
+    let settled = flight.samples.iter().filter(|s| s.time_s > 2.0);
+    settled.map(|s| s.estimate_m - s.position_m).collect()
 }
 
 fn rms(values: &[Vector3<f64>]) -> f64 {
@@ -226,8 +224,8 @@ fn rms(values: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn lighthouse_errors_in_flight_are_those_measured() {
-    // positioning_dataset: mean 12.9 to 13.6 mm, of which the mean over 1 s makes up 13.4 to 14.5
-    // rms and the rest 5 to 6.4.
+    // positioning_dataset: mean 12.9 to 13.6 mm. The mean over 1 s has 13.4 to 14.5 rms, and the
+    // rest 5 to 6.4.
     for (positioning, kind) in [
         (Positioning::Sweeps, EstimatorKind::Ekf),
         (Positioning::CrossingBeams, EstimatorKind::Ekf),
@@ -270,19 +268,17 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     state.fixed_rows_mut::<3>(0).copy_from(&start_m);
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
-        let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let readers = |sensors: &SensorOptions| {
+        let options = [Positioning::CrossingBeams, Positioning::Sweeps]
+            .map(|positioning| SensorOptions { positioning, ..Default::default() });
+        let [mut beams, mut sweeps] = options.each_ref().map(|sensors| {
             let alone = Fleet::alone(0);
             Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &alone)
-        };
+        });
         let body = RigidBody::from_state(&state);
-        let mut beams = readers(&of(Positioning::CrossingBeams));
         let fixes = (0..5000).filter_map(|_| beams.read(&body, force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
-        let sensors = of(Positioning::Sweeps);
-        let mut sweeps = readers(&sensors);
-        let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
+        let mut ekf = Ekf::new(&EkfOptions::default(), &options[1], start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
             ekf.update(&sweeps.read(&body, force, &[]), TICK_S);
@@ -317,12 +313,12 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
     let plan = written("NOOR", &PlanOptions::default());
     let rms_m = |options: &SimOptions| {
-        let errors_m = |seed: u64| {
+        let errors_m = (0..2).flat_map(|seed| {
             let flight = flown(&plan, options, seed).unwrap();
             let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
             in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
-        };
-        let all: Vec<f64> = (0..2).flat_map(errors_m).collect();
+        });
+        let all: Vec<f64> = errors_m.collect();
         (all.iter().map(|e| e * e).sum::<f64>() / f64::from(u32::try_from(all.len()).unwrap()))
             .sqrt()
     };

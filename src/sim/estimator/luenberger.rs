@@ -137,7 +137,7 @@ mod tests {
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
         let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
-        let start = RigidBody::at(Vector3::zeros());
+        let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
             observer.update(&readings, 0.002);
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
         let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
-        let start = RigidBody::at(Vector3::zeros());
+        let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {
             observer.update(&readings, 0.002);

@@ -85,7 +85,7 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 }
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
-/// along world x. The seed is that of the sweeps that it drops by chance.
+/// along world x. The seed decides which sweeps it drops by chance.
 ///
 /// # Errors
 ///
@@ -97,7 +97,6 @@ pub(super) fn estimator(
     seed: u64,
 ) -> Result<Box<dyn Estimator>> {
     let SimOptions { observer, sensors, .. } = options;
-    let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
     Ok(match observer.kind {
         EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
         EstimatorKind::Ekf => {
@@ -105,16 +104,16 @@ pub(super) fn estimator(
             let noise = Noise::new(seed, drone, "lighthouse deck");
             Box::new(Firmware::new(observer, sensors, position_m, noise))
         }
-        EstimatorKind::EkfImproved => Box::new(ekf()),
+        EstimatorKind::EkfImproved => Box::new(Ekf::new(&observer.ekf, sensors, position_m)),
         EstimatorKind::Altitude => {
             let hover = options.believed_hover_throttle();
             Box::new(Altitude {
-                horizontal: ekf(),
+                horizontal: Ekf::new(&observer.ekf, sensors, position_m),
                 vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
                 has_satellites: sensors.positioning == Positioning::Gnss,
             })
         }
         EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
-        EstimatorKind::Truth => Box::new(RigidBody::at(position_m)),
+        EstimatorKind::Truth => Box::new(RigidBody::resting_at(position_m)),
     })
 }

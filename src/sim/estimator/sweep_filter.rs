@@ -3,7 +3,7 @@
 //! In: the error of a sweep at the deck, m: that of its angle times the distance from the rotor's
 //! axis. Out: whether the Kalman filter takes it in. Each sweep closes the filter for a time that
 //! grows by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad one; while it
-//! is closed, none but good ones are taken. An estimate that strayed thus finds back in some five
+//! is closed, only good ones are taken. An estimate that strayed thus finds back in some five
 //! bad sweeps, to a reflection if that is what it sees.
 //!
 //! Source: `outlierFilterLighthouse.c`, the same in every release of the firmware from 2023.11 to

@@ -9,6 +9,7 @@ use crate::vehicle::{FloorStep, Gusts};
 use crate::{ControllerKind, EstimatorKind, RadioOptions, SetpointKind, Setpoints, SimOptions};
 use noctograph_core::crazyflie::Release;
 use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
+use noctograph_core::plan::Setpoint;
 use noctograph_plan::PlanOptions;
 
 pub(crate) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
@@ -36,10 +37,10 @@ fn fly_default(plan: &Plan) -> Result<Flight> {
 fn a_drone_takes_off_hovers_and_lands() {
     let up_and_down = plan(&[(0.0, 0.2, 0.0), (1.0, 0.2, 0.5), (6.0, 0.2, 0.0), (8.0, 0.2, 0.0)]);
     let flight = fly_default(&up_and_down).unwrap();
-    let at = |time_s: f64| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap();
-    assert_eq!(at(0.9).position_m, Vector3::x() * 0.2, "waits on the floor");
-    assert_eq!(at(0.9).motors, [0.0; 4]);
-    assert!((at(5.9).position_m.z - 0.5).abs() < 0.03, "hovers: {:?}", at(5.9));
+    let sample_at = |time_s: f64| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap();
+    assert_eq!(sample_at(0.9).position_m, Vector3::x() * 0.2, "waits on the floor");
+    assert_eq!(sample_at(0.9).motors, [0.0; 4]);
+    assert!((sample_at(5.9).position_m.z - 0.5).abs() < 0.03, "hovers: {:?}", sample_at(5.9));
     let end = flight.samples.last().unwrap();
     assert_eq!((end.position_m.z, end.motors), (0.0, [0.0; 4]), "lies on the floor");
     assert_eq!(end.velocity_body_m_s, Vector3::zeros());
@@ -189,8 +190,8 @@ fn a_drone_that_hovers_below_another_lifts_what_the_wake_takes() {
         let mean_n: f64 = sum / n;
         // The figure's drones weigh 34 g and lift with all that they give.
         let lost_g = 34.0 * (mean_n / weight_n - 1.0) * (weight_n / mean_n).sqrt();
-        let off = lost_g / figure_g - 1.0;
-        assert!(off.abs() < 0.2, "{lost_g} g of {figure_g} g at {below_m} m");
+        let error = lost_g / figure_g - 1.0;
+        assert!(error.abs() < 0.2, "{lost_g} g of {figure_g} g at {below_m} m");
         let alone = plan(&[(0.0, 0.0, 2.0), (20.0, 0.0, 2.0)]);
         assert!(flights[0] == flown(&alone, &options, 1).unwrap(), "nothing from below");
     }
@@ -219,17 +220,21 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
     let mut hover = plan(&[(0.0, 0.0, 0.8), (1.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
     hover.lights.get_mut("headlights").unwrap()[0] = 0.0;
     let streamed = flown(&hover, &options, 1).unwrap();
-    let at =
+    let sample_at =
         |flight: &Flight, time_s: f64| *flight.samples.iter().find(|s| s.time_s >= time_s).unwrap();
-    assert!((at(&streamed, 1.9).position_m.z - 0.8).abs() < 0.05, "keeps its height");
-    assert_eq!(at(&streamed, 3.5).position_m.z, 0.0, "the motors stop");
+    assert!((sample_at(&streamed, 1.9).position_m.z - 0.8).abs() < 0.05, "keeps its height");
+    assert_eq!(sample_at(&streamed, 3.5).position_m.z, 0.0, "the motors stop");
     assert!(matches!(streamed.warnings[..], [Warning::HostSilent(s)] if (s - 2.0).abs() < 0.01));
     // Adrift, not held: the same gusts move it farther than a drone with setpoints.
     options.radio.setpoints = Setpoints::OnBoard;
     let on_board = flown(&hover, &options, 1).unwrap();
-    let drift_m = |flight: &Flight| at(flight, 1.9).position_m.xy().norm();
+    let drift_m = |flight: &Flight| sample_at(flight, 1.9).position_m.xy().norm();
     assert!(drift_m(&streamed) > 1.5 * drift_m(&on_board), "{} m", drift_m(&streamed));
-    assert!((at(&on_board, 4.9).position_m.z - 0.8).abs() < 0.05, "{:?}", at(&on_board, 4.9));
+    assert!(
+        (sample_at(&on_board, 4.9).position_m.z - 0.8).abs() < 0.05,
+        "{:?}",
+        sample_at(&on_board, 4.9)
+    );
     assert!(on_board.lights["headlights"].iter().all(|level| *level == 0.0), "never heard");
     options.radio = RadioOptions::default();
     let at_once = flown(&hover, &options, 1).unwrap();

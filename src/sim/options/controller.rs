@@ -164,10 +164,10 @@ impl ControllerOptions {
             return Ok(());
         }
         let n_columns = k.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
-        let found = format!("{} rows of {n_columns} numbers", k.len());
+        let given = format!("{} rows of {n_columns} numbers", k.len());
         let wanted = format!("4 rows of {n_states} numbers for {}", kind.name());
         let hint = "rows are torque x y z and thrust, columns the states in the order of lqr.q";
-        Err(Error::input("controller.lqr.k", found, wanted, hint))
+        Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 }
 
@@ -206,11 +206,11 @@ impl ControllerKind {
     /// Its law.
     #[must_use]
     pub fn law(self) -> Law {
-        let feedback = |integrates| Law::StateFeedback { integrates, by_thrust_map: false };
+        let (integrates, by_thrust_map) = (self == Self::LqrIntegral, self == Self::Altitude);
         match self {
-            Self::Lqr | Self::LqrFeedforward => feedback(false),
-            Self::LqrIntegral => feedback(true),
-            Self::Altitude => Law::StateFeedback { integrates: false, by_thrust_map: true },
+            Self::Lqr | Self::LqrFeedforward | Self::LqrIntegral | Self::Altitude => {
+                Law::StateFeedback { integrates, by_thrust_map }
+            }
             Self::Pid => Law::Cascade,
             Self::Geometric => Law::Geometric,
         }

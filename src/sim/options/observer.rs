@@ -201,7 +201,7 @@ impl ObserverOptions {
         let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
-        let (found, wanted) = match self.kind {
+        let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
                 ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
             }
@@ -220,7 +220,7 @@ impl ObserverOptions {
         };
         Err(Error::input(
             "observer.kind",
-            found,
+            kind,
             wanted,
             "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
              gnss for luenberger, to uwb-twr for cooperative",

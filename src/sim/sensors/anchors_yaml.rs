@@ -64,7 +64,7 @@ mod tests {
     fn the_file_of_cfclient_is_read_and_a_broken_one_refused() {
         let file = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
         assert_eq!(parse(file, "a.yaml").unwrap(), [[0.99, 1.49, 1.8], [0.99, 3.29, 1.8]]);
-        for (broken, at, wanted) in [
+        for (broken, place, wanted) in [
             (file.replace("1:\n", "2:\n"), ":6: anchor 2", "key 2"),
             (file.replace("1:\n", "one:\n"), ":5", "`one:`"),
             (file.replacen("z: 1.8", "z: much", 1), ":4", "much"),
@@ -74,7 +74,7 @@ mod tests {
             (file.replace("3.29", "1.49"), ":6: anchor 1", "the place of key 0"),
         ] {
             let error = parse(&broken, "a.yaml").unwrap_err().to_string();
-            assert!(error.contains(&format!("a.yaml{at}")) && error.contains(wanted), "{error}");
+            assert!(error.contains(&format!("a.yaml{place}")) && error.contains(wanted), "{error}");
         }
     }
 }

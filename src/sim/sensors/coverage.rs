@@ -66,8 +66,8 @@ pub fn coverage(
     let [left, bottom, right, top] = bounds_m;
     let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
     if left >= right || bottom >= top {
-        let found = format!("{left},{bottom},{right},{top}");
-        return Err(Error::input("bounds", found, "left below right, bottom below top", hint));
+        let bounds = format!("{left},{bottom},{right},{top}");
+        return Err(Error::input("bounds", bounds, "left below right, bottom below top", hint));
     }
     if (right - left) / step_m * (top - bottom) / step_m > MAX_PLACES {
         let wanted = format!("a step that makes at most {MAX_PLACES} places");
@@ -108,7 +108,6 @@ fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
 
 /// Visibility and accuracy of a level drone at a place.
 fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
-    let square = |x: f64| x * x;
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
@@ -122,11 +121,13 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
         }
         n_stations += 1;
         let distance_m = (place_m - pose.position_m).norm();
-        let white = options.sweep_noise_rad[usize::from(station.generation == Generation::V2)];
-        let variance = square(white)
-            + square(options.sweep_distortion_rad)
-            + square(options.station_rotation_error_rad)
-            + square(options.station_position_error_m / distance_m);
+        let sigmas_rad = [
+            options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],
+            options.sweep_distortion_rad,
+            options.station_rotation_error_rad,
+            options.station_position_error_m / distance_m,
+        ];
+        let variance = sigmas_rad.iter().fold(0.0, |sum, sigma_rad| sum + sigma_rad * sigma_rad);
         for plane in 0..2 {
             let slope = pose.crossing(plane, place_m).slope_rad_m;
             information += slope * slope.transpose() / variance.max(f64::MIN_POSITIVE);
@@ -135,7 +136,7 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
     // One station's two angles leave its distance open; so do two stations in one line.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
-    let bent = 3.0 * square(options.distortion_m);
+    let bent = 3.0 * (options.distortion_m * options.distortion_m);
     let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
     CoveredPlace { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
@@ -161,8 +162,8 @@ mod tests {
     fn error_is_that_of_geometry_by_hand() {
         // Looked at along x and y from 3 m by 1 mrad: across the sight 3 mm, and z from both. The
         // stations stand 0.6 m above the place, which turns each sight by atan(0.2).
-        let found = look(&square_stations(), &Vector3::zeros());
-        assert_eq!(found.n_stations, 2);
+        let place = look(&square_stations(), &Vector3::zeros());
+        assert_eq!(place.n_stations, 2);
         let level = look(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));
         let error_m = level.error_m.unwrap();
         let want = 3e-3 * f64::sqrt(1.0 + 1.0 + 0.5);
@@ -173,8 +174,8 @@ mod tests {
     fn one_station_leaves_the_place_open_and_none_sees_behind_itself() {
         let mut options = square_stations();
         options.stations.pop();
-        let found = look(&options, &Vector3::zeros());
-        assert_eq!(found, CoveredPlace { n_stations: 1, n_reflected: 0, error_m: None });
+        let place = look(&options, &Vector3::zeros());
+        assert_eq!(place, CoveredPlace { n_stations: 1, n_reflected: 0, error_m: None });
         let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
         assert_eq!(behind, CoveredPlace { n_stations: 0, n_reflected: 0, error_m: None });
     }
@@ -184,9 +185,9 @@ mod tests {
         let mut options = square_stations();
         options.people_m = vec![[-1.0, 0.0, 0.25]];
         options.mirrors_m = vec![[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]];
-        let found = look(&options, &Vector3::zeros());
-        assert_eq!((found.n_stations, found.error_m), (1, None), "the first is behind a person");
-        assert_eq!(found.n_reflected, 2, "the images of both look at it");
+        let place = look(&options, &Vector3::zeros());
+        assert_eq!((place.n_stations, place.error_m), (1, None), "the first is behind a person");
+        assert_eq!(place.n_reflected, 2, "the images of both look at it");
         options.mirrors_m[0][1] = [1.0, 0.0, 0.0];
         assert_eq!(look(&options, &Vector3::zeros()).n_reflected, 0, "the back of the mirror");
     }

@@ -31,12 +31,12 @@ struct Heard {
 
 impl CrossingBeams {
     pub(super) fn new(stations: &[Station]) -> Self {
-        let heard = |station: &Station| Heard {
+        let stations = stations.iter().map(|station| Heard {
             pose: StationPose::new(station),
             angles_rad: [[0.0; 4]; 2],
             times_s: [f64::NEG_INFINITY; 2],
-        };
-        Self { stations: stations.iter().map(heard).collect() }
+        });
+        Self { stations: stations.collect() }
     }
 
     /// The position of the deck's middle after the sweeps of this tick: one whenever a station's

@@ -150,18 +150,18 @@ mod tests {
 
     #[test]
     fn ranger_spreads_as_the_firmware_says() {
-        let sigma_m = |distance_m| time_of_flight_sigma_m(0.0025, distance_m);
-        assert!((sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
-        let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, &STREAMS);
+        assert!((time_of_flight_sigma_m(0.0025, 4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
+        let options = TimeOfFlightOptions::default();
         for distance_m in [0.5, 2.5, 3.5] {
-            let (mut ranger, above_m) = (ranger(), Vector3::z() * distance_m);
-            let found = series(1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
-            let want = sigma_m(distance_m) / f64::sqrt(20.0);
-            for (band, density) in white_density(&found, 40.0).into_iter().enumerate() {
+            let mut ranger = TimeOfFlight::new(&options, &FLAT, &STREAMS);
+            let above_m = Vector3::z() * distance_m;
+            let readings = series(1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
+            let want = time_of_flight_sigma_m(0.0025, distance_m) / f64::sqrt(20.0);
+            for (band, density) in white_density(&readings, 40.0).into_iter().enumerate() {
                 assert!((density / want - 1.0).abs() < 0.2, "{distance_m} m, band {band}");
             }
         }
-        let mut ranger = ranger();
+        let mut ranger = TimeOfFlight::new(&options, &FLAT, &STREAMS);
         let far_m = Vector3::z() * 5.1;
         assert_eq!(ranger.read(&far_m, Matrix3::identity, 0.0), None, "no floor");
         let tilt = Attitude { roll_rad: libm::acos(0.9), ..Attitude::default() };
@@ -186,8 +186,8 @@ mod tests {
     #[test]
     fn satellites_are_white_ten_times_a_second() {
         let mut gnss = Gnss::new(&GnssOptions::default(), &STREAMS);
-        let found = series(1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
-        for density in white_density(&found, 10.0) {
+        let readings = series(1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
+        for density in white_density(&readings, 10.0) {
             assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");
         }
     }
@@ -200,11 +200,10 @@ mod tests {
         assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
 
         let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
-        let fixes = |options: &GnssOptions| {
-            let mut gnss = Gnss::new(options, &STREAMS);
+        let [all, some] = [GnssOptions::default(), silent].map(|options| {
+            let mut gnss = Gnss::new(&options, &STREAMS);
             (0..50).map(|k| gnss.read(Vector3::zeros(), f64::from(k) * 0.1)).collect::<Vec<_>>()
-        };
-        let (all, some) = (fixes(&GnssOptions::default()), fixes(&silent));
+        });
         assert!(all.iter().all(Option::is_some));
         for (k, (all, some)) in all.iter().zip(&some).enumerate() {
             let heard = !(10..20).contains(&k) && !(30..35).contains(&k);

@@ -113,17 +113,20 @@ mod tests {
         let want = [2.44e-4, 2.44e-4, 2.44e-4, 1.86e-3, 1.86e-3, 1.86e-3];
         let series = series(&ImuOptions::default(), 1 << 17);
         for (axis, (series, want)) in series.iter().zip(want).enumerate() {
-            for (band, found) in white_density(series, RATE_HZ).into_iter().enumerate() {
+            for (band, measured) in white_density(series, RATE_HZ).into_iter().enumerate() {
                 // 1024 blocks at the slowest: 2.2 % one sigma.
-                assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
+                assert!(
+                    (measured / want - 1.0).abs() < 0.08,
+                    "axis {axis}, band {band}: {measured:e}"
+                );
             }
         }
     }
 
     #[test]
     fn noise_gathers_the_variance_that_filters_take_it_for() {
-        let found = series(&ImuOptions::default(), 1 << 17);
-        for (series, density) in [(&found[0], 2.44e-4), (&found[5], 1.86e-3)] {
+        let measured = series(&ImuOptions::default(), 1 << 17);
+        for (series, density) in [(&measured[0], 2.44e-4), (&measured[5], 1.86e-3)] {
             let rate = gathered(series, RATE_HZ) / variance_rate(density);
             // 131,072 values: 0.4 % one sigma.
             assert!((rate - 1.0).abs() < 0.015, "{rate} of what a filter adds in a second");
@@ -143,8 +146,11 @@ mod tests {
         for (axis, (series, want)) in
             series.iter().zip([1e-4, 1e-4, 1e-4, 2e-3, 2e-3, 2e-3]).enumerate()
         {
-            for (band, found) in random_walk_density(series, RATE_HZ).into_iter().enumerate() {
-                assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
+            for (band, measured) in random_walk_density(series, RATE_HZ).into_iter().enumerate() {
+                assert!(
+                    (measured / want - 1.0).abs() < 0.08,
+                    "axis {axis}, band {band}: {measured:e}"
+                );
             }
         }
     }

@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::room::Room;
 use super::station::StationPose;
 use super::streams::Streams;
-use super::{Generation, LighthouseOptions, Station};
+use super::{Generation, LighthouseOptions};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::random::{Field, Noise, Normals};
 
@@ -72,7 +72,7 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations of the noise common to the deck's sensors, and of that of each.
+    /// Standard deviations of the noise common to the deck's sensors, and of each sensor's own.
     sigmas_rad: [f64; 2],
     /// Over the direction from the station, one component a plane.
     distortion: Field<2>,
@@ -91,9 +91,8 @@ struct Rotor {
 impl Lighthouse {
     pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
         let n = options.stations.len();
-        let rotor = |i: usize| Rotor::new(options, i, streams);
         Self {
-            rotors: (0..n).map(rotor).collect(),
+            rotors: (0..n).map(|i| Rotor::new(options, i, streams)).collect(),
             turn: turn(options),
             scale: 1.0 + options.frame_scale_error,
             bend: bend(options, streams),
@@ -185,12 +184,12 @@ impl Rotor {
         truth.world_from_station *= turned.world_from_body();
 
         let mut chance = streams.own(&format!("station {i} sweeps"));
-        let is_v1 = |station: &&Station| station.generation == Generation::V1;
         let (turn_hz, phases, generation) = match station.generation {
             Generation::V1 => {
                 // First-generation stations take turns; the others sweep on their own.
-                let slots = 2.0 * options.stations.iter().filter(is_v1).count() as f64;
-                let first = 2.0 * options.stations[..i].iter().filter(is_v1).count() as f64 / slots;
+                let v1 = options.stations.iter().map(|other| other.generation == Generation::V1);
+                let slots = 2.0 * v1.clone().filter(|is_v1| *is_v1).count() as f64;
+                let first = 2.0 * v1.take(i).filter(|is_v1| *is_v1).count() as f64 / slots;
                 (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots], 0)
             }
             Generation::V2 => {

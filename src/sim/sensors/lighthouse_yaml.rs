@@ -97,11 +97,11 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
         None => Generation::V2,
     };
     if config.geos.is_empty() {
-        let found = match others.as_slice() {
+        let content = match others.as_slice() {
             [] => "no base station under geos".to_owned(),
             keys => format!("no base station under geos, but {}", keys.join(", ")),
         };
-        return Err(Error::input(file, found, "at least one", HINT));
+        return Err(Error::input(file, content, "at least one", HINT));
     }
     let mut stations = Vec::new();
     for (id, geometry) in &config.geos {
@@ -126,8 +126,8 @@ fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> R
 
 /// A station of its geometry.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
-    let refused = |line: u64, key: &str, found: String, wanted: &str| {
-        Err(Error::input(format!("geos.{id}.{key}"), found, wanted, HINT).at(file, line))
+    let refused = |line: u64, key: &str, value: String, wanted: &str| {
+        Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).at(file, line))
     };
     let position_m = geometry.origin.value;
     if !position_m.iter().all(|x| x.abs() <= 1e4) {
@@ -151,11 +151,10 @@ fn unknown(keys: &Keys, known: &[&str]) -> Vec<String> {
 }
 
 fn warnings(config: &Config) -> Vec<String> {
-    let list = |placed: bool| {
+    let [calibrated, homeless] = [true, false].map(|placed| {
         let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == placed);
         ids.map(u8::to_string).collect::<Vec<_>>().join(", ")
-    };
-    let (calibrated, homeless) = (list(true), list(false));
+    });
     let mut warnings = Vec::new();
     if !calibrated.is_empty() {
         warnings.push(format!(
@@ -274,10 +273,10 @@ version: '1'
             (String::new(), "lh.yaml:1", ""),
             ("\u{0}\u{1}[{".to_owned(), "lh.yaml:1", ""),
         ];
-        for (yaml, place, found) in cases {
+        for (yaml, place, quoted) in cases {
             let error = parse(&yaml, "lh.yaml").unwrap_err();
             let message = error.to_string();
-            assert!(message.contains(place) && message.contains(found), "{place}: {message}");
+            assert!(message.contains(place) && message.contains(quoted), "{place}: {message}");
             assert!(!message.contains('\n') && !error.hint().is_empty(), "{message}");
         }
     }

@@ -149,7 +149,8 @@ impl Sensors {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
         let lighthouse = &options.lighthouse;
-        let altimeter = |sensor: &HeightSensor| match sensor {
+        let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
+        let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {
                 let sensor = TimeOfFlight::new(&options.time_of_flight, floor, streams);
                 Altimeter::TimeOfFlight(sensor)
@@ -157,8 +158,7 @@ impl Sensors {
             HeightSensor::Barometer => {
                 Altimeter::Barometer(Barometer::new(&options.barometer, streams))
             }
-        };
-        let has = |sensor: &&HeightSensor| options.heights.contains(sensor);
+        });
         Self {
             imu: Imu::new(&options.imu, rate_hz, streams),
             locator: match options.positioning {
@@ -175,7 +175,7 @@ impl Sensors {
                 }
                 Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
             },
-            altimeters: HeightSensor::ALL.iter().filter(has).map(altimeter).collect(),
+            altimeters: altimeters.collect(),
             heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
             ticks: 0,
@@ -244,11 +244,11 @@ impl Sensors {
     /// Bias of the barometer at its last reading; 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
-        let bias_m = |altimeter: &Altimeter| match altimeter {
+        let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
             Altimeter::Barometer(barometer) => Some(barometer.bias_m(time_s)),
             Altimeter::TimeOfFlight(_) => None,
-        };
-        self.altimeters.iter().find_map(bias_m).unwrap_or(0.0)
+        });
+        bias_m.unwrap_or(0.0)
     }
 
     /// A warning about the base stations.
@@ -286,9 +286,9 @@ mod tests {
     }
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
-        let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
+        let (body, force) = (RigidBody::resting_at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
         let mut sensors = sensors(options, [1, 1], 0);
-        let read = |_| {
+        let readings = (0..n).map(|_| {
             let r = sensors.read(&body, force, &[]);
             Written {
                 inertial: [r.rate_rad_s, r.specific_force_m_s2],
@@ -297,36 +297,36 @@ mod tests {
                 ranges: r.ranges.to_vec(),
                 heights: r.heights.to_vec(),
             }
-        };
-        (0..n).map(read).collect()
+        });
+        readings.collect()
     }
 
     #[test]
     fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
-        let at_m = Vector3::new(0.4, -0.1, 0.9);
-        let body = RigidBody::at(at_m);
+        let body = RigidBody::resting_at(Vector3::new(0.4, -0.1, 0.9));
         let options = SensorOptions::default();
-        let settled_m = |seed, drone| sensors(&options, [seed; 2], drone).settled_m(at_m);
-        assert_eq!(settled_m(1, 0), settled_m(1, 3), "one room");
-        assert_ne!(settled_m(1, 0), settled_m(2, 0), "another room");
-        let first = |drone| {
+        let settled_m = [(1, 0), (1, 3), (2, 0)]
+            .map(|(seed, drone)| sensors(&options, [seed; 2], drone).settled_m(body.position_m));
+        assert_eq!(settled_m[0], settled_m[1], "one room");
+        assert_ne!(settled_m[0], settled_m[2], "another room");
+        let first_m = [0, 1].map(|drone| {
             sensors(&options, [1, 1], drone).read(&body, Vector3::z() * 9.81, &[]).position_m
-        };
-        assert_ne!(first(0), first(1), "each has jitter of its own");
+        });
+        assert_ne!(first_m[0], first_m[1], "each has jitter of its own");
 
         // Base stations that are not where the estimator has them, without any noise.
         let mut sweeps =
             SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
-        let settled_m = |seeds, drone| {
+        let drones = [([1, 1], 0), ([9, 1], 3), ([1, 2], 0)];
+        let [one, other, elsewhere] = drones.map(|(seeds, drone)| {
             let mut sensors = sensors(&sweeps, seeds, drone);
-            let read = |_| sensors.read(&body, Vector3::z() * 9.81, &[]).position_m;
-            (0..500).filter_map(read).last().unwrap()
-        };
-        let off_m = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm();
-        let (one, other) = (settled_m([1, 1], 0), settled_m([9, 1], 3));
-        assert!(off_m(one, other) < 1e-6, "one room, two drones, two flights: {one} {other}");
-        assert!(off_m(one, settled_m([1, 2], 0)) > 1e-3, "another room");
+            let force = Vector3::z() * 9.81;
+            let fixes = (0..500).filter_map(|_| sensors.read(&body, force, &[]).position_m);
+            fixes.last().unwrap()
+        });
+        assert!((one - other).norm() < 1e-6, "one room, two drones, two flights: {one} {other}");
+        assert!((one - elsewhere).norm() > 1e-3, "another room");
     }
 
     #[test]
@@ -353,14 +353,13 @@ mod tests {
 
     #[test]
     fn a_further_sensor_leaves_the_others_as_they_are() {
-        let with = |positioning, heights: &[HeightSensor]| {
-            let heights = heights.to_vec();
-            readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
-        };
         for &positioning in Positioning::ALL {
-            let alone = with(positioning, &[]);
-            let beside = with(positioning, HeightSensor::ALL);
-            let gyro = with(Positioning::Position, &[]);
+            let all = HeightSensor::ALL.to_vec();
+            let carried =
+                [(positioning, vec![]), (positioning, all), (Positioning::Position, vec![])];
+            let [alone, beside, gyro] = carried.map(|(positioning, heights)| {
+                readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
+            });
             for ((a, b), c) in alone.iter().zip(&beside).zip(&gyro) {
                 assert_eq!(a.inertial, c.inertial, "{positioning:?}");
                 assert_eq!((&a.sweeps, &a.ranges), (&b.sweeps, &b.ranges), "{positioning:?}");
@@ -372,10 +371,10 @@ mod tests {
         let lighthouse = &mut options.lighthouse;
         lighthouse.stations.push(lighthouse.stations[0].clone());
         lighthouse.sweep_loss_frac = 0.5;
-        let first = |written: &[Written]| -> Vec<Sweep> {
-            written.iter().flat_map(|w| w.sweeps.clone()).filter(|s| s.station == 0).collect()
-        };
-        let (two, three) = (first(&two), first(&readings(&options, 200)));
+        let [two, three] = [two, readings(&options, 200)].map(|written| {
+            let sweeps = written.into_iter().flat_map(|w| w.sweeps);
+            sweeps.filter(|sweep| sweep.station == 0).collect::<Vec<Sweep>>()
+        });
         assert!(three.len() > 10 && three.iter().all(|sweep| two.contains(sweep)), "a subset");
     }
 
@@ -446,8 +445,8 @@ mod tests {
             let rate = n / seconds;
             assert!((rate / per_second - 1.0).abs() < 0.04, "{generation:?}: {rate} a second");
             let mean = angles.iter().sum::<f64>() / n;
-            let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
-            assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
+            let spread = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
+            assert!((spread / sigma - 1.0).abs() < 0.05, "{generation:?}: {spread:e} rad");
             for density in white_density(&angles, rate) {
                 let want = sigma / (0.5 * rate).sqrt();
                 assert!((density / want - 1.0).abs() < 0.3, "{generation:?}: {density:e} rad/√Hz");

@@ -397,8 +397,9 @@ impl UwbOptions {
             let list = "sensors.uwb.heard";
             let hint = "list the anchors that the drone hears";
             check_count("", heard.len(), [least, n], hint).map_err(|e| e.of_item(list, drone))?;
-            let is_wrong = |i: &usize| heard[*i] >= n || heard[..*i].contains(&heard[*i]);
-            if let Some(i) = (0..heard.len()).find(is_wrong) {
+            let wrong =
+                (0..heard.len()).find(|i| heard[*i] >= n || heard[..*i].contains(&heard[*i]));
+            if let Some(i) = wrong {
                 let (anchor, most) = (heard[i], n - 1);
                 return Err(input_error!(
                     "",

@@ -125,13 +125,13 @@ pub(crate) struct Air {
 impl Air {
     /// The air between drones with these indices.
     pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
-        let luck = |from: &u64| {
-            let to = |to: &u64| Noise::new(seed, *from, &format!("message loss to {to}"));
-            indices.iter().map(to).collect()
-        };
+        let luck = indices.iter().map(|from| {
+            let each = indices.iter();
+            each.map(|to| Noise::new(seed, *from, &format!("message loss to {to}"))).collect()
+        });
         Self {
             options: options.clone(),
-            luck: indices.iter().map(luck).collect(),
+            luck: luck.collect(),
             under_way: VecDeque::new(),
             clock: Clock::new(options.rate_hz),
         }

@@ -8,7 +8,7 @@
 //! equations for unpolarized light and a refractive index of 1.52.
 //!
 //! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time
-//! between a sweep and its reflection, by which the firmware's pulse processor drops some of them.
+//! between a sweep and its reflection: the firmware's pulse processor drops some sweeps by it.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -42,32 +42,28 @@ pub(super) struct Mirror {
 
 impl Room {
     pub(super) fn new(options: &LighthouseOptions) -> Self {
-        let of = |is_glass: bool| {
-            move |[point_m, facing]: &[[f64; 3]; 2]| {
-                let facing = Vector3::from(*facing).try_normalize(0.0)?;
-                Some(Mirror { point_m: Vector3::from(*point_m), facing, is_glass })
-            }
-        };
-        let mirrors = options.mirrors_m.iter().filter_map(of(false));
-        let panes = options.panes_m.iter().filter_map(of(true));
+        let mirrors = options.mirrors_m.iter().map(|plane| (plane, false));
+        let planes = mirrors.chain(options.panes_m.iter().map(|plane| (plane, true)));
+        let mirrors = planes.filter_map(|([point_m, facing], is_glass)| {
+            let facing = Vector3::from(*facing).try_normalize(0.0)?;
+            Some(Mirror { point_m: Vector3::from(*point_m), facing, is_glass })
+        });
         Self {
             people_m: options.people_m.clone(),
-            mirrors: mirrors.chain(panes).collect(),
+            mirrors: mirrors.collect(),
             silent: options.silent.clone(),
         }
     }
 
     /// Whether a station sends nothing at a time.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
-        let of_station = |silence: &&[f64; 3]| silence[0] == station as f64;
-        self.silent
-            .iter()
-            .filter(of_station)
-            .any(|[_, from_s, to_s]| (*from_s..*to_s).contains(&time_s))
+        self.silent.iter().any(|[silent, from_s, to_s]| {
+            *silent == station as f64 && (*from_s..*to_s).contains(&time_s)
+        })
     }
 
-    /// Whether something stands between a station and a deck; the deck's own drone is none of
-    /// `drones_m`'s that hide it.
+    /// Whether something stands between a station and a deck. The deck's own drone may be among
+    /// `drones_m`: it does not hide its deck.
     pub(super) fn hides(
         &self,
         station_m: &Vector3<f64>,
@@ -75,28 +71,28 @@ impl Room {
         drones_m: &[Vector3<f64>],
     ) -> bool {
         let way_m = deck_m - station_m;
-        let person = |[x, y, radius]: &[f64; 3]| {
+        let by_person = self.people_m.iter().any(|[x, y, radius]| {
             let axis_m = Vector3::new(*x, *y, 0.0) - station_m;
             let share = (axis_m.xy().dot(&way_m.xy()) / way_m.xy().norm_squared()).clamp(0.0, 1.0);
             (axis_m.xy() - way_m.xy() * share).norm() < *radius
                 && station_m.z + way_m.z * share < PERSON_M
-        };
-        let drone = |drone_m: &Vector3<f64>| {
+        });
+        let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
             let share = to_m.dot(&way_m) / way_m.norm_squared();
             (drone_m - deck_m).norm() > DRONE_M
                 && (0.0..1.0).contains(&share)
                 && (to_m - way_m * share).norm() < DRONE_M
-        };
-        self.people_m.iter().any(person) || drones_m.iter().any(drone)
+        });
+        by_person || by_drone
     }
 }
 
 impl Mirror {
     /// Whether it reflects a station to a deck; both are in front of it.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
-        let before = |place_m: &Vector3<f64>| (place_m - self.point_m).dot(&self.facing) > 0.0;
-        if !before(station_m) || !before(deck_m) {
+        let ends_m = [station_m, deck_m];
+        if !ends_m.iter().all(|end_m| (*end_m - self.point_m).dot(&self.facing) > 0.0) {
             return false;
         }
         let way_m = self.image_m(deck_m) - station_m;

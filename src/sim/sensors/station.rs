@@ -152,24 +152,25 @@ mod tests {
 
     #[test]
     fn angles_are_those_of_geometry_by_hand() {
-        let level = |generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]);
+        let [v1, v2] = [Generation::V1, Generation::V2]
+            .map(|generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]));
         // 2 m ahead, 2 m to the left, level: 45° on every plane of either generation.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
-            let found = level(Generation::V2).crossing(plane, &point).angle_rad;
-            assert!((found - PI / 4.0).abs() < 1e-15, "plane {plane}: {found}");
+            let angle_rad = v2.crossing(plane, &point).angle_rad;
+            assert!((angle_rad - PI / 4.0).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
         // 1 m ahead and √3/2 m up: a plane slanted by 30° leads by asin(√3/2 / √3) = 30°.
         let above = Vector3::new(1.0, 0.0, 1.0 + 0.75_f64.sqrt());
         for (plane, want) in [(0, -PI / 6.0), (1, PI / 6.0)] {
-            let found = level(Generation::V2).crossing(plane, &above).angle_rad;
-            assert!((found - want).abs() < 1e-15, "plane {plane}: {found}");
+            let angle_rad = v2.crossing(plane, &above).angle_rad;
+            assert!((angle_rad - want).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
         // First generation: 1 m ahead, 1 m left, 1 m down is 45° and −45°.
         let corner = Vector3::new(1.0, 1.0, 0.0);
         for (plane, want) in [(0, PI / 4.0), (1, -PI / 4.0)] {
-            let found = level(Generation::V1).crossing(plane, &corner).angle_rad;
-            assert!((found - want).abs() < 1e-15, "plane {plane}: {found}");
+            let angle_rad = v1.crossing(plane, &corner).angle_rad;
+            assert!((angle_rad - want).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
     }
 
@@ -197,8 +198,9 @@ mod tests {
             for axis in 0..3 {
                 let mut step = Vector3::zeros();
                 step[axis] = 1e-5;
-                let angle = |p: Vector3<f64>| station.crossing(plane, &p).angle_rad;
-                let want = (angle(point + step) - angle(point - step)) / 2e-5;
+                let [ahead, behind] =
+                    [point + step, point - step].map(|p| station.crossing(plane, &p).angle_rad);
+                let want = (ahead - behind) / 2e-5;
                 assert!((slope[axis] - want).abs() < 1e-9, "{generation:?} {plane} {axis}");
             }
         }

@@ -2,9 +2,9 @@
 //!
 //! White noise, an error of each link that depends on the drone's place, and strays. Anchors are
 //! asked in turn; a difference is taken between an anchor and the next one that is heard. In a
-//! fleet all links take turns: those of each drone to its anchors, then the pairs of drones, both
-//! of which read the same range. Walls, antennas' patterns and collisions of packets are not
-//! modeled.
+//! fleet all links take turns: those of each drone to its anchors, then the pairs of drones. Both
+//! drones of a pair read the same range. Walls, antennas' patterns and collisions of packets are
+//! not modeled.
 
 use nalgebra::Vector3;
 
@@ -124,12 +124,12 @@ impl Uwb {
         let uwb = &options.uwb;
         let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
         let own = indices[fleet.place];
-        let peer = |other: &u64| {
+        let peers = indices.iter().map(|other| {
             let (first, second) = (own.min(*other), own.max(*other));
-            let stream = |what: &str| streams.of_drone(first, &format!("uwb peer {second} {what}"));
-            let errors = Errors { noise: stream("noise"), strays: stream("strays") };
-            (bias(stream("link")), errors)
-        };
+            let [noise, strays, link] = ["noise", "strays", "link"]
+                .map(|what| streams.of_drone(first, &format!("uwb peer {second} {what}")));
+            (bias(link), Errors { noise, strays })
+        });
         let anchors_m = uwb.anchors();
         let links = 0..anchors_m.len();
         Self {
@@ -139,7 +139,7 @@ impl Uwb {
             clock: Clock::new(uwb.rate_hz),
             biases: links.map(|i| bias(streams.shared_by_room(&format!("uwb link {i}")))).collect(),
             errors: Errors { noise: streams.own("uwb noise"), strays: streams.own("uwb strays") },
-            peers: indices.iter().map(peer).collect(),
+            peers: peers.collect(),
             // A rate of 2 kHz on a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),

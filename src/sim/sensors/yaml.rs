@@ -18,7 +18,7 @@ pub(super) fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str)
         let line = error.location().map_or(1, |location| location.line()).max(1);
         let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
         let text: String = text.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
-        let found = format!("`{text}`: {}", error.without_snippet());
-        Error::input("", found, "the form that Bitcraze's programs write", hint).at(file, line)
+        let quoted = format!("`{text}`: {}", error.without_snippet());
+        Error::input("", quoted, "the form that Bitcraze's programs write", hint).at(file, line)
     })
 }

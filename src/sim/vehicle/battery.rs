@@ -170,8 +170,8 @@ mod tests {
         let battery = SimOptions::cf21().battery;
         for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)]
         {
-            let found = battery.open_circuit_v(charge_frac);
-            assert!((found - want).abs() < 1e-12, "{found} V at {charge_frac}");
+            let open_v = battery.open_circuit_v(charge_frac);
+            assert!((open_v - want).abs() < 1e-12, "{open_v} V at {charge_frac}");
         }
     }
 

@@ -26,7 +26,7 @@ pub struct RigidBody {
 
 impl RigidBody {
     /// A level body at rest that looks along world x.
-    pub fn at(position_m: Vector3<f64>) -> Self {
+    pub fn resting_at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
             velocity_m_s: Vector3::zeros(),
@@ -41,7 +41,7 @@ impl RigidBody {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
         let world_from_body = UnitQuaternion::new_unchecked(level);
-        Self { world_from_body, ..Self::at(self.position_m) }
+        Self { world_from_body, ..Self::resting_at(self.position_m) }
     }
 
     /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
@@ -55,7 +55,7 @@ impl RigidBody {
     /// The same place and yaw on a floor of a height, level and at rest.
     pub(super) fn on_floor(&self, floor_m: f64) -> Self {
         let [y, x] = self.yaw();
-        Self::at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
+        Self::resting_at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
             .facing(libm::atan2(y, x))
     }
 
@@ -96,7 +96,7 @@ impl RigidBody {
         Row::from([p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z])
     }
 
-    /// The body of a row, whose quaternion is a unit one.
+    /// The body of a row with a unit quaternion.
     #[inline(always)]
     pub(super) fn from_row(s: &Row) -> Self {
         Self {
@@ -261,7 +261,7 @@ mod tests {
             velocity_m_s: Vector3::new(1.0, -2.0, 0.5),
             world_from_body: UnitQuaternion::new(Vector3::new(0.2, -0.3, 0.4)),
             rate_rad_s: Vector3::new(1.5, -1.0, 2.0),
-            ..RigidBody::at(Vector3::new(0.1, -0.2, 50.0))
+            ..RigidBody::resting_at(Vector3::new(0.1, -0.2, 50.0))
         }
     }
 
@@ -279,13 +279,15 @@ mod tests {
     fn torque_free_rotation_keeps_energy_and_momentum() {
         let options = VehicleOptions::default();
         let j = Vector3::from(options.inertia_kg_m2);
-        let energy = |b: &RigidBody| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
-        let momentum = |b: &RigidBody| b.world_from_body * j.component_mul(&b.rate_rad_s);
         let start = tumbling();
         let end = fly(&options, start, Load::default(), 0.001, 1000);
         assert!((end.rate_rad_s - start.rate_rad_s).norm() > 0.1, "it does tumble");
-        assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-9, "energy");
-        let drift = (momentum(&end) - momentum(&start)).norm() / momentum(&start).norm();
+        let [before_j, after_j] =
+            [start, end].map(|b| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j));
+        assert!((after_j / before_j - 1.0).abs() < 1e-9, "energy");
+        let [before, after] =
+            [start, end].map(|b| b.world_from_body * j.component_mul(&b.rate_rad_s));
+        let drift = (after - before).norm() / before.norm();
         assert!(drift < 1e-9, "momentum drifts by {drift:e}");
     }
 
@@ -314,12 +316,12 @@ mod tests {
             state = vehicle.step(&state, &wrench, dt_s);
         }
         let end = fly(&VehicleOptions::default(), body, load, dt_s, n);
-        let found = end.state();
-        assert!((rate(&found) - rate(&body.state())).norm() > 0.1, "a second with turns");
-        let apart = attitude(&found).world_from_body() - attitude(&state).world_from_body();
+        let simulated = end.state();
+        assert!((rate(&simulated) - rate(&body.state())).norm() > 0.1, "a second with turns");
+        let apart = attitude(&simulated).world_from_body() - attitude(&state).world_from_body();
         assert!(apart.norm() < 1e-9, "attitudes {:e} apart", apart.norm());
         for row in (0..3).chain(6..12) {
-            let apart = found[row] - state[row];
+            let apart = simulated[row] - state[row];
             assert!(apart.abs() < 1e-9, "row {row}: {apart:e} apart");
         }
     }
@@ -334,17 +336,17 @@ mod tests {
             drag_n_s_m: 0.002,
             spin_n_m_s: 1e-5,
         };
-        let end = |n: usize| fly(&options, tumbling(), load, 0.4 / n as f64, n);
-        let exact = end(12_800);
-        let error = |n: usize| (end(n).row() - exact.row()).norm();
-        let order = libm::log2(error(100) / error(200));
+        let [coarse, fine, exact] = [100, 200, 12_800]
+            .map(|n: usize| fly(&options, tumbling(), load, 0.4 / n as f64, n).row());
+        let order = libm::log2((coarse - exact).norm() / (fine - exact).norm());
         assert!((order - 4.0).abs() < 0.1, "order {order}");
     }
 
     #[test]
     fn a_falling_body_reaches_its_terminal_velocity() {
         let options = VehicleOptions { body_drag_n_s_m: [0.0, 0.0, 0.1], ..Default::default() };
-        let end = fly(&options, RigidBody::at(Vector3::zeros()), Load::default(), 0.01, 2000);
+        let end =
+            fly(&options, RigidBody::resting_at(Vector3::zeros()), Load::default(), 0.01, 2000);
         let want = -options.mass_kg * 9.81 / 0.1;
         assert!((end.velocity_m_s.z / want - 1.0).abs() < 1e-9, "{}", end.velocity_m_s.z);
     }
@@ -355,7 +357,7 @@ mod tests {
         let inertia = Inertia::new(&options);
         let hover = Load { thrust_n: inertia.weight_n, ..Load::default() };
         let wind = Vector3::new(0.3, -0.2, 0.0);
-        let mut row = RigidBody::at(Vector3::zeros()).row();
+        let mut row = RigidBody::resting_at(Vector3::zeros()).row();
         for _ in 0..20_000 {
             row = inertia.step(&row, &[hover; 3], &wind, 0.002);
         }
@@ -367,7 +369,7 @@ mod tests {
     fn a_moving_drone_rears_up_against_its_motion() {
         let options = VehicleOptions { airspeed_moment_n_s: 4.7e-4, ..Default::default() };
         let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
-        let body = RigidBody { velocity_m_s, ..RigidBody::at(Vector3::zeros()) };
+        let body = RigidBody { velocity_m_s, ..RigidBody::resting_at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
         let slope = Inertia::new(&options).slope(&body.row(), &Load::default(), &wind_m_s);
         // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
@@ -379,7 +381,8 @@ mod tests {
     #[test]
     fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
-        let body = RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::at(Vector3::zeros()) };
+        let body =
+            RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::resting_at(Vector3::zeros()) };
         let slope =
             Inertia::new(&VehicleOptions::default()).slope(&body.row(), &load, &Vector3::zeros());
         assert!(

@@ -29,13 +29,13 @@ pub struct FloorStep {
 
 impl FloorStep {
     fn is_below(&self, x_m: f64, y_m: f64) -> bool {
-        let within = |[least, most]: [f64; 2], value: f64| (least..=most).contains(&value);
-        within(self.x_m, x_m) && within(self.y_m, y_m)
+        let ([left, right], [near, far]) = (self.x_m, self.y_m);
+        (left..=right).contains(&x_m) && (near..=far).contains(&y_m)
     }
 
     fn overlaps(&self, other: &Self) -> bool {
-        let meet = |a: [f64; 2], b: [f64; 2]| a[0] < b[1] && b[0] < a[1];
-        meet(self.x_m, other.x_m) && meet(self.y_m, other.y_m)
+        let extents = [(self.x_m, other.x_m), (self.y_m, other.y_m)];
+        extents.iter().all(|(a, b)| a[0] < b[1] && b[0] < a[1])
     }
 }
 
@@ -49,9 +49,9 @@ impl Described for FloorStep {
             extent_m.check(&place, Some([-1e4, 1e4]))?;
             let [least, most] = extent_m;
             if least >= most {
-                let found = format!("{least} to {most} m");
+                let ends = format!("{least} to {most} m");
                 let hint = "write the smaller end first";
-                return Err(Error::input(place, found, "an end beyond its beginning", hint));
+                return Err(Error::input(place, ends, "an end beyond its beginning", hint));
             }
         }
         Ok(())
@@ -68,13 +68,12 @@ impl FloorOptions {
 
     /// Distance from a place to the floor along a direction that looks down, a unit vector.
     pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
-        let to_height = |height_m: f64| (from_m.z - height_m) / -down.z;
-        let onto_step = |step: &FloorStep| {
-            let distance_m = to_height(step.height_m);
+        let onto_steps_m = self.steps.iter().filter_map(|step| {
+            let distance_m = (from_m.z - step.height_m) / -down.z;
             let foot_m = from_m + down * distance_m;
             (distance_m >= 0.0 && step.is_below(foot_m.x, foot_m.y)).then_some(distance_m)
-        };
-        self.steps.iter().filter_map(onto_step).fold(to_height(0.0), f64::min)
+        });
+        onto_steps_m.fold(from_m.z / -down.z, f64::min)
     }
 
     /// Checks that no two steps are in one place.
@@ -82,10 +81,10 @@ impl FloorOptions {
         for (i, step) in self.steps.iter().enumerate() {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {
                 let FloorStep { x_m: [left, right], y_m: [near, far], .. } = step;
-                let found = format!("x {left} to {right} m, y {near} to {far} m");
+                let extent = format!("x {left} to {right} m, y {near} to {far} m");
                 let wanted = format!("a place that floor.steps[{j}] leaves free");
                 let hint = "divide the steps so that each place has one height";
-                let error = Error::input("", found, wanted, hint);
+                let error = Error::input("", extent, wanted, hint);
                 return Err(error.of_item("floor.steps", i));
             }
         }

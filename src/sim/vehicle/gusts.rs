@@ -62,11 +62,10 @@ impl Wind {
         let (mut filters, mut torques) = (None, None);
         match &options.gusts {
             Gusts::OrnsteinUhlenbeck(room) => {
-                let filter = |sigma, time_s| Filter::new([sigma, 0.0], time_s, dt_s);
-                filters = Some(room.sigma_m_s.map(|sigma| filter(sigma, room.time_s)));
+                filters = Some(room.sigma_m_s.map(|s| Filter::new([s, 0.0], room.time_s, dt_s)));
                 let share = room.share_of_room();
-                let torque = |sigma: f64| filter(sigma * share, TORQUE_TIME_S);
-                torques = Some(room.torque_sigma_n_m.map(torque));
+                let sigmas_n_m = room.torque_sigma_n_m.map(|sigma| [sigma * share, 0.0]);
+                torques = Some(sigmas_n_m.map(|parts| Filter::new(parts, TORQUE_TIME_S, dt_s)));
             }
             Gusts::Dryden if level_m_s > 0.0 => {
                 let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
@@ -75,10 +74,10 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
-        let shaken = |filters: Option<_>, stream| {
+        let shaken = [(filters, "gusts"), (torques, "gust torque")];
+        let [gusts, torques] = shaken.map(|(filters, stream)| {
             filters.map(|filters| Shaken::new(filters, Noise::new(seed, drone, stream)))
-        };
-        let (gusts, torques) = (shaken(filters, "gusts"), shaken(torques, "gust torque"));
+        });
         Self { mean_m_s, axes, gusts, torques }
     }
 
@@ -110,16 +109,13 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     let vertical_m_s = 0.1 * wind_m_s;
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
-    let across = |sigma_m_s: f64, length_m: f64| {
+    let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
+    let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
         Filter::new(parts, length_m / wind_m_s, dt_s)
-    };
-    [
-        Filter::new([level_m_s, 0.0], level_m / wind_m_s, dt_s),
-        across(level_m_s, level_m),
-        across(vertical_m_s, vertical_m),
-    ]
+    });
+    [Filter::new([level_m_s, 0.0], level_m / wind_m_s, dt_s), level, vertical]
 }
 
 /// White noise through `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, where the first stage has
@@ -219,9 +215,9 @@ mod tests {
     }
 
     /// Each estimate has 400 segments: σ 5 %.
-    fn assert_density(found: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
-        for (bin, found) in BINS.iter().zip(found) {
-            let ratio = found / want(TAU * bin / (N as f64 * DT_S));
+    fn assert_density(densities: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
+        for (bin, density) in BINS.iter().zip(densities) {
+            let ratio = density / want(TAU * bin / (N as f64 * DT_S));
             assert!((ratio - 1.0).abs() < 0.2, "{ratio} of the density at bin {bin}");
         }
     }
@@ -230,10 +226,10 @@ mod tests {
     fn indoor_gusts_have_their_density() {
         let (sigma_m_s, time_s) = ([0.1, 0.2, 0.05], 0.8);
         let room = GustOptions { sigma_m_s, time_s, ..Default::default() };
-        for (found, sigma) in spectra(&indoors(room)).iter().zip(sigma_m_s) {
+        for (spectrum, sigma) in spectra(&indoors(room)).iter().zip(sigma_m_s) {
             // One-sided, per Hz: 4 σ² τ / (1 + ω²τ²). Above the Nyquist frequency it folds back
             // by less than a tenth at these bins.
-            assert_density(found, |w| 4.0 * sigma * sigma * 0.8 / (1.0 + 0.64 * w * w));
+            assert_density(spectrum, |w| 4.0 * sigma * sigma * 0.8 / (1.0 + 0.64 * w * w));
         }
     }
 
@@ -241,23 +237,23 @@ mod tests {
     fn torques_have_their_density() {
         let torque_sigma_n_m = [1e-4, 2e-4, 3e-5];
         let room = GustOptions { torque_sigma_n_m, ..Default::default() };
-        let found = spectra_of(&indoors(room), |gust| gust.torque_n_m);
-        for (found, sigma) in found.iter().zip(torque_sigma_n_m) {
-            assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
+        let spectrum = spectra_of(&indoors(room), |gust| gust.torque_n_m);
+        for (spectrum, sigma) in spectrum.iter().zip(torque_sigma_n_m) {
+            assert_density(spectrum, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
         }
     }
 
     #[test]
     fn stiller_air_turns_a_drone_less() {
-        let turns = |sigma_m_s| {
+        let sigmas_m_s = [[0.08; 3], [0.0; 3], [0.16; 3], [0.08, 0.0, 0.0]];
+        let [room, still, twice, one_axis] = sigmas_m_s.map(|sigma_m_s| {
             let room = GustOptions { sigma_m_s, ..Default::default() };
             Wind::new(&indoors(room), 0.002, 1, 0).advance().torque_n_m
-        };
-        let room = turns([0.08; 3]);
-        assert!(room.norm() > 0.0 && turns([0.0; 3]).norm() == 0.0);
-        for (sigma_m_s, times) in [([0.16; 3], 2.0), ([0.08, 0.0, 0.0], f64::sqrt(1.0 / 3.0))] {
-            let off = turns(sigma_m_s) - room * times;
-            assert!(off.norm() < 1e-12 * room.norm(), "{sigma_m_s:?}: {off}");
+        });
+        assert!(room.norm() > 0.0 && still.norm() == 0.0);
+        for (torque, times) in [(twice, 2.0), (one_axis, f64::sqrt(1.0 / 3.0))] {
+            let apart = torque - room * times;
+            assert!(apart.norm() < 1e-12 * room.norm(), "{times}: {apart}");
         }
     }
 
@@ -265,17 +261,17 @@ mod tests {
     fn drydens_gusts_have_the_densities_of_the_specification() {
         let options =
             AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
-        let found = spectra(&options);
+        let spectrum = spectra(&options);
         // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
         let (t_w, t_u) = (3.048 / 3.0, 3.048 / libm::pow(0.18523, 1.2) / 3.0);
-        assert_density(&found[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));
+        assert_density(&spectrum[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));
         let across = |sigma: f64, t: f64, w: f64| {
             let s = t * t * w * w;
             2.0 * sigma * sigma * t * (1.0 + 3.0 * s) / ((1.0 + s) * (1.0 + s))
         };
-        assert_density(&found[1], |w| across(sigma_u, t_u, w));
-        assert_density(&found[2], |w| across(sigma_w, t_w, w));
+        assert_density(&spectrum[1], |w| across(sigma_u, t_u, w));
+        assert_density(&spectrum[2], |w| across(sigma_w, t_w, w));
     }
 
     #[test]
@@ -290,8 +286,8 @@ mod tests {
             square += gust.component_mul(&gust) / f64::from(n);
         }
         let level = 0.2 / libm::pow(0.18523, 0.4);
-        for (found, want) in square.iter().zip([level, level, 0.2]) {
-            assert!((found / (want * want) - 1.0).abs() < 0.04, "{found} of {}", want * want);
+        for (spectrum, want) in square.iter().zip([level, level, 0.2]) {
+            assert!((spectrum / (want * want) - 1.0).abs() < 0.04, "{spectrum} of {}", want * want);
         }
     }
 
@@ -299,9 +295,9 @@ mod tests {
     fn still_air_is_still_and_a_seed_decides() {
         assert_eq!(Wind::new(&AirOptions::default(), DT_S, 1, 0).advance(), Gust::default());
         let options = indoors(GustOptions::default());
-        let first = |seed, drone| Wind::new(&options, DT_S, seed, drone).advance();
-        assert_eq!(first(1, 0), first(1, 0));
-        assert_ne!(first(1, 0), first(2, 0));
-        assert_ne!(first(1, 0), first(1, 1));
+        let [first, again, other, beside] = [(1, 0), (1, 0), (2, 0), (1, 1)]
+            .map(|(seed, drone)| Wind::new(&options, DT_S, seed, drone).advance());
+        assert_eq!(first, again);
+        assert!(first != other && first != beside);
     }
 }

@@ -172,11 +172,12 @@ mod tests {
         let vehicle = Vehicle::new(&VehicleOptions::default());
         let (state, wrench) = (tumbling(), Wrench::new(0.0, 0.0, 0.0, 0.5));
         let slope = vehicle.derivative(&state, &wrench);
-        let world = |s: &State| attitude(s).world_from_body() * velocity(s);
-        let found = (world(&(state + slope * 1e-6)) - world(&(state - slope * 1e-6))) / 2e-6;
+        let [ahead, behind] = [state + slope * 1e-6, state - slope * 1e-6]
+            .map(|s| attitude(&s).world_from_body() * velocity(&s));
+        let change = (ahead - behind) / 2e-6;
         let thrust = attitude(&state).world_from_body() * Vector3::z() * (0.5 / 0.0351);
         let want = thrust - Vector3::z() * 9.81;
-        assert!((found - want).norm() < 1e-7, "{found} against {want}");
+        assert!((change - want).norm() < 1e-7, "{change} against {want}");
     }
 
     #[test]

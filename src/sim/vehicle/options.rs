@@ -212,8 +212,8 @@ settings! {
 impl GustOptions {
     /// How strong they are, of those of a room.
     pub(crate) fn share_of_room(&self) -> f64 {
-        let strength = |gusts: &Self| Vector3::from(gusts.sigma_m_s).norm();
-        strength(self) / strength(&Self::default())
+        let room = Self::default();
+        Vector3::from(self.sigma_m_s).norm() / Vector3::from(room.sigma_m_s).norm()
     }
 }
 

@@ -77,7 +77,7 @@ impl Plant {
         let floor_m = floor.height_m(position_m.x, position_m.y);
         let carried = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
         Self {
-            row: RigidBody::at(position_m).row(),
+            row: RigidBody::resting_at(position_m).row(),
             rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
             battery: Battery::new(battery),
             inertia: Inertia::new(vehicle),
@@ -199,8 +199,8 @@ impl Plant {
             return full_n.component_mul(&self.given);
         };
         let limit = battery.limit(self.full_thrust_n);
-        let stops = |wanted_n: f64| if wanted_n < limit.least_n { 0.0 } else { wanted_n };
-        let mut wanted_n = (thrusts_n * limit.gain).map(stops);
+        let mut wanted_n =
+            (thrusts_n * limit.gain).map(|n| if n < limit.least_n { 0.0 } else { n });
         if wanted_n.max() > limit.max_n {
             self.short_steps += 1;
             wanted_n = battery.lowered(&wanted_n, limit.max_n);
@@ -268,7 +268,7 @@ mod tests {
         falling.row[3] = 1.0;
         advance(&mut falling, 0.0, 200);
         let place = falling.body().position_m;
-        assert_eq!(falling.body(), RigidBody::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
+        assert_eq!(falling.body(), RigidBody::resting_at(Vector3::new(place.x, 0.0, 0.0)), "stops");
         assert!(place.x > 0.4, "flew on while it fell");
         let mut sinking = plant(&options, 1e-3);
         sinking.row[5] = -1.0;
@@ -344,8 +344,8 @@ mod tests {
         let mut options = SimOptions::cf21();
         options.battery.least_thrust_n = 0.0128;
         let mut drone = plant(&options, 1.0);
-        let of = |thrust_n: f64| thrust_n / options.vehicle.k_f_n;
-        let thrusts_n = drone.thrusts_n(&[of(0.0127), of(0.0129), of(0.1), 0.0]);
+        let thrusts_n = [0.0127, 0.0129, 0.1, 0.0].map(|n| n / options.vehicle.k_f_n);
+        let thrusts_n = drone.thrusts_n(&thrusts_n);
         assert!((thrusts_n - Vector4::new(0.0, 0.0129, 0.1, 0.0)).norm() < 1e-12, "{thrusts_n}");
     }
 

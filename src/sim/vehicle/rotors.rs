@@ -106,9 +106,9 @@ impl Rotors {
             let (mut speed, mut change) = (start, start);
             for i in 0..4 {
                 let lag = if start[i] < target[i] { &self.rise } else { &self.fall };
-                let off = (start[i] - target[i]) * lag.remaining[part];
-                speed[i] = target[i] + off;
-                change[i] = -off * lag.per_s;
+                let left = (start[i] - target[i]) * lag.remaining[part];
+                speed[i] = target[i] + left;
+                change[i] = -left * lag.per_s;
             }
             *load = self.load_at(&speed, &change, ground);
             self.speed_rad_s = speed;
@@ -168,8 +168,8 @@ mod tests {
         let motors = Mixer::new(&options).wrench(&commands);
         let want = options.about_center_of_mass(&motors);
         for load in loads {
-            let found = load.torque_n_m.push(load.thrust_n);
-            assert!((found - want).norm() < 1e-15, "{found} against {want}");
+            let wrench = load.torque_n_m.push(load.thrust_n);
+            assert!((wrench - want).norm() < 1e-15, "{wrench} against {want}");
         }
     }
 
@@ -177,18 +177,18 @@ mod tests {
     fn a_rotor_rises_and_falls_with_its_own_time_constants() {
         let (options, n) = (lagging(), 68);
         let (low, high) = (0.05, 0.1);
-        let speed = |thrust: f64| (thrust / options.rotor_thrust_n_s2).sqrt();
+        let [slow, fast] = [low, high].map(|n: f64| (n / options.rotor_thrust_n_s2).sqrt());
         let mut rotors = Rotors::new(&options, low, 0.002);
         for _ in 0..n {
             rotors.advance(&Vector4::repeat(high), 1.0);
         }
-        let risen = (rotors.speed_rad_s[0] - speed(low)) / (speed(high) - speed(low));
+        let risen = (rotors.speed_rad_s[0] - slow) / (fast - slow);
         assert!((risen - (1.0 - libm::exp(-1.0))).abs() < 1e-12, "63.2 % after 0.136 s: {risen}");
         let mut rotors = Rotors::new(&options, high, 0.002);
         for _ in 0..53 {
             rotors.advance(&Vector4::repeat(low), 1.0);
         }
-        let fallen = (speed(high) - rotors.speed_rad_s[0]) / (speed(high) - speed(low));
+        let fallen = (fast - rotors.speed_rad_s[0]) / (fast - slow);
         assert!((fallen - (1.0 - libm::exp(-1.0))).abs() < 1e-12, "63.2 % after 0.106 s: {fallen}");
     }
 

@@ -45,7 +45,7 @@ const CRAZYFLIE_M: f64 = 0.046;
 /// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1; quoted, the book
 /// could not be opened), 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
-/// Standard deviations from the axis beyond which there is no wake: 0.03 % of it.
+/// Reach of the wake from its axis, in standard deviations: 0.03 % is left there.
 const REACH: f64 = 4.0;
 
 /// The stream of air below a drone.
@@ -78,7 +78,7 @@ impl Wake {
         let sizes = below_m / self.size_m - ORIGIN;
         let share = if sizes > 0.0 { (LOSS_SIZES / sizes).min(MOST_LOST) } else { MOST_LOST };
         let each_n = 0.25 * share * (self.thrust_n * thrust_n).max(0.0).sqrt();
-        // The share is that of a drone on the axis, whose rotors are all off it by its size.
+        // The share is that of a drone on the axis: its rotors are all an arm away from the axis.
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);

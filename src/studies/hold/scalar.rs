@@ -28,10 +28,9 @@ pub(super) fn hold(
     let mut truth = Truth::new(options, scenario, seed);
     let carried =
         AltitudeSensor::ALL.into_iter().filter(|sensor| carries(&options.sensors, *sensor));
-    let noise = |sensor| (sensor, Noise::new(seed, 0, &format!("hold {sensor:?}")));
-    let mut sensors: Vec<(AltitudeSensor, Noise)> = carried.map(noise).collect();
+    let sensors = carried.map(|it| (it, Noise::new(seed, 0, &format!("hold {it:?}"))));
+    let mut sensors: Vec<(AltitudeSensor, Noise)> = sensors.collect();
     let gnss = &options.sensors.gnss;
-    let hears_gnss = |time_s: f64| scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
     let mut filter = AltitudeFilter::new(&options.observer.altitude, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
     #[expect(clippy::cast_possible_truncation, reason = "at most an hour")]
@@ -39,12 +38,13 @@ pub(super) fn hold(
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
         if tick.is_multiple_of(TRUTH_HZ / SAMPLES_HZ) {
+            let hears_gnss = scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
-                if *sensor != AltitudeSensor::Gnss || hears_gnss(time_s) {
+                if *sensor != AltitudeSensor::Gnss || hears_gnss {
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
@@ -63,7 +63,7 @@ fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     match sensor {
         AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
         AltitudeSensor::TimeOfFlight | AltitudeSensor::Barometer => {
-            sensors.heights.iter().any(|height| AltitudeSensor::of(*height) == sensor)
+            sensors.heights.iter().any(|height| AltitudeSensor::from_height(*height) == sensor)
         }
     }
 }
