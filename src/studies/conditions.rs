@@ -167,16 +167,17 @@ impl Conditions {
     /// [`Error::Input`] for an unknown key or a value out of range.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
-        let keys = || Self::SHAPE.settings().iter().map(|setting| setting.key);
+        let keys: Vec<&str> = Self::SHAPE.settings().iter().map(|setting| setting.key).collect();
         let table: toml::Table = toml.parse().unwrap_or_default();
-        if let Some(unknown) = table.keys().find(|key| !keys().any(|known| known == key.as_str())) {
-            let all = || format!("the keys are {}", keys().collect::<Vec<_>>().join(", "));
-            let (found, wanted) = (format!("the unknown key {unknown}"), "a key of conditions");
-            return Err(Error::input(file, found, wanted, suggestion(unknown, keys(), all)));
+        if let Some(unknown) = table.keys().find(|key| !keys.contains(&key.as_str())) {
+            let all = format!("the keys are {}", keys.join(", "));
+            let hint = suggestion(unknown, keys, || all);
+            let key = format!("the unknown key {unknown}");
+            return Err(Error::input(file, key, "a key of conditions", hint));
         }
         let conditions: Self = toml::from_str(toml).map_err(|error| {
-            let found = error.message().lines().next().unwrap_or_default().to_owned();
-            Error::input(file, found, "conditions of flights as TOML", hint)
+            let problem = error.message().lines().next().unwrap_or_default().to_owned();
+            Error::input(file, problem, "conditions of flights as TOML", hint)
         })?;
         conditions.check()?;
         Ok(conditions)
@@ -223,7 +224,7 @@ impl Conditions {
             gusts.sigma_m_s = gusts.sigma_m_s.map(|own_m_s| own_m_s.max(self.gust_m_s));
             sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {
-                // Faint gusts bring little drag, so that none change nothing.
+                // Faint gusts bring little drag, so that 0 leaves the scene as it is.
                 let share = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
                 body.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * share);
             }
@@ -282,6 +283,10 @@ mod tests {
     use crate::statistics::mean;
     use noctograph_pipeline::scene::Preset;
 
+    fn drawn(conditions: &Conditions, seed: u64, drone: u64) -> noctograph_sim::SimOptions {
+        conditions.draw(&Scene::preset(Preset::Ae4832022), seed, drone).sim
+    }
+
     #[test]
     fn still_conditions_fly_the_scene_itself() {
         let scene = Scene::preset(Preset::Ae4832022);
@@ -291,38 +296,37 @@ mod tests {
 
     #[test]
     fn a_seed_draws_the_same_whatever_other_factors_do() {
-        let (all, scene) = (Conditions::default(), Scene::preset(Preset::Ae4832022));
-        let lag_s = |conditions: &Conditions, seed, drone| {
-            conditions.draw(&scene, seed, drone).sim.vehicle.motor_rise_s
-        };
-        let with_s = lag_s(&all, 3, 0);
-        let lag_of = |motor_lag_s| Conditions { motor_lag_s, ..Conditions::still() };
-        assert_eq!(with_s, lag_s(&lag_of(all.motor_lag_s), 3, 0));
-        assert!(with_s != lag_s(&all, 4, 0) && with_s != lag_s(&all, 3, 1), "others differ");
-        assert_eq!(lag_s(&lag_of(2.0 * all.motor_lag_s), 3, 0), 2.0 * with_s);
+        let all = Conditions::default();
+        let [with_s, other_seed_s, other_drone_s] = [(3, 0), (4, 0), (3, 1)]
+            .map(|(seed, drone)| drawn(&all, seed, drone).vehicle.motor_rise_s);
+        assert!(with_s != other_seed_s && with_s != other_drone_s, "others differ");
+        let lags_s = [1.0, 2.0].map(|times| {
+            let lag = Conditions { motor_lag_s: times * all.motor_lag_s, ..Conditions::still() };
+            drawn(&lag, 3, 0).vehicle.motor_rise_s
+        });
+        assert_eq!(lags_s, [with_s, 2.0 * with_s]);
     }
 
     #[test]
     fn an_evening_has_faults_of_its_own_and_a_room_has_none() {
         let scene = Scene::preset(Preset::Cf21);
-        let drawn = |conditions: &Conditions, seed| conditions.draw(&scene, seed, 0).sim;
         let [room, evening] = [Conditions::default(), Conditions::evening()];
-        let sound = drawn(&room, 1);
+        let sound = room.draw(&scene, 1, 0).sim;
         assert_eq!((&sound.radio, sound.vehicle.motor_loss_frac), (&scene.radio, [0.0; 4]));
         assert_eq!(sound.battery.resistance_ohm, scene.battery.resistance_ohm);
         let mut weak = [0; 4];
         for seed in 0..200 {
-            let found = drawn(&evening, seed);
-            assert_eq!((found.radio.drones, found.radio.outage_s), (1, 0.3));
-            let lost = found.vehicle.motor_loss_frac;
+            let actual = evening.draw(&scene, seed, 0).sim;
+            assert_eq!((actual.radio.drones, actual.radio.outage_s), (1, 0.3));
+            let lost = actual.vehicle.motor_loss_frac;
             let motor = lost.iter().position(|lost| *lost > 0.0).unwrap();
             assert!(lost[motor] < 0.06 && lost.iter().sum::<f64>() == lost[motor], "{lost:?}");
             weak[motor] += 1;
-            let older = found.battery.resistance_ohm / scene.battery.resistance_ohm - 1.0;
-            let smaller = 1.0 - found.battery.capacity_ah / scene.battery.capacity_ah;
+            let older = actual.battery.resistance_ohm / scene.battery.resistance_ohm - 1.0;
+            let smaller = 1.0 - actual.battery.capacity_ah / scene.battery.capacity_ah;
             assert!((0.0..0.2282).contains(&older) && (smaller * 1.1404 - older).abs() < 1e-4);
             let radio = Conditions { radio_outage_s: 0.3, ..Conditions::still() };
-            assert_eq!(drawn(&radio, seed).radio, found.radio);
+            assert_eq!(radio.draw(&scene, seed, 0).sim.radio, actual.radio);
         }
         assert!(weak.iter().all(|n| (30..75).contains(n)), "each motor in its turn: {weak:?}");
     }
@@ -342,46 +346,41 @@ mod tests {
 
     #[test]
     fn the_lighthouses_frame_and_the_moment_of_the_air_differ_from_flight_to_flight() {
-        let (all, scene) = (Conditions::default(), Scene::preset(Preset::Ae4832022));
-        let drawn = |seed, drone| all.draw(&scene, seed, drone).sim;
-        let frame = |seed, drone| drawn(seed, drone).sensors.lighthouse.frame_turn_rad;
-        assert_eq!(frame(1, 0), frame(1, 1), "drones of a room share it");
-        assert_ne!(frame(1, 0), frame(2, 0));
-        let yaws = (0..400).map(|seed| frame(seed, 0)[2]);
+        let all = Conditions::default();
+        let [one, beside, other] = [(1, 0), (1, 1), (2, 0)]
+            .map(|(seed, drone)| drawn(&all, seed, drone).sensors.lighthouse.frame_turn_rad);
+        assert_eq!(one, beside, "drones of a room share it");
+        assert_ne!(one, other);
+        let flights: Vec<_> = (0..400).map(|seed| drawn(&all, seed, 0)).collect();
+        let yaws = flights.iter().map(|sim| sim.sensors.lighthouse.frame_turn_rad[2]);
         let sigma_rad = (yaws.map(|yaw_rad| yaw_rad * yaw_rad).sum::<f64>() / 400.0).sqrt();
         assert!((sigma_rad / 0.01 - 1.0).abs() < 0.1, "{sigma_rad}");
-        let moment = |seed| drawn(seed, 0).vehicle.airspeed_moment_n_s;
-        assert!(
-            (0..50).all(|seed| (0.0..4.7e-4).contains(&moment(seed))) && moment(1) != moment(2)
-        );
+        let moments = flights.iter().map(|sim| sim.vehicle.airspeed_moment_n_s);
+        let moments: Vec<f64> = moments.collect();
+        assert!(moments.iter().all(|moment| (0.0..4.7e-4).contains(moment)), "{moments:?}");
+        assert_ne!(moments[1], moments[2]);
     }
 
     #[test]
     fn gusts_that_fade_leave_the_scene_as_it_is() {
-        let scene = Scene::preset(Preset::Ae4832022);
-        let drag = |times| {
+        let [none, faint, room, strong] = [0.0, 1e-6, 1.0, 4.0].map(|times| {
             let gusts = Conditions { gust_m_s: times * ROOM_GUST_M_S, ..Conditions::still() };
-            gusts.draw(&scene, 1, 0).sim.vehicle.body_drag_n_s_m[0]
-        };
-        assert_eq!((drag(0.0), drag(1.0), drag(4.0)), (0.0, DRAG_N_S_M[0], DRAG_N_S_M[0]));
-        assert!(drag(1e-6) < 1e-6 * DRAG_N_S_M[0] * 1.001, "{}", drag(1e-6));
+            drawn(&gusts, 1, 0).vehicle.body_drag_n_s_m[0]
+        });
+        assert_eq!((none, room, strong), (0.0, DRAG_N_S_M[0], DRAG_N_S_M[0]));
+        assert!(faint < 1e-6 * DRAG_N_S_M[0] * 1.001, "{faint}");
     }
 
     #[test]
     fn a_conditions_file_names_what_it_changes() {
         let read = Conditions::parse("gust_m_s = 0.3\n", "room.toml").unwrap();
         assert_eq!(read, Conditions { gust_m_s: 0.3, ..Conditions::default() });
-        let unknown = |toml| {
-            let error = Conditions::parse(toml, "room.toml").unwrap_err();
-            (error.to_string(), error.hint().to_owned())
-        };
-        let (text, hint) = unknown("gust_ms = 0.3\n");
+        let [near, far] = ["gust_ms = 0.3\n", "wind = 0.3\n"]
+            .map(|toml| Conditions::parse(toml, "room.toml").unwrap_err());
+        let text = near.to_string();
         assert!(text.contains("room.toml") && text.contains("gust_ms"), "{text}");
-        assert_eq!(hint, "did you mean gust_m_s?");
-        assert!(
-            unknown("wind = 0.3\n").1.contains("led_delay_s"),
-            "the list where none is like it"
-        );
+        assert_eq!(near.hint(), "did you mean gust_m_s?");
+        assert!(far.hint().contains("led_delay_s"), "the list where none is like it");
         assert!(Conditions::parse("mass_frac = -1.0\n", "room.toml").is_err());
     }
 }

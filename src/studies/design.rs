@@ -48,9 +48,9 @@ impl Study {
     pub fn check(&self) -> Result<()> {
         let (contenders, n_trials) = (&self.contenders, self.n_trials());
         if n_trials == 0 {
-            let found = format!("{} scenes, {} words", contenders.len(), self.words.len());
+            let counts = format!("{} scenes, {} words", contenders.len(), self.words.len());
             let hint = "name scenes and words, such as NOOR with 50 seeds";
-            return Err(Error::input("study", found, "at least one of each, and a seed", hint));
+            return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
         let mut names = HashSet::new();
         if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
@@ -99,11 +99,11 @@ impl Study {
     ///
     /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
-        let of_contender = |contender| {
+        let prepared = self.contenders.par_iter().flat_map(|contender| {
             let words = self.words.par_iter();
             words.map(move |(word, _)| Prepared::new(contender, word, &self.conditions))
-        };
-        self.contenders.par_iter().flat_map(of_contender).collect()
+        });
+        prepared.collect()
     }
 }
 
@@ -125,7 +125,7 @@ pub fn evaluate(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let count = counter(done);
-    let record = |trial: &Trial| {
+    let records = trials.par_iter().map(|trial| {
         stop.check()?;
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
         let name = &study.contenders[trial.contender].name;
@@ -139,8 +139,8 @@ pub fn evaluate(
         };
         count();
         Ok(record)
-    };
-    trials.par_iter().map(record).collect()
+    });
+    records.collect()
 }
 
 /// Tells, from any thread, how often it was called.
@@ -171,11 +171,11 @@ mod tests {
         let study = study();
         let trials: Vec<Trial> = study.trials().collect();
         assert_eq!((trials.len(), study.n_trials()), (6, 6));
-        let seeds = |contender: usize| -> Vec<u64> {
-            trials.iter().filter(|t| t.contender == contender).map(|t| t.seed).collect()
-        };
-        assert_eq!(seeds(0), seeds(1));
-        let mut all = seeds(0);
+        let [mut all, others] = [0, 1].map(|contender| {
+            let trials = trials.iter().filter(|trial| trial.contender == contender);
+            trials.map(|trial| trial.seed).collect::<Vec<u64>>()
+        });
+        assert_eq!(all, others);
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), 3);
@@ -186,27 +186,30 @@ mod tests {
     fn any_number_of_threads_leaves_the_same_records() {
         let study = study();
         let trials: Vec<Trial> = study.trials().collect();
-        let on = |threads| {
+        let [by_one, by_three] = [1, 3].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let ready = study.prepare().unwrap();
-            let fly = || evaluate(&study, &ready, &trials, None, &Stop::default(), &|_| {});
-            pool.install(fly).unwrap()
-        };
-        let json = |records: &[Record]| serde_json::to_string(records).unwrap();
-        assert_eq!(json(&on(1)), json(&on(3)));
+            let (ready, stop) = (study.prepare().unwrap(), Stop::default());
+            let records =
+                pool.install(|| evaluate(&study, &ready, &trials, None, &stop, &|_| {})).unwrap();
+            serde_json::to_string(&records).unwrap()
+        });
+        assert_eq!(by_one, by_three);
     }
 
     #[test]
     fn studies_that_compare_nothing_are_refused() {
-        let refused = |change: fn(&mut Study)| {
+        let cases: [(fn(&mut Study), &str); 4] = [
+            (|s| s.contenders.clear(), "0 scenes"),
+            (|s| s.words.push(("I".into(), 5)), "each word once"),
+            (|s| s.contenders.push(s.contenders[0].clone()), "team"),
+            (|s| s.words[0].1 = u32::MAX, "at most"),
+        ];
+        for (change, wanted) in cases {
             let mut study = study();
             change(&mut study);
-            study.check().unwrap_err().to_string()
-        };
-        assert!(refused(|s| s.contenders.clear()).contains("0 scenes"));
-        assert!(refused(|s| s.words.push(("I".into(), 5))).contains("each word once"));
-        assert!(refused(|s| s.contenders.push(s.contenders[0].clone())).contains("team"));
-        assert!(refused(|s| s.words[0].1 = u32::MAX).contains("at most"));
+            let error = study.check().unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
         study().check().unwrap();
     }
 }

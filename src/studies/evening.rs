@@ -1,10 +1,10 @@
 //! Evening: what the logs of an evening's flights say of drones and air, and the conditions
 //! ([`super::Conditions`]) that these make.
 //!
-//! In: a folder of logs, and the scene's drone, of which a log does not tell the mass. Out: a row
+//! In: a folder of logs, and the scene's drone, since logs do not tell the mass. Out: a row
 //! for each log, with its figures and what speaks against it, and the widths of conditions as they
-//! were found. Each log is identified by itself ([`identify`]); of its figures the thrust per
-//! command is that over the weight, so that a heavy drone and a weak one are the same.
+//! were found. Each log is identified by itself ([`identify`]); its thrust per command
+//! is relative to the weight, so that a heavy drone and a weak one are the same.
 //!
 //! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
 //! position; inertia; delay of the lamps; charge and age of the battery.
@@ -64,7 +64,7 @@ pub struct EveningLog {
     pub drone: String,
     /// Its path within the folder.
     pub log: String,
-    /// What speaks against it; a sound one has none.
+    /// What speaks against it; empty for a sound one.
     pub flaws: Vec<Flaw>,
     /// What it says of its drone; `None` where it says nothing.
     pub figures: Option<LogFigures>,
@@ -166,27 +166,28 @@ impl Evening {
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
         let (logs, count) = (logs_in(folder)?, counter(done));
         LOGS.check_all(logs.iter().map(|log| &log.path))?;
-        // A file that links lead to again is no other flight, and is read once.
+        // Links may lead to one file several times: it is one flight, and is read once.
         let mut firsts = HashMap::new();
         for log in logs.iter().rev() {
             firsts.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
         }
-        let first = |log: &GatheredLog| firsts.get(&log.path.canonicalize().ok()?).copied();
-        let row = |log: &GatheredLog| {
-            let row = match first(log).filter(|first| *first != log.name) {
-                Some(first) => {
-                    EveningLog::of(log, vec![Flaw::Again(first.to_owned())], None, Vec::new())
-                }
-                None => EveningLog::new(log, import(&log.path, options), scene),
-            };
-            count();
-            row
-        };
-        let at_once = logs.chunks(AT_ONCE);
-        let rows = at_once.flat_map(|logs| logs.par_iter().map(row).collect::<Vec<_>>());
-        let mut logs: Vec<EveningLog> = rows.collect();
-        logs.sort_by_cached_key(|log| [natural(&log.drone), natural(&log.log)]);
-        Ok(Self { logs })
+        let mut rows: Vec<EveningLog> = Vec::new();
+        for at_once in logs.chunks(AT_ONCE) {
+            rows.par_extend(at_once.par_iter().map(|log| {
+                let first = log.path.canonicalize().ok().and_then(|file| firsts.get(&file));
+                let row = match first.filter(|first| **first != log.name) {
+                    Some(&first) => {
+                        let flaws = vec![Flaw::Again(first.to_owned())];
+                        EveningLog::from_parts(log, flaws, None, Vec::new())
+                    }
+                    None => EveningLog::new(log, import(&log.path, options), scene),
+                };
+                count();
+                row
+            }));
+        }
+        rows.sort_by_cached_key(|log| [natural(&log.drone), natural(&log.log)]);
+        Ok(Self { logs: rows })
     }
 
     /// The drones with their logs.
@@ -205,11 +206,10 @@ impl Evening {
     #[must_use]
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
-        let of = |figure: fn(&LogFigures) -> f64| mean(self.sound().map(figure));
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
         Some(MeanDrone {
-            k_f_n: scene.vehicle.k_f_n * of(|f| f.thrust_frac),
-            center_of_mass_m: [of(|f| f.trim_m[0]), of(|f| f.trim_m[1])],
+            k_f_n: scene.vehicle.k_f_n * mean(self.sound().map(|f| f.thrust_frac)),
+            center_of_mass_m: [0, 1].map(|axis: usize| mean(self.sound().map(|f| f.trim_m[axis]))),
             lag_s: (!lags_s.is_empty()).then(|| mean(&lags_s)),
         })
     }
@@ -220,12 +220,10 @@ impl Evening {
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
-        let spread_of = |value: &dyn Fn(&LogFigures) -> (f64, f64)| {
-            spread(&figures.iter().map(|figures| value(figures)).collect::<Vec<_>>())
-        };
-        let thrust = spread_of(&|f| (f.thrust_frac, 0.0));
+        let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
         let trims_m = [0, 1].map(|axis: usize| {
-            spread_of(&|f| (f.trim_m[axis], f.trim_sigma_m.map_or(0.0, |sigma_m| sigma_m[axis])))
+            let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
+            spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
         // The spread of a uniform number is its largest over the root of twelve. The mean is no
@@ -237,31 +235,32 @@ impl Evening {
         let gust_m_s = mean(gusts.iter().map(|gust| gust * gust)).sqrt();
         let outages_s: Vec<f64> =
             figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| f.mean_outage_s()).collect();
-        let enough = |n: usize| n >= LEAST_FLIGHTS;
-        let flights = |n: usize, what: &str| format!("{what}, {n} flights");
         let (n_lags, n_gusts, n_gaps) = (lags_s.len(), gusts.len(), outages_s.len());
-        let (lags, gaps) = ("spread of the rotors' lag", "longest gaps, of one in 10 s");
-        let found = [
-            ("mass_frac", enough(n), thrust, flights(n, "thrust over weight")),
-            ("center_of_mass_m", enough(n), trim_m, flights(n, "trim beyond what gusts explain")),
-            ("motor_lag_s", enough(n_lags), lag_s, flights(n_lags, lags)),
-            ("gust_m_s", n_gusts > 0, gust_m_s, flights(n_gusts, "torque of uneven air")),
-            ("radio_outage_s", n_gaps > 0, mean(&outages_s), gaps.to_owned()),
+        let conditions = [
+            ("mass_frac", n, LEAST_FLIGHTS, spread(&thrusts), "thrust over weight"),
+            ("center_of_mass_m", n, LEAST_FLIGHTS, trim_m, "trim beyond what gusts explain"),
+            ("motor_lag_s", n_lags, LEAST_FLIGHTS, lag_s, "spread of the rotors' lag"),
+            ("gust_m_s", n_gusts, 1, gust_m_s, "torque of uneven air"),
+            ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, of one in 10 s"),
         ];
-        let shown = found.into_iter().filter(|(_, is_shown, ..)| *is_shown);
-        shown.map(|(key, _, value, from)| FoundCondition { key, value, from }).collect()
+        let shown = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
+        let shown = shown.map(|(key, n, _, value, from)| {
+            let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
+            FoundCondition { key, value, from: format!("{from}{flights}") }
+        });
+        shown.collect()
     }
 
     /// A conditions file (TOML) with what was found.
     #[must_use]
-    pub fn conditions_toml(&self, found: &[FoundCondition]) -> String {
+    pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
             "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
              # room's: rank and preview --spread take this file as --conditions.\n",
             self.logs.len()
         );
-        for FoundCondition { key, value, from } in found {
+        for FoundCondition { key, value, from } in conditions {
             toml += &format!("{key} = {value:.3e}  # {from}\n");
         }
         toml
@@ -269,7 +268,7 @@ impl Evening {
 }
 
 impl LogFigures {
-    /// The mean of its outages by the longest, which of n exponential times is
+    /// The mean of its outages from the longest: the longest of n exponential times is
     /// 1 + 1/2 + … + 1/n times their mean.
     fn mean_outage_s(&self) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
@@ -279,7 +278,7 @@ impl LogFigures {
 }
 
 impl EveningLog {
-    fn of(
+    fn from_parts(
         log: &GatheredLog,
         flaws: Vec<Flaw>,
         figures: Option<LogFigures>,
@@ -293,7 +292,7 @@ impl EveningLog {
             Ok(flight) => flight,
             Err(error) => {
                 let flaw = Flaw::Unreadable(error.to_string());
-                return Self::of(log, vec![flaw], None, Vec::new());
+                return Self::from_parts(log, vec![flaw], None, Vec::new());
             }
         };
         // Figures need the motors and the body's rates: what else is not logged is not missed.
@@ -302,7 +301,7 @@ impl EveningLog {
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
         let figures = match figures(&flight, samples, scene) {
             Ok(figures) => figures,
-            Err(flaw) => return Self::of(log, vec![flaw], None, warnings),
+            Err(flaw) => return Self::from_parts(log, vec![flaw], None, warnings),
         };
         let LogFigures { air_s, gust_m_s, .. } = figures;
         let unknown = gaps_s(&flight, samples).iter().sum::<f64>() / air_s;
@@ -318,7 +317,7 @@ impl EveningLog {
                            the rotors' lag";
             warnings.push(lagless.to_owned());
         }
-        Self::of(log, flaws.into_iter().flatten().collect(), Some(figures), warnings)
+        Self::from_parts(log, flaws.into_iter().flatten().collect(), Some(figures), warnings)
     }
 }
 
@@ -362,7 +361,7 @@ fn figures(
     })
 }
 
-/// Standard deviation of values beyond that which each one has by itself; 0 of fewer than two.
+/// Standard deviation of values beyond their own, given beside them; 0 of fewer than two.
 fn spread(values: &[(f64, f64)]) -> f64 {
     let n = values.len() as f64;
     let middle = mean(values.iter().map(|(value, _)| value));
@@ -371,7 +370,7 @@ fn spread(values: &[(f64, f64)]) -> f64 {
     (square / (n - 1.0) - own / n).max(0.0).sqrt()
 }
 
-/// What puts names in the order of the numbers in them: numbers, then other characters; the name
+/// Sort key of a name, in the order of the numbers in it: numbers, then other characters; the name
 /// itself last.
 fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
     let mut parts: Vec<(bool, u64)> = Vec::new();

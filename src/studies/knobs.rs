@@ -84,10 +84,10 @@ impl Knob {
         knobs
     }
 
-    /// Sets the knob in a scene to `at`, 0 to 1.
-    fn set(&self, scene: &mut toml::Value, at: f64) -> Result<()> {
+    /// Sets the knob in a scene to a share of its way, 0 to 1.
+    fn set(&self, scene: &mut toml::Value, share: f64) -> Result<()> {
         let between =
-            |[least, most]: [f64; 2]| libm::exp(libm::log(least) + at * libm::log(most / least));
+            |[least, most]: [f64; 2]| libm::exp(libm::log(least) + share * libm::log(most / least));
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
@@ -95,7 +95,7 @@ impl Knob {
                 (Turn::To(range), Some(_)) => toml::Value::Float(between(*range)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    let index = (at * words.len() as f64) as usize;
+                    let index = (share * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
                 _ => {
@@ -119,12 +119,12 @@ const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q
 /// [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut value = toml::Value::try_from(scene).expect("a scene is a table");
-    for (knob, at) in knobs.iter().zip(point) {
-        knob.set(&mut value, *at)?;
+    for (knob, share) in knobs.iter().zip(point) {
+        knob.set(&mut value, *share)?;
     }
     let scene: Scene = value.try_into().map_err(|error: toml::de::Error| {
-        let found = error.message().to_owned();
-        Error::input("knob", found, "values that the scene's keys take", HINT)
+        let problem = error.message().to_owned();
+        Error::input("knob", problem, "values that the scene's keys take", HINT)
     })?;
     scene.check()?;
     Ok(scene)
@@ -137,9 +137,9 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
         let unchosen = scenes.clone();
-        for at in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
-            let turn = |scene| turned(scene, std::slice::from_ref(knob), &[at]).ok();
-            scenes.extend(unchosen.iter().filter_map(turn));
+        for share in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
+            let knob = std::slice::from_ref(knob);
+            scenes.extend(unchosen.iter().flat_map(|scene| turned(scene, knob, &[share])));
         }
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
@@ -184,8 +184,7 @@ impl FromStr for Knob {
         let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
-            let number = |text: &str| text.parse::<f64>().map_err(|_not_a_number| broken());
-            let range @ [low, high] = [number(low)?, number(high)?];
+            let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
             if !(0.0 < low && low < high && high.is_finite()) {
                 return Err(broken());
             }
@@ -238,8 +237,8 @@ mod tests {
             let mut scene = Scene::preset(Preset::Ae4832022);
             scene.controller.kind = kind;
             let knobs = Knob::usual(&scene);
-            for at in [0.0, 0.5, 0.999] {
-                turned(&scene, &knobs, &vec![at; knobs.len()]).unwrap();
+            for share in [0.0, 0.5, 0.999] {
+                turned(&scene, &knobs, &vec![share; knobs.len()]).unwrap();
             }
         }
     }
@@ -247,13 +246,14 @@ mod tests {
     #[test]
     fn a_usual_knob_has_an_effect_in_its_scene() {
         // The default drone's filter is an EKF, the team's an observer of constant gain.
-        let keys = |scene: &Scene| Knob::usual(scene).into_iter().flat_map(|knob| knob.keys);
-        let trusts = |scene: &Scene| keys(scene).any(|key| key.starts_with("observer.luenberger"));
-        assert!(!trusts(&Scene::preset(Preset::default())));
-        assert!(trusts(&Scene::preset(Preset::Ae4832022)));
+        let [default, team] = [Preset::default(), Preset::Ae4832022].map(|preset| {
+            let knobs = Knob::usual(&Scene::preset(preset));
+            knobs.into_iter().flat_map(|knob| knob.keys).collect::<Vec<String>>()
+        });
+        assert!(!default.iter().any(|key| key.starts_with("observer.luenberger")));
+        assert!(team.iter().any(|key| key.starts_with("observer.luenberger")));
         // A choice lends effect to what it may turn to: here the integral of lqr-integral.
-        let scene = Scene::preset(Preset::Ae4832022);
-        assert!(keys(&scene).any(|key| key == "controller.lqr.q_integral[0]"));
+        assert!(team.iter().any(|key| key == "controller.lqr.q_integral[0]"));
         for &preset in Preset::ALL {
             for &kind in ControllerKind::ALL {
                 let mut scene = Scene::preset(preset);
@@ -268,16 +268,16 @@ mod tests {
         for text in ["q", "a=1", "a=2..1", "a=-1..1", "a=0..1", "a=nan..1", "a*=x|y", "a=1..inf"] {
             assert!(text.parse::<Knob>().unwrap_err().to_string().contains(text), "{text}");
         }
-        let wrong = |text: &str, found: &str| {
+        for (text, named) in [
+            ("controller.lqr.q[12]=1..2", "controller.lqr.q[12]"),
+            ("plan.style_x=1..2", "plan.style_x"),
+            ("controller.kind=1..2", "controller.kind"),
+            ("controller.kind=lqr|pud", "pud"),
+            ("vehicle.mass_kg=1000..2000", "vehicle.mass_kg"),
+        ] {
             let knob = text.parse::<Knob>().unwrap();
-            let error =
-                turned(&Scene::preset(Preset::Ae4832022), &[knob], &[0.5]).unwrap_err().to_string();
-            assert!(error.contains(found), "{error}");
-        };
-        wrong("controller.lqr.q[12]=1..2", "controller.lqr.q[12]");
-        wrong("plan.style_x=1..2", "plan.style_x");
-        wrong("controller.kind=1..2", "controller.kind");
-        wrong("controller.kind=lqr|pud", "pud");
-        wrong("vehicle.mass_kg=1000..2000", "vehicle.mass_kg");
+            let error = turned(&Scene::preset(Preset::Ae4832022), &[knob], &[0.5]).unwrap_err();
+            assert!(error.to_string().contains(named), "{error}");
+        }
     }
 }

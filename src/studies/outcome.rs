@@ -102,7 +102,7 @@ impl Outcome {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the figure that is none.
+    /// [`Error::Input`] with the figure that is out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
         let scores = [
             ("probability", self.probability, 0.0..=1.0),
@@ -176,15 +176,14 @@ impl Flown {
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let each = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let each: Vec<[f64; 10]> = each.collect::<Result<_>>()?;
-        let figure = |index: usize| {
+        Ok(Self::from_values(std::array::from_fn(|index| {
             let of_drones = each.iter().map(|values| values[index]);
             match Self::NAMES[index] {
                 "drift_y_m" | "tilt_rad" | "duration_s" => of_drones.fold(0.0, f64::max),
                 "energy_j" => of_drones.sum(),
                 _ => mean(of_drones),
             }
-        };
-        Ok(Self::from_values(std::array::from_fn(figure)))
+        })))
     }
 
     fn from_flight(flight: &Flight, believed: &SimOptions) -> Result<Self> {
@@ -226,11 +225,12 @@ fn saturated_frac(flight: &Flight) -> f64 {
 fn modeled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
     let battery = &options.battery;
     let volts = battery.open_circuit_v(battery.charge_frac);
-    let power_w = |sample: &FlightSample| {
-        let thrust_n = options.vehicle.k_f_n * sample.motors.iter().sum::<f64>();
-        volts * (battery.idle_current_a + battery.current_a_per_n * thrust_n)
-    };
-    samples.windows(2).map(|pair| power_w(&pair[0]) * (pair[1].time_s - pair[0].time_s)).sum()
+    let energies_j = samples.windows(2).map(|pair| {
+        let thrust_n = options.vehicle.k_f_n * pair[0].motors.iter().sum::<f64>();
+        let power_w = volts * (battery.idle_current_a + battery.current_a_per_n * thrust_n);
+        power_w * (pair[1].time_s - pair[0].time_s)
+    });
+    energies_j.sum()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
 //! candidate is planned, flown, exposed on the scene's own film and read with the scene's seed;
-//! those that gain are flown with two seeds more, and one that loses under any is no remedy. What
+//! those that gain are flown with two seeds more, and one that loses under any is dropped. What
 //! nobody sets, such as gusts or the delay of the radio, is left as it is.
 
 use rayon::prelude::*;
@@ -38,12 +38,12 @@ const DARK_ROOM_CD_M2: f64 = 0.008;
 /// Speed from which strokes are flown slower.
 const SLOW_M_S: f64 = 0.05;
 
-/// The changes that gain most, the most gainful first; none of a word that reads, and of plans from
-/// elsewhere and of exported ones, which are not planned anew.
+/// The changes that gain most, the most gainful first. Empty for a word that reads, and for plans
+/// from elsewhere and exported ones, which are not planned anew.
 ///
 /// # Errors
 ///
-/// Those of the stages for the scene itself; a change that cannot be flown is none.
+/// Those of the stages for the scene itself; a change that cannot be flown is left out.
 pub fn remedies(shot: &Shot) -> Result<Vec<Remedy>> {
     let (shoot, scene) = (&shot.shoot, &shot.shoot.scene);
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
@@ -51,14 +51,14 @@ pub fn remedies(shot: &Shot) -> Result<Vec<Remedy>> {
         return Ok(Vec::new());
     }
     let own = read_probability(scene, scene.seed)?;
-    let gain = |(changes, scene): (Vec<Change>, Scene)| {
-        let after = read_probability(&scene, scene.seed).ok()?;
-        (after - own >= LEAST_GAIN).then_some((after - own, changes, scene))
-    };
     let wanted = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
     let candidates = wanted.map(|(_, changes)| Ok((changes.clone(), changed(scene, &changes)?)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
-    let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
+    let gains = candidates.into_par_iter().filter_map(|(changes, scene)| {
+        let after = read_probability(&scene, scene.seed).ok()?;
+        (after - own >= LEAST_GAIN).then_some((after - own, changes, scene))
+    });
+    let mut gains: Vec<_> = gains.collect();
     gains.sort_by(|a, b| b.0.total_cmp(&a.0));
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use noctograph_pipeline::scene::Preset;
 
-    fn of(change: impl FnOnce(&mut Scene)) -> Vec<Remedy> {
+    fn remedies_after(change: impl FnOnce(&mut Scene)) -> Vec<Remedy> {
         let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
         (scene.camera.width_px, scene.camera.height_px) = (480, 270);
         change(&mut scene);
@@ -170,10 +170,10 @@ mod tests {
 
     #[test]
     fn a_shutter_that_closes_early_and_a_camera_that_looks_away_are_mended() {
-        let shutter = of(|scene| scene.camera.shutter_close_s = Some(4.0));
+        let shutter = remedies_after(|scene| scene.camera.shutter_close_s = Some(4.0));
         assert_eq!(shutter[0].changes[0], Change::new("camera.shutter_open_s", 0), "{shutter:?}");
         assert!(shutter[0].gain > 0.3, "{shutter:?}");
-        let away = of(|scene| {
+        let away = remedies_after(|scene| {
             let pose = noctograph_core::camera::FixedPose {
                 position_m: [1.5, -3.0, 0.75],
                 target_m: Some([4.0, 0.0, 0.75]),
@@ -186,10 +186,13 @@ mod tests {
 
     #[test]
     fn a_scene_that_reads_needs_none() {
-        let found = of(|_| {});
-        assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
+        let remedies = remedies_after(|_| {});
+        assert!(
+            remedies.len() <= MOST && remedies.iter().all(|r| r.gain >= LEAST_GAIN),
+            "{remedies:?}"
+        );
         let scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
         let own = read_probability(&scene, 1).unwrap();
-        assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
+        assert!(remedies.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{remedies:?}");
     }
 }

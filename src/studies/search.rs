@@ -27,11 +27,11 @@ impl Search {
     pub(super) fn new(n_coordinates: usize, seed: u64) -> Self {
         assert!(n_coordinates > 0, "a search along at least one coordinate");
         let unit = range(0.0, 1.0).expect("a range");
-        let one = || {
+        let coordinates = (0..n_coordinates).map(|_| {
             let mut builder = TpeOptimizerBuilder::new();
             builder.gamma(GOOD).build(parzen_estimator(), unit).expect("within 0 to 1")
-        };
-        let coordinates = (0..n_coordinates).map(|_| one()).collect();
+        });
+        let coordinates = coordinates.collect();
         Self { rng: ChaCha8Rng::seed_from_u64(seed), coordinates, n_told: 0 }
     }
 
@@ -55,8 +55,8 @@ impl Search {
     /// If the cost is no number, or the point not one of the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_told += 1;
-        for (one, at) in self.coordinates.iter_mut().zip(point) {
-            one.tell(*at, cost).expect("a number, within the cube");
+        for (coordinate, value) in self.coordinates.iter_mut().zip(point) {
+            coordinate.tell(*value, cost).expect("a number, within the cube");
         }
     }
 }
@@ -91,16 +91,16 @@ mod tests {
     /// Least cost of points drawn evenly.
     fn least_by_chance(n_points: usize, seed: u64) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut point = || -> [f64; N] { std::array::from_fn(|_| rng.random()) };
-        (0..n_points).map(|_| cost(&point())).fold(f64::INFINITY, f64::min)
+        let points = (0..n_points).map(|_| -> [f64; N] { std::array::from_fn(|_| rng.random()) });
+        points.map(|point| cost(&point)).fold(f64::INFINITY, f64::min)
     }
 
     #[test]
     fn estimation_beats_chance() {
-        let found: Vec<f64> = (0..5).map(|seed| least(200, seed)).collect();
+        let costs: Vec<f64> = (0..5).map(|seed| least(200, seed)).collect();
         let by_chance: f64 = (0..5).map(|seed| least_by_chance(200, seed)).sum();
-        assert!(found.iter().all(|cost| *cost < 0.03), "{found:?}");
-        assert!(found.iter().sum::<f64>() < 0.6 * by_chance, "{found:?}, {by_chance} by chance");
+        assert!(costs.iter().all(|cost| *cost < 0.03), "{costs:?}");
+        assert!(costs.iter().sum::<f64>() < 0.6 * by_chance, "{costs:?}, {by_chance} by chance");
     }
 
     #[test]

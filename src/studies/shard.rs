@@ -84,7 +84,7 @@ fn digest(study: &Study, prepared: &[Prepared]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Conditions, Record};
+    use crate::Conditions;
     use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
 
     fn study() -> Study {
@@ -120,10 +120,10 @@ mod tests {
 
         let store = tempfile::tempdir().unwrap();
         let mut store = Store::open(store.path()).unwrap();
-        let found = shards(&study, &ready, folder.path()).unwrap();
-        found.iter().for_each(|path| store.take(path).unwrap());
-        let known = |record: &&Record| store.get(&record.scene, record.seed).is_some();
-        assert_eq!(alone.iter().filter(known).count(), store.n_known(), "of this study alone");
+        let paths = shards(&study, &ready, folder.path()).unwrap();
+        paths.iter().for_each(|path| store.take(path).unwrap());
+        let known = alone.iter().filter_map(|record| store.get(&record.scene, record.seed));
+        assert_eq!(known.count(), store.n_known(), "of this study alone");
         assert_eq!(evaluated(Some(&store)).unwrap(), alone);
 
         let line = std::fs::read_to_string(&path).unwrap();

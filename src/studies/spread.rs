@@ -17,7 +17,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::Photo;
-use noctograph_pipeline::shoot::{Judging, Shoot, Shot};
+use noctograph_pipeline::shoot::{Judging, Shoot};
 use noctograph_score::{Verdict, is_judged};
 
 /// Share of flights that a band holds at every moment.
@@ -26,7 +26,7 @@ pub const BAND_FRAC: f64 = 0.9;
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time between two moments of a band.
 const STEP_S: f64 = 0.1;
-/// Farthest in time from a moment that a sample stands for it.
+/// Farthest in time that a sample may be from the moment that it stands for.
 const NEAR_S: f64 = 0.02;
 /// Height of a capital in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
@@ -62,11 +62,11 @@ pub struct SpreadShot {
     pub verdict: Option<Verdict>,
 }
 
-/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment; of fewer than
+/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment. With fewer than
 /// [`LEAST_FLIGHTS`], where all of them are ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
-    /// Flights that it was made of.
+    /// Number of flights behind it.
     pub n_flights: usize,
     /// Moments.
     pub time_s: Vec<f64>,
@@ -83,7 +83,7 @@ pub struct Band {
 pub struct Held {
     /// Share of its moments inside, on each axis.
     pub inside: Vector3<f64>,
-    /// Width of the band over that of one about the same median that holds [`BAND_FRAC`] of them.
+    /// Width of the band, relative to a band about the same median with [`BAND_FRAC`] of them.
     pub width: Vector3<f64>,
 }
 
@@ -110,8 +110,8 @@ impl Band {
         band
     }
 
-    /// Share of further flights that it holds at every moment: [`BAND_FRAC`], and of fewer than
-    /// [`LEAST_FLIGHTS`] flights the share that lies between the least and the most of n,
+    /// Share of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
+    /// [`LEAST_FLIGHTS`] flights, the share between the least and the most of n flights:
     /// `(n − 1) / (n + 1)`.
     #[must_use]
     pub fn holds_frac(&self) -> f64 {
@@ -130,16 +130,16 @@ impl Band {
         widths_m.iter().sum::<Vector3<f64>>() / n
     }
 
-    /// How another flight lies in it, over the moments that it has samples near to.
+    /// How another flight lies in it, over the moments with samples nearby.
     #[must_use]
     pub fn held(&self, samples: &[FlightSample]) -> Held {
         let mut shares: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
             let after = samples.partition_point(|sample| sample.time_s < *time_s);
-            let off_s = |sample: &&FlightSample| (sample.time_s - time_s).abs();
             let near = samples[after.saturating_sub(1)..].iter().take(2);
-            let near = near.min_by(|a, b| off_s(a).total_cmp(&off_s(b)));
-            let Some(sample) = near.filter(|sample| off_s(sample) <= NEAR_S) else { continue };
+            let near = near.map(|sample| ((sample.time_s - time_s).abs(), sample));
+            let near = near.min_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
+            let Some((_, sample)) = near.filter(|(away_s, _)| *away_s <= NEAR_S) else { continue };
             for (axis, shares) in shares.iter_mut().enumerate() {
                 let off_m = sample.position_m[axis] - middle[axis];
                 let end_m = if off_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
@@ -162,8 +162,8 @@ fn ends(mut values: Vec<f64>) -> [f64; 3] {
     [tail, 0.5, 1.0 - tail].map(|share| quantile(&values, share))
 }
 
-/// The quantile of sorted values below which the next value lies with this probability, as far as
-/// they reach.
+/// The quantile of sorted values: the next value lies below it with this probability. Ends at the
+/// least and the largest value.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let place = (share * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
@@ -194,28 +194,22 @@ pub fn spread(
     }
     shrink(&mut base, CAP_HEIGHT_PX)?;
     let first = shoot.scene.seed;
-    let drawn = |seed: u64, of: u64| {
-        let mut shoot = Shoot { room_seed: Some(of), ..base.clone() };
-        let actual = (0..).map(|drone| conditions.draw(&base.scene, of, drone));
-        shoot.actual = actual.take(base.plans.len()).collect();
-        shoot.scene.seed = seed;
-        shoot
-    };
     let count = counter(done);
     let seeds: Vec<u64> = (first..).take(n).collect();
-    let one = |seed: &u64| {
-        let shot = or_lost(drawn(*seed, *seed).take(&|_, _| {}));
+    let flights = seeds.par_iter().map(|seed| {
+        let shot = or_lost(drawn(&base, conditions, *seed, *seed).take(&|_, _| {}));
         count();
-        let kept = |Shot { flights, photo, verdict, .. }| SpreadShot { flights, photo, verdict };
-        Ok(SpreadFlight { seed: *seed, shot: shot?.map(kept) })
-    };
-    let flights: Vec<SpreadFlight> = seeds.par_iter().map(one).collect::<Result<_>>()?;
-    let again = |seed: &u64| {
-        let flown = or_lost(drawn(*seed, first).fly(&|_, _| {}));
+        let shot =
+            shot?.map(|s| SpreadShot { flights: s.flights, photo: s.photo, verdict: s.verdict });
+        Ok(SpreadFlight { seed: *seed, shot })
+    });
+    let flights: Vec<SpreadFlight> = flights.collect::<Result<_>>()?;
+    let again = seeds.par_iter().map(|seed| {
+        let flown = or_lost(drawn(&base, conditions, *seed, first).fly(&|_, _| {}));
         count();
         flown
-    };
-    let again: Vec<_> = seeds.par_iter().map(again).collect::<Result<_>>()?;
+    });
+    let again: Vec<_> = again.collect::<Result<_>>()?;
     let flown: Vec<&Vec<Flight>> =
         flights.iter().filter_map(|flight| Some(&flight.shot.as_ref().ok()?.flights)).collect();
     let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
@@ -226,14 +220,23 @@ pub fn spread(
             hint: "fly the scene without its spread, or under milder conditions".into(),
         });
     }
-    let bands = |flown: &[&Vec<Flight>]| {
-        let of_drone = |drone: usize| {
-            let flights: Vec<&Flight> = flown.iter().map(|flights| &flights[drone]).collect();
+    let [all, within] = [flown, again].map(|fleets| {
+        let bands = (0..base.plans.len()).map(|drone| {
+            let flights: Vec<&Flight> = fleets.iter().map(|flights| &flights[drone]).collect();
             Band::new(&flights, |sample| sample.position_m)
-        };
-        (0..base.plans.len()).map(of_drone).collect()
-    };
-    Ok(Spread { all: bands(&flown), within: bands(&again), flights })
+        });
+        bands.collect()
+    });
+    Ok(Spread { all, within, flights })
+}
+
+/// A shoot with the noise of a seed, and the drones and the room of another.
+fn drawn(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Shoot {
+    let mut shoot = Shoot { room_seed: Some(room_seed), ..base.clone() };
+    let actual = (0..).map(|drone| conditions.draw(&base.scene, room_seed, drone));
+    shoot.actual = actual.take(base.plans.len()).collect();
+    shoot.scene.seed = seed;
+    shoot
 }
 
 #[cfg(test)]
@@ -241,18 +244,19 @@ mod tests {
     use super::*;
     use noctograph_pipeline::scene::{Preset, Scene};
 
-    fn at(time_s: f64, x_m: f64) -> FlightSample {
+    fn sample(time_s: f64, x_m: f64) -> FlightSample {
         let position_m = Vector3::new(x_m, 0.0, 1.0);
         FlightSample { time_s, position_m, letter: Some(0), ..FlightSample::default() }
     }
 
+    fn flight(k: u32) -> Flight {
+        let samples =
+            (0..1000).map(|i| sample(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
+        Flight { samples: samples.collect(), ..Flight::default() }
+    }
+
     #[test]
     fn a_band_holds_nine_tenths_of_equal_flights() {
-        let flight = |k: u32| {
-            let samples =
-                (0..1000).map(|i| at(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
-            Flight { samples: samples.collect(), ..Flight::default() }
-        };
         let flights: Vec<Flight> = (0..199).map(flight).collect();
         let band = Band::new(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
         let held = band.held(&flight(3).samples);
@@ -262,9 +266,11 @@ mod tests {
         );
         assert!((band.half_width_m().x - 90.0).abs() < 1.0, "{}", band.half_width_m());
         assert_eq!((band.n_flights, band.holds_frac()), (199, BAND_FRAC));
-        let of = |n_flights| Band { n_flights, ..Band::default() }.holds_frac();
-        assert_eq!((of(2), of(18) < BAND_FRAC, of(LEAST_FLIGHTS)), (1.0 / 3.0, true, BAND_FRAC));
-        let narrow: Vec<FlightSample> = (0..1000).map(|i| at(0.1 * f64::from(i), 99.0)).collect();
+        let [two, few, enough] = [2, 18, LEAST_FLIGHTS]
+            .map(|n_flights| Band { n_flights, ..Band::default() }.holds_frac());
+        assert_eq!((two, few < BAND_FRAC, enough), (1.0 / 3.0, true, BAND_FRAC));
+        let narrow: Vec<FlightSample> =
+            (0..1000).map(|i| sample(0.1 * f64::from(i), 99.0)).collect();
         assert!((band.held(&narrow).inside.x - 1.0).abs() < 1e-12);
     }
 
@@ -272,10 +278,10 @@ mod tests {
     fn flights_of_one_room_and_drone_lie_closer_than_those_of_many() {
         let scene = Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) };
         let shoot = Shoot::new(scene).unwrap();
-        let found = spread(&shoot, &Conditions::any_drone(), 19, &|_| {}).unwrap();
-        let [all_m, within_m] = [&found.all[0], &found.within[0]].map(Band::half_width_m);
+        let bands = spread(&shoot, &Conditions::any_drone(), 19, &|_| {}).unwrap();
+        let [all_m, within_m] = [&bands.all[0], &bands.within[0]].map(Band::half_width_m);
         assert!(within_m.x < 0.7 * all_m.x, "{within_m} of {all_m}");
-        assert!(found.flights.iter().all(|flight| flight.shot.is_ok()));
+        assert!(bands.flights.iter().all(|flight| flight.shot.is_ok()));
         let still = spread(&shoot, &Conditions::still(), 19, &|_| {}).unwrap();
         assert!(still.all[0].half_width_m().x < within_m.x, "noise alone");
     }

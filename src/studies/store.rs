@@ -189,7 +189,7 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::Io`], [`Error::Input`] with the line that is broken, and for more than 500,000
-    /// flights. Half a line at the end is none.
+    /// flights. Half a line at the end is skipped.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
         each_line(LIMIT.open(path)?, path, |record| {
@@ -273,8 +273,8 @@ fn check_header(folder: &Path) -> Result<()> {
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
     let header: Header = serde_json::from_str(text).map_err(|_broken| {
-        let found: String = text.chars().take(60).collect();
-        Error::input(path.display(), found, wanted, "name another folder: this one holds no study")
+        let start: String = text.chars().take(60).collect();
+        Error::input(path.display(), start, wanted, "name another folder: this one holds no study")
     })?;
     if header != ours {
         let (theirs, ours) = (header.noctograph, ours.noctograph);
@@ -291,8 +291,8 @@ fn check_header(folder: &Path) -> Result<()> {
 
 /// More flights than the largest study has.
 fn too_many(place: impl Into<Place>) -> Error {
-    let found = format!("more than {MAX_TRIALS} flights");
-    Error::input(place, found, "at most those of the largest study", ANOTHER)
+    let number = format!("more than {MAX_TRIALS} flights");
+    Error::input(place, number, "at most those of the largest study", ANOTHER)
 }
 
 /// Calls a function with each whole line; how many bytes they take. What follows may be half a line

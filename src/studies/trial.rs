@@ -189,17 +189,17 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
     let camera = scene.camera.camera(bounds_m, end_s)?;
-    let pixel = |z_m| camera.image_from_world(Vector3::new(0.5 * (left + right), 0.0, z_m));
+    let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
     // Out of sight there is nothing to shrink.
-    let (Some(low), Some(high)) = (pixel(bottom), pixel(top)) else { return Ok(()) };
+    let [Some(low), Some(high)] = ends_m.map(|m| camera.image_from_world(m)) else { return Ok(()) };
     let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {
         return Ok(());
     }
     #[expect(clippy::cast_possible_truncation, reason = "smaller")]
-    let smaller = |side_px: u32| (f64::from(side_px) * factor).round().max(1.0) as u32;
-    let camera = &mut scene.camera;
-    (camera.width_px, camera.height_px) = (smaller(camera.width_px), smaller(camera.height_px));
+    for side_px in [&mut scene.camera.width_px, &mut scene.camera.height_px] {
+        *side_px = (f64::from(*side_px) * factor).round().max(1.0) as u32;
+    }
     scene.photo.noise = Noise::Off;
     Ok(())
 }
@@ -255,8 +255,8 @@ mod tests {
             assert_eq!((shot.photo.width_px, shot.photo.height_px), (1920, 1080), "its own");
             let full = shot.verdict.unwrap();
             assert_eq!(small.read, full.read);
-            let off = small.probability - full.readability;
-            assert!(off.abs() < 0.05, "seed {seed}: {} small, {off} more", small.probability);
+            let more = small.probability - full.readability;
+            assert!(more.abs() < 0.05, "seed {seed}: {} small, {more} more", small.probability);
         }
     }
 

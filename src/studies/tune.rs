@@ -26,9 +26,9 @@ use noctograph_sim::design::{MOTOR_LAG_S, design};
 
 /// Candidates that fly again at the end.
 const FINALISTS: usize = 6;
-/// A finalist flies so many times the training flights.
+/// Flights of a finalist, as a multiple of the training flights.
 const FINAL_TIMES: u32 = 4;
-/// Candidates below which a search is no search.
+/// Least candidates of a search.
 const LEAST_CANDIDATES: usize = 10;
 /// Penalty for exceeding a limit by its own size, in merit.
 const PENALTY: f64 = 20.0;
@@ -38,7 +38,7 @@ const PENALTY: f64 = 20.0;
 const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
 /// Farthest from the word's plane: the team's corridor, for visitors.
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
-/// Largest tilt: that at which the Lighthouse deck still sees its stations.
+/// Largest tilt: the Lighthouse deck still sees its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
 /// Share of the time with a motor at its limit.
 const MAX_SATURATED_FRAC: f64 = 0.05;
@@ -141,8 +141,8 @@ pub struct Tuned {
     pub before: Candidate,
     /// Every candidate in the order of asking; the first is the scene as it was.
     pub candidates: Vec<Candidate>,
-    /// Numbers of the candidates that no other beats in both flight time and legibility, the
-    /// fastest first; of those that keep to the limits.
+    /// Numbers of the candidates within the limits that no other beats in both flight time and
+    /// legibility, the fastest first.
     pub front: Vec<usize>,
     /// Flights in all.
     pub n_flights: usize,
@@ -173,8 +173,8 @@ pub fn tune(
 ) -> Result<Tuned> {
     options.check()?;
     if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
-        let (found, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
-        return Err(Error::input("knob", found, "a key that has one in this scene", hint));
+        let (idle, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
+        return Err(Error::input("knob", idle, "a key that has one in this scene", hint));
     }
     let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
     let mut tuning =
@@ -214,8 +214,8 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies a candidate with a seed of all its seeds, so many `times` the training flights. With a
-    /// bar, half of its flights come first; it is given up where it then costs more.
+    /// Flies a candidate with a seed for all its seeds, `times` as often as in training. With a
+    /// bar, half of its flights come first, and the candidate is given up where they cost more.
     fn candidate(
         &mut self,
         number: usize,
@@ -268,7 +268,7 @@ impl Tuning<'_> {
             let flights = (!self.options.seed, FINAL_TIMES);
             finalists.push(self.candidate(*number, point, flights, None)?);
         }
-        // Of equals the first: the scene as it was.
+        // The first of equal ones: the scene as it was.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         let best = best.expect("the scene as it was is one").clone();
         Ok([finalists.swap_remove(0), best])
@@ -276,32 +276,33 @@ impl Tuning<'_> {
 
     /// A candidate with the figures of its flights.
     fn judged(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
-        let of = |value: fn(&Record) -> f64| mean(records.iter().map(value));
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
-        let figure = |value: fn(&Flown) -> f64| mean(flown.iter().map(value));
-        let beyond = |found: f64, limit: f64| (found / limit - 1.0).max(0.0);
-        let broken = of(|record| record.outcome.lost.is_some().into())
-            + beyond(figure(|f| f.rmse_x_m), MAX_RMSE_M[0])
-            + beyond(figure(|f| f.rmse_y_m), MAX_RMSE_M[1])
-            + beyond(figure(|f| f.rmse_z_m), MAX_RMSE_M[2])
-            + beyond(figure(|f| f.drift_y_m), MAX_DRIFT_Y_M)
-            + beyond(figure(|f| f.tilt_rad), MAX_TILT_RAD)
-            + beyond(figure(|f| f.saturated_frac), MAX_SATURATED_FRAC)
-            + self.longest_s.map_or(0.0, |s| beyond(figure(|f| f.duration_s), s))
-            + candidate.broken;
+        let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
+        let figures = Flown::<f64>::from_values(means);
+        let limits = [
+            (figures.rmse_x_m, MAX_RMSE_M[0]),
+            (figures.rmse_y_m, MAX_RMSE_M[1]),
+            (figures.rmse_z_m, MAX_RMSE_M[2]),
+            (figures.drift_y_m, MAX_DRIFT_Y_M),
+            (figures.tilt_rad, MAX_TILT_RAD),
+            (figures.saturated_frac, MAX_SATURATED_FRAC),
+            (figures.duration_s, self.longest_s.unwrap_or(f64::INFINITY)),
+        ];
+        let lost = mean(records.iter().map(|record| f64::from(record.outcome.lost.is_some())));
+        let excess = limits.iter().map(|(figure, limit)| (figure / limit - 1.0).max(0.0));
         Candidate {
             n_flights: records.len(),
-            merit: of(|record| record.outcome.merit()),
-            legibility: of(|record| record.outcome.probability),
+            merit: mean(records.iter().map(|record| record.outcome.merit())),
+            legibility: mean(records.iter().map(|record| record.outcome.probability)),
             legible: share(records.iter().map(|record| record.outcome.legible)),
-            duration_s: (!flown.is_empty()).then(|| figure(|f| f.duration_s)),
-            broken,
+            duration_s: (!flown.is_empty()).then_some(figures.duration_s),
+            broken: excess.fold(lost, |sum, excess| sum + excess) + candidate.broken,
             ..candidate.clone()
         }
     }
 }
 
-/// How much of the motor lag that a regulator must stand on paper, a Crazyflie's, it does not.
+/// Share of a Crazyflie's motor lag that a regulator, on paper, does not stand; 0 is good.
 fn margin_broken(scene: &Scene) -> f64 {
     match scene.controller.kind.law() {
         Law::StateFeedback { .. } => {}
@@ -374,18 +375,15 @@ mod tests {
     #[test]
     fn what_a_store_knows_is_not_flown_again_and_comes_to_the_same() {
         let folder = tempfile::tempdir().unwrap();
-        let run = |n: usize| {
+        let [_interrupted, (resumed, known)] = [3, 1000].map(|n| {
             let store = Store::open(folder.path()).unwrap();
-            let (scene, mut left) = (Scene::preset(Preset::Ae4832022), n);
-            let mut watch = |_, _: &Candidate| {
+            let (scene, stop, mut left) = (Scene::preset(Preset::Ae4832022), Stop::default(), n);
+            let tuned = tune(&scene, &options(70), Some(&store), &stop, &mut |_, _| {
                 left -= 1;
                 left > 0
-            };
-            let tuned = tune(&scene, &options(70), Some(&store), &Stop::default(), &mut watch);
+            });
             (tuned.unwrap(), store.n_known())
-        };
-        let _interrupted = run(3);
-        let (resumed, known) = run(1000);
+        });
         assert!(known > 20, "{known} flights were known");
         let alone = tuned(&Scene::preset(Preset::Ae4832022), &options(70)).unwrap();
         assert_eq!(resumed.candidates, alone.candidates);
@@ -394,20 +392,17 @@ mod tests {
 
     #[test]
     fn the_front_holds_what_nothing_beats() {
-        let candidate = |number: usize, duration_s: f64, legibility: f64, broken: f64| Candidate {
-            number,
-            legibility,
-            duration_s: Some(duration_s),
-            broken,
-            ..Candidate::default()
-        };
         let all = [
-            candidate(0, 60.0, 0.8, 0.0),
-            candidate(1, 40.0, 0.7, 0.0),
-            candidate(2, 50.0, 0.6, 0.0),
-            candidate(3, 30.0, 0.9, 0.5),
-            candidate(4, 70.0, 0.8, 0.0),
+            (0, 60.0, 0.8, 0.0),
+            (1, 40.0, 0.7, 0.0),
+            (2, 50.0, 0.6, 0.0),
+            (3, 30.0, 0.9, 0.5),
+            (4, 70.0, 0.8, 0.0),
         ];
+        let all = all.map(|(number, duration_s, legibility, broken)| {
+            let duration_s = Some(duration_s);
+            Candidate { number, legibility, duration_s, broken, ..Candidate::default() }
+        });
         assert_eq!(front(&all), [1, 0]);
     }
 

@@ -49,11 +49,10 @@ pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
         .collect();
     let slow = smoothed(pairs, &rest);
     let fast: Vec<_> = rest.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
-    let explained = |parts: &[Vector3<f64>], by: f64| by * by * power(parts) / total;
     let causes = [
-        (Discrepancy::Lag(late_s), explained(&late, 1.0)),
+        (Discrepancy::Lag(late_s), power(&late) / total),
         (Discrepancy::Offset(offset), offset.norm_squared() / total),
-        (Discrepancy::Scale(grown), explained(&arms, grown)),
+        (Discrepancy::Scale(grown), grown * grown * power(&arms) / total),
         (Discrepancy::Path(power(&slow).sqrt()), power(&slow) / total),
         (Discrepancy::Noise(power(&fast).sqrt()), power(&fast) / total),
     ];
@@ -75,8 +74,8 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// How late B is, as `--align flown` and the lag of a flight are found: the shift of A that comes
-/// closest to B but for a constant offset; and by how much A moves in that time, at each sample.
+/// How late B is, found like `--align flown` and the lag of a flight: the shift of A that comes
+/// closest to B but for a constant offset. Then, at each sample, how far A moves in that time.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::of(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     let shifted = |late_s: f64| {
@@ -88,7 +87,7 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
         spread_m2(beside.map(|([_, b], a_m)| b.position_m - a_m))
     };
     let found_s = minimize([-MAX_LAG_S, MAX_LAG_S], cost, cost);
-    // Of flights that do not move, any shift is as good; at an end of the search it is no best one.
+    // For flights that do not move, any shift is as good; one at an end of the search is not best.
     let is_best = found_s.abs() < MAX_LAG_S - 1e-3 && cost(found_s) < cost(0.0);
     let late_s = if is_best { found_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(late_s)).map(|([a, _], a_m)| a_m - a.position_m);
@@ -97,20 +96,19 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
 
 /// The mean over [`SMOOTH_S`] around each sample.
 fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let time_s = |index: usize| pairs[index][0].time_s;
     let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());
-    let mut around = |at: usize| {
-        while to < values.len() && time_s(to) <= time_s(at) + SMOOTH_S / 2.0 {
+    let means = pairs.iter().map(|[middle, _]| {
+        while to < values.len() && pairs[to][0].time_s <= middle.time_s + SMOOTH_S / 2.0 {
             sum += values[to];
             to += 1;
         }
-        while time_s(from) < time_s(at) - SMOOTH_S / 2.0 {
+        while pairs[from][0].time_s < middle.time_s - SMOOTH_S / 2.0 {
             sum -= values[from];
             from += 1;
         }
         sum / (to - from) as f64
-    };
-    (0..values.len()).map(&mut around).collect()
+    });
+    means.collect()
 }
 
 #[cfg(test)]
@@ -120,8 +118,8 @@ mod tests {
     use crate::comparison::{Alignment, ComparisonOptions, compare};
     use noctograph_plan::tracking::Part;
 
-    /// The first cause of a flight of the square that is changed at each time.
-    fn of(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
+    /// The first cause where B flies the square with a change.
+    fn first_cause(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
         let a = flight(0.01, 16.0, square, square);
         let b = flight(0.01, 16.0, change, square);
         let (part, alignment) = (Part::All, Alignment::Offset(0.0));
@@ -131,48 +129,50 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        let (lag, share) = of(|t| square((t - 0.1).max(0.0)));
+        let (lag, share) = first_cause(|t| square((t - 0.1).max(0.0)));
         assert!(
             matches!(lag, Discrepancy::Lag(s) if (s - 0.1).abs() < 1e-3) && share > 0.99,
             "{lag:?}"
         );
-        // As far as strokes are long: a delay is no step along the velocity.
+        // Over whole strokes, where a delay differs from a step along the velocity.
         for late_s in [0.3, 0.5, 0.8, -0.5] {
-            let (lag, share) = of(|t| square((t - late_s).max(0.0)));
+            let (lag, share) = first_cause(|t| square((t - late_s).max(0.0)));
             assert!(
                 matches!(lag, Discrepancy::Lag(s) if (s - late_s).abs() < 2e-3) && share > 0.97,
                 "{late_s} s is {lag:?}, {share}"
             );
         }
         let aside = Vector3::new(0.03, 0.0, -0.04);
-        let (offset, share) = of(|t| square(t) + aside);
+        let (offset, share) = first_cause(|t| square(t) + aside);
         assert!(
             matches!(offset, Discrepancy::Offset(m) if (m - aside).norm() < 1e-9),
             "{offset:?}"
         );
         assert!(share > 0.99, "{share}");
         let middle = Vector3::new(0.2, 0.0, 0.7);
-        let (scale, share) = of(|t| middle + (square(t) - middle) * 1.05);
+        let (scale, share) = first_cause(|t| middle + (square(t) - middle) * 1.05);
         assert!(matches!(scale, Discrepancy::Scale(s) if (s - 0.05).abs() < 1e-3), "{scale:?}");
         assert!(share > 0.99, "{share}");
-        let swing = |period_s: f64, t: f64| {
-            Vector3::new(0.0, 0.0, 0.02) * libm::sin(std::f64::consts::TAU * t / period_s)
-        };
-        let (noise, share) = of(|t| square(t) + swing(0.05, t));
+        let [(noise, share), (path, path_share)] = [0.05, 2.9].map(|period_s| {
+            let rate_rad_s = std::f64::consts::TAU / period_s;
+            first_cause(|t| square(t) + Vector3::z() * (0.02 * libm::sin(rate_rad_s * t)))
+        });
         assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
         assert!(share > 0.9, "{share}");
-        let (path, share) = of(|t| square(t) + swing(2.9, t));
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
-        assert!(share > 0.8, "{share}");
-        // What is no scale of a positioning system: B is half as large and turned by half a turn.
-        let (path, share) = of(|t| middle + (square(t) - middle) * -0.5);
+        assert!(path_share > 0.8, "{path_share}");
+        // No positioning system has such a scale: B is half as large and turned by half a turn.
+        let (path, share) = first_cause(|t| middle + (square(t) - middle) * -0.5);
         assert!(matches!(path, Discrepancy::Path(_)) && share > 0.8, "{path:?}, {share}");
+    }
+
+    /// An L, which ends elsewhere than it began.
+    fn l(t: f64) -> Vector3<f64> {
+        Vector3::new(0.2 * (t - 4.0).clamp(0.0, 2.0), 0.0, 1.0 - 0.2 * t.min(4.0))
     }
 
     #[test]
     fn a_lag_beside_the_path_has_its_own_amount() {
-        // An L, which ends elsewhere than it began.
-        let l = |t: f64| Vector3::new(0.2 * (t - 4.0).clamp(0.0, 2.0), 0.0, 1.0 - 0.2 * t.min(4.0));
         for aside in
             [Vector3::zeros(), Vector3::new(0.03, 0.0, 0.02), Vector3::new(-0.02, 0.0, 0.0)]
         {
@@ -183,11 +183,11 @@ mod tests {
                 alignment: Alignment::Offset(0.0),
                 ..Default::default()
             };
-            let found = compare(&a, &b, &options).unwrap().first.unwrap().0;
-            if let Discrepancy::Lag(s) = found {
+            let cause = compare(&a, &b, &options).unwrap().first.unwrap().0;
+            if let Discrepancy::Lag(s) = cause {
                 assert!((s - 0.2).abs() < 3e-3, "{s} s beside by {aside}");
             } else {
-                assert!(aside != Vector3::zeros(), "{found:?}");
+                assert!(aside != Vector3::zeros(), "{cause:?}");
             }
         }
     }

@@ -35,6 +35,13 @@ impl FrameAlignment {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_rad)
     }
 
+    /// A flight with every sample moved.
+    fn placed(&self, flight: &Flight) -> Flight {
+        let mut placed = flight.clone();
+        placed.samples.iter_mut().for_each(|sample| self.place(sample));
+        placed
+    }
+
     /// Moves a sample: its positions and its heading.
     pub fn place(&self, sample: &mut FlightSample) {
         for place_m in [&mut sample.position_m, &mut sample.estimate_m] {
@@ -45,8 +52,8 @@ impl FrameAlignment {
     }
 }
 
-/// The seconds to add to B's clock, and its placement, where it is in another frame than A: one of
-/// them has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
+/// The seconds to add to B's clock, and its placement where its frame is another than A's: one of
+/// the two has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
 ///
 /// `clock` finds those seconds for a flight in the place of B.
 pub(super) fn place(
@@ -56,8 +63,7 @@ pub(super) fn place(
     offset_s: f64,
     clock: &dyn Fn(&Flight) -> Result<f64>,
 ) -> Result<(f64, Option<FrameAlignment>)> {
-    let design = |flight: &Flight| !flight.unlogged.contains(&Quantity::Design);
-    if design(a) && design(b) {
+    if [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Design)) {
         return Ok((offset_s, None));
     }
     let alignment = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
@@ -70,11 +76,6 @@ pub(super) fn place(
     else {
         return Ok((offset_s, None));
     };
-    let placed = |placement: &FrameAlignment| {
-        let mut placed = b.clone();
-        placed.samples.iter_mut().for_each(|sample| placement.place(sample));
-        placed
-    };
     let mut best_s = offset_s;
     // A turned path sets the clock wrong: each turn has an offset of its own.
     for step in 1..TURNS {
@@ -82,7 +83,8 @@ pub(super) fn place(
             break;
         }
         let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
-        let turned = placed(&FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 });
+        let turn = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
+        let turned = turn.placed(b);
         let offset_s = clock(&turned)?;
         if let Some((_, further)) =
             alignment(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
@@ -92,7 +94,7 @@ pub(super) fn place(
         }
     }
     // Once more with the whole turn, which the last step of its search had in part.
-    let again_s = clock(&placed(&best))?;
+    let again_s = clock(&best.placed(b))?;
     if let Some((_, further)) = alignment(b, again_s)?.filter(|(_, f)| f.left_m < best.left_m) {
         (best, best_s) = (further, again_s);
     }
@@ -129,11 +131,9 @@ fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     let turn_rad = if wide.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
     let mut placement = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
     placement.shift_m = a_m - placement.rotation() * b_m;
-    let distance_m = |onto_a: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
-        let apart_m = pairs.iter().map(|[a, b]| a.position_m - onto_a(b.position_m));
-        (apart_m.map(|apart_m| apart_m.norm_squared()).sum::<f64>() / n).sqrt()
-    };
     let (turn, shift_m) = (placement.rotation(), placement.shift_m);
-    placement.left_m = distance_m(&|b_m| turn * b_m + shift_m);
-    Some((distance_m(&|b_m| b_m), placement))
+    let left = pairs.iter().map(|[a, b]| a.position_m - (turn * b.position_m + shift_m));
+    placement.left_m = (left.map(|left_m| left_m.norm_squared()).sum::<f64>() / n).sqrt();
+    let apart_m2 = pairs.iter().map(|[a, b]| (a.position_m - b.position_m).norm_squared());
+    Some(((apart_m2.sum::<f64>() / n).sqrt(), placement))
 }

@@ -127,11 +127,11 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         let span =
             |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
-        let found = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
+        let spans = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
         let hint = "shift B's clock, or compare two flights of the same plan";
-        return Err(Error::input("flights A and B", found, "a time that both cover", hint));
+        return Err(Error::input("flights A and B", spans, "a time that both cover", hint));
     };
-    let apart = || pairs.iter().map(|[a, b]| a.position_m - b.position_m);
+    let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
     let turned = pairs.iter().map(|[a, b]| {
         let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
         apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
@@ -143,9 +143,9 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         placement,
         n_samples: pairs.len(),
         span_s: [first[0].time_s, last[0].time_s],
-        rmse_m: rms(apart()),
-        mean_m: mean(apart()),
-        max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
+        rmse_m: rms(apart.clone()),
+        mean_m: mean(apart.clone()),
+        max_m: apart.map(|d| d.norm()).fold(0.0, f64::max),
         attitude_rmse: logged.then(|| attitude(rms(turned))),
         first: cause::first(&pairs),
     })
@@ -158,28 +158,28 @@ fn flown(flight: &Flight) -> Result<Flight> {
     Ok(Flight { samples, ..Flight::default() })
 }
 
-/// Distance of two flights' letters from which they are different ones: a fifth of a capital.
+/// Letters of two flights that lie this far apart are different ones: a fifth of a capital.
 const OTHER_LETTERS_M: f64 = 0.1;
 
 /// Refuses flights whose designs write different letters.
 fn check_words(a: &Flight, b: &Flight) -> Result<()> {
-    let points = |flight: &Flight| {
+    let [a, b] = [a, b].map(|flight| {
         let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
         let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
         points.dedup_by(|at_m, last_m| (*last_m - *at_m).norm() < 0.02);
         points
-    };
-    let [a, b] = [points(a), points(b)];
+    });
     if a.is_empty() || b.is_empty() {
         return Ok(());
     }
     // Nine tenths of the points: a way of flying may leave out an approach to a letter.
-    let apart_m = |from: &[Vector3<f64>], to: &[Vector3<f64>]| {
-        let nearest = |p: &Vector3<f64>| to.iter().map(|q| (p - q).norm()).fold(f64::MAX, f64::min);
-        let mut all: Vec<(f64, f64)> = from.iter().map(|p| (nearest(p), 1.0)).collect();
+    let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
+        let to_each_m = from.iter().map(|p| to.iter().map(move |q| (p - q).norm()));
+        let nearest_m = to_each_m.map(|apart_m| apart_m.fold(f64::MAX, f64::min));
+        let mut all: Vec<(f64, f64)> = nearest_m.map(|apart_m| (apart_m, 1.0)).collect();
         weighted_quantile(&mut all, 0.9).unwrap_or(0.0)
-    };
-    let apart_m = apart_m(&a, &b).max(apart_m(&b, &a));
+    });
+    let apart_m = apart_m[0].max(apart_m[1]);
     if apart_m <= OTHER_LETTERS_M {
         return Ok(());
     }

@@ -3,8 +3,8 @@
 use super::constructed::{flight, square, still};
 use super::*;
 
-fn near(found: f64, wanted: f64, within: f64, what: &str) {
-    assert!((found - wanted).abs() <= within, "{what}: {found} instead of {wanted}");
+fn near(value: f64, wanted: f64, within: f64, what: &str) {
+    assert!((value - wanted).abs() <= within, "{what}: {value} instead of {wanted}");
 }
 
 /// The square after a wait on the spot, as a drone 2 cm to the right of it flies it.
@@ -155,15 +155,18 @@ fn a_flight_in_another_frame_is_laid_onto_the_first_where_that_leaves_centimeter
         (0.9, Vector3::new(0.5, 0.0, 0.0)),
         (-2.5, Vector3::new(-3.0, 2.0, 0.1)),
     ] {
-        let found = compare(&a, &captured(turn_rad, shift_m, 0.0), &options).unwrap();
-        assert!(found.rmse_m.norm() < 0.01, "{turn_rad}: {found:?}");
-        let placement = found.placement.unwrap();
+        let comparison = compare(&a, &captured(turn_rad, shift_m, 0.0), &options).unwrap();
+        assert!(comparison.rmse_m.norm() < 0.01, "{turn_rad}: {comparison:?}");
+        let placement = comparison.placement.unwrap();
         let turned = libm::remainder(placement.turn_rad + turn_rad, std::f64::consts::TAU);
         near(turned, 0.0, 0.01, "the turn back");
     }
     let flown = ComparisonOptions { alignment: Alignment::Flown, part: Part::Airborne, ..options };
-    let found = compare(&a, &captured(0.9, Vector3::new(0.5, 0.0, 0.0), 0.0), &flown).unwrap();
-    assert!(found.rmse_m.norm() < 0.03, "with the clock set by what was flown: {found:?}");
+    let comparison = compare(&a, &captured(0.9, Vector3::new(0.5, 0.0, 0.0), 0.0), &flown).unwrap();
+    assert!(
+        comparison.rmse_m.norm() < 0.03,
+        "with the clock set by what was flown: {comparison:?}"
+    );
 }
 
 #[test]
@@ -183,7 +186,7 @@ fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
     // Setpoints say the frame: a drone that flew elsewhere did so.
     let mut elsewhere = aside(1.0, 0.01);
     elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0);
-    let found =
+    let comparison =
         compare(&a, &elsewhere, &ComparisonOptions { part: Part::All, ..Default::default() });
-    assert_eq!(found.unwrap().placement, None);
+    assert_eq!(comparison.unwrap().placement, None);
 }

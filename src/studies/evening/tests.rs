@@ -87,45 +87,48 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
     let scene_s = |vehicle: &VehicleOptions| 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
     for (seed, true_) in drawn.iter().enumerate() {
         let name = format!("{seed}.csv");
-        let found = evening.logs.iter().find(|log| log.log.ends_with(&name)).unwrap();
-        let found = found.figures.unwrap();
-        let thrust = found.thrust_frac * true_.mass_kg / scene.vehicle.mass_kg;
-        assert!((thrust - 1.0).abs() < 0.007, "{seed}: {found:?}");
+        let row = evening.logs.iter().find(|log| log.log.ends_with(&name)).unwrap();
+        let figures = row.figures.unwrap();
+        let thrust = figures.thrust_frac * true_.mass_kg / scene.vehicle.mass_kg;
+        assert!((thrust - 1.0).abs() < 0.007, "{seed}: {figures:?}");
         for axis in 0..2 {
-            let off_m = (found.trim_m[axis] - true_.center_of_mass_m[axis]).abs();
+            let off_m = (figures.trim_m[axis] - true_.center_of_mass_m[axis]).abs();
             assert!(
-                off_m < 3.0 * found.trim_sigma_m.unwrap()[axis],
-                "{seed}: {off_m} of {found:?}"
+                off_m < 3.0 * figures.trim_sigma_m.unwrap()[axis],
+                "{seed}: {off_m} of {figures:?}"
             );
         }
         // A short flight of slow rotors may not show them.
-        if let Some((lag_s, sigma_s)) = found.lag_s.zip(found.lag_sigma_s) {
+        if let Some((lag_s, sigma_s)) = figures.lag_s.zip(figures.lag_sigma_s) {
             lag_errors_s.push(lag_s - scene_s(true_));
             let error_s = (lag_s - scene_s(true_)).abs();
-            assert!(error_s < 2.5 * sigma_s, "{seed}: {error_s} of {found:?}");
+            assert!(error_s < 2.5 * sigma_s, "{seed}: {error_s} of {figures:?}");
         }
-        assert!((found.gust_m_s.unwrap() - 0.1).abs() < 0.035, "{seed}: {found:?}");
+        assert!((figures.gust_m_s.unwrap() - 0.1).abs() < 0.035, "{seed}: {figures:?}");
     }
     assert!(lag_errors_s.len() >= 6, "{lag_errors_s:?}");
     assert!(lag_errors_s.iter().all(|s| (-0.05..0.05).contains(s)), "{lag_errors_s:?}");
     let error_s = mean(&lag_errors_s);
     assert!(error_s.abs() < 0.03, "{error_s}");
 
-    let found = evening.conditions();
-    let value = |key| found.iter().find(|found| found.key == key).unwrap().value;
-    let of = |of: &dyn Fn(&VehicleOptions) -> f64| {
-        spread(&drawn.iter().map(|vehicle| (of(vehicle), 0.0)).collect::<Vec<_>>())
+    let conditions = evening.conditions();
+    let value = |key| conditions.iter().find(|condition| condition.key == key).unwrap().value;
+    let spread_of = |value: &dyn Fn(&VehicleOptions) -> f64| {
+        spread(&drawn.iter().map(|vehicle| (value(vehicle), 0.0)).collect::<Vec<_>>())
     };
-    let mass = of(&|v| scene.vehicle.mass_kg / v.mass_kg);
-    assert!((value("mass_frac") / mass - 1.0).abs() < 0.05, "{found:?} of {mass}");
-    let trims_m = [0, 1].map(|axis: usize| of(&|v| v.center_of_mass_m[axis]));
+    let mass = spread_of(&|v| scene.vehicle.mass_kg / v.mass_kg);
+    assert!((value("mass_frac") / mass - 1.0).abs() < 0.05, "{conditions:?} of {mass}");
+    let trims_m = [0, 1].map(|axis: usize| spread_of(&|v| v.center_of_mass_m[axis]));
     let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
-    assert!((value("center_of_mass_m") - trim_m).abs() < 0.15e-3, "{found:?} of {trim_m}");
-    let lag_s = 12_f64.sqrt() * of(&scene_s);
-    assert!((value("motor_lag_s") - lag_s).abs() < 0.035, "{found:?} of {lag_s}");
-    assert!((value("gust_m_s") - 0.1).abs() < 0.015, "{found:?}");
-    assert!(found.iter().all(|found| found.key != "radio_outage_s"), "no gap: {found:?}");
-    let read = Conditions::parse(&evening.conditions_toml(&found), "conditions.toml").unwrap();
+    assert!((value("center_of_mass_m") - trim_m).abs() < 0.15e-3, "{conditions:?} of {trim_m}");
+    let lag_s = 12_f64.sqrt() * spread_of(&scene_s);
+    assert!((value("motor_lag_s") - lag_s).abs() < 0.035, "{conditions:?} of {lag_s}");
+    assert!((value("gust_m_s") - 0.1).abs() < 0.015, "{conditions:?}");
+    assert!(
+        conditions.iter().all(|condition| condition.key != "radio_outage_s"),
+        "no gap: {conditions:?}"
+    );
+    let read = Conditions::parse(&evening.conditions_toml(&conditions), "conditions.toml").unwrap();
     assert!((read.mass_frac / value("mass_frac") - 1.0).abs() < 1e-3);
     assert_eq!(read.led_delay_s, Conditions::default().led_delay_s, "a room's");
 }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Hold, HoldModel, HoldSample, HoldScenario, STATE_NAMES, hold};
+use super::{Hold, HoldModel, HoldScenario, STATE_NAMES, hold};
 use crate::statistics::{Estimate, bootstrap, mean};
 use noctograph_core::error::{Result, within};
 use noctograph_core::settings::settings;
@@ -73,7 +73,7 @@ settings! {
 }
 
 impl HoldVerdict {
-    fn of(squared_error: f64) -> Self {
+    fn from_error(squared_error: f64) -> Self {
         match squared_error {
             error if error < CONSISTENT[0] => Self::Conservative,
             error if error > CONSISTENT[1] => Self::Overconfident,
@@ -128,19 +128,19 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
-    let one = |run: u32| {
+    let flown = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
-    };
+    });
     // Of several errors that of the first run.
-    let flown: Vec<Result<FlightMeans>> = (0..runs).into_par_iter().map(one).collect();
+    let flown: Vec<Result<FlightMeans>> = flown.collect();
     let flown: Vec<FlightMeans> = flown.into_iter().collect::<Result<_>>()?;
-    let column = |of: fn(&FlightMeans) -> f64| flown.iter().map(of).collect::<Vec<_>>();
+    let column = |value: fn(&FlightMeans) -> f64| flown.iter().map(value).collect::<Vec<_>>();
     let root_mean = |squares: &mut [f64]| mean(&*squares).sqrt();
-    let consistency = |(index, state): (usize, &&'static str)| {
+    let states = STATE_NAMES.iter().enumerate().map(|(index, state)| {
         let squares = flown.iter().map(|run| run.states[index]).collect();
         let error = bootstrap(&[squares], |squares| mean(&*squares));
-        Consistency { state, error, verdict: HoldVerdict::of(error.value) }
-    };
+        Consistency { state, error, verdict: HoldVerdict::from_error(error.value) }
+    });
     let mut figures = HoldFigures {
         scenario: scenario.name(),
         model: model.name(),
@@ -149,7 +149,7 @@ pub fn hold_figures(
         hold_m: bootstrap(&[column(|run| run.hold_m2)], root_mean),
         inside: mean(column(|run| run.inside)),
         hover_throttle: mean(column(|run| run.hover_throttle_sq)).sqrt(),
-        states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
+        states: states.collect(),
         nis: AltitudeSensor::ALL.map(|sensor| {
             let sums = flown.iter().map(|run| run.nis[sensor as usize]);
             let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
@@ -181,28 +181,28 @@ struct FlightMeans {
 impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
-        let near = |time_s: f64| events_s.iter().any(|at_s| (time_s - at_s).abs() <= EVENT_S);
-        let samples = || flight.samples.iter().filter(|sample| sample.time_s >= FROM_S);
-        let quiet = || samples().filter(|sample| !near(sample.time_s));
-        let squared = |value: f64| value * value;
-        let error_m = |s: &HoldSample| s.estimate[0] - s.truth[0];
-        let throttle_error = |s: &HoldSample| {
-            let [truth, estimate] = s.hover_throttle();
-            estimate - truth
-        };
+        let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
+        let mut quiet = samples.clone();
+        quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
+        let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
         let mut nis = [(0.0, 0.0); 3];
-        for reading in quiet().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
+        for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];
             *sum += reading.innovation.nis();
             *n += 1.0;
         }
         Self {
-            estimate_m2: mean(samples().map(|s| squared(error_m(s)))),
-            hold_m2: mean(samples().map(|s| squared(s.truth[0] - flight.set_m))),
-            inside: mean(samples().map(|s| f64::from(error_m(s).abs() < 1.96 * s.sigma[0]))),
-            hover_throttle_sq: mean(samples().map(|s| squared(throttle_error(s)))),
+            estimate_m2: mean(errors_m.iter().map(|error_m| error_m * error_m)),
+            hold_m2: mean(samples.iter().map(|s| square(s.truth[0] - flight.set_m))),
+            inside: mean(
+                samples.iter().zip(&errors_m).map(|(s, e)| f64::from(e.abs() < 1.96 * s.sigma[0])),
+            ),
+            hover_throttle_sq: mean(samples.iter().map(|sample| {
+                let [truth, estimate] = sample.hover_throttle();
+                square(estimate - truth)
+            })),
             states: std::array::from_fn(|i| {
-                mean(quiet().map(|s| squared((s.estimate[i] - s.truth[i]) / s.sigma[i])))
+                mean(quiet.iter().map(|s| square((s.estimate[i] - s.truth[i]) / s.sigma[i])))
             }),
             nis,
             steps: [flight.steps.into(), events_s.len() as f64],
@@ -210,15 +210,18 @@ impl FlightMeans {
     }
 }
 
+fn square(value: f64) -> f64 {
+    value * value
+}
+
 impl HoldFigures {
     fn misses(&self) -> Vec<String> {
         let Some(bounds) = self.bounds else { return Vec::new() };
         let Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps } = bounds;
-        let lies_in = |[least, most]: [f64; 2], value: f64| (least..=most).contains(&value);
         let cm = |m: f64| format!("{:.1} cm", 100.0 * m);
         let (estimated_m, held_m) = (self.estimate_m.value, self.hold_m.value);
         let throttle = self.hover_throttle;
-        let [found, seen] = self.steps;
+        let [detected, seen] = self.steps;
         let mut promises = vec![
             (
                 estimated_m <= estimate_m,
@@ -226,7 +229,7 @@ impl HoldFigures {
             ),
             (held_m <= hold_m, format!("hold {} above {}", cm(held_m), cm(hold_m))),
             (
-                lies_in(inside, self.inside),
+                (inside[0]..=inside[1]).contains(&self.inside),
                 format!("inside {:.3}, not {} to {}", self.inside, inside[0], inside[1]),
             ),
             (
@@ -234,16 +237,17 @@ impl HoldFigures {
                 format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"),
             ),
         ];
-        promises.extend(self.nis.iter().flatten().map(|found| {
-            (lies_in(nis, *found), format!("NIS {found:.2}, not {} to {}", nis[0], nis[1]))
+        promises.extend(self.nis.iter().flatten().map(|value| {
+            let text = format!("NIS {value:.2}, not {} to {}", nis[0], nis[1]);
+            ((nis[0]..=nis[1]).contains(value), text)
         }));
         promises.extend(self.states.iter().map(|Consistency { state, error, verdict }| {
             let text =
                 format!("{state} overconfident: squared error over variance {:.2}", error.value);
             (*verdict != HoldVerdict::Overconfident, text)
         }));
-        promises
-            .push(((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}")));
+        let text = format!("{detected:.2} steps found of {seen:.2}");
+        promises.push(((detected - seen).abs() <= steps, text));
         promises.into_iter().filter(|(kept, _)| !kept).map(|(_, text)| text).collect()
     }
 }
@@ -260,8 +264,8 @@ mod tests {
     #[test]
     fn every_scenario_is_estimated_and_held_as_promised_in_the_scalar_model() {
         for scenario in HoldScenario::ALL {
-            let found = figures(HoldModel::Scalar, *scenario, 80);
-            assert_eq!(found.missed, [""; 0], "{found:?}");
+            let figures = figures(HoldModel::Scalar, *scenario, 80);
+            assert_eq!(figures.missed, [""; 0], "{figures:?}");
         }
     }
 
@@ -269,14 +273,17 @@ mod tests {
     fn the_full_simulator_keeps_the_promises_too() {
         // Fewer flights than the promises are made for: a seventh looser.
         for scenario in HoldScenario::ALL {
-            let found = figures(HoldModel::Full, *scenario, 4);
-            let Some(bounds) = found.bounds else { continue };
-            assert!(found.estimate_m.value < 1.15 * bounds.estimate_m, "{found:?}");
-            assert!(found.hold_m.value < 1.15 * bounds.hold_m, "{found:?}");
-            assert!((0.92..=0.99).contains(&found.inside), "{found:?}");
-            assert!(found.nis.iter().flatten().all(|nis| (0.7..=1.3).contains(nis)), "{found:?}");
-            assert!((found.steps[0] - found.steps[1]).abs() <= bounds.steps, "{found:?}");
-            assert_eq!(scenario.has_step(), found.steps[1] > 0.0, "{found:?}");
+            let figures = figures(HoldModel::Full, *scenario, 4);
+            let Some(bounds) = figures.bounds else { continue };
+            assert!(figures.estimate_m.value < 1.15 * bounds.estimate_m, "{figures:?}");
+            assert!(figures.hold_m.value < 1.15 * bounds.hold_m, "{figures:?}");
+            assert!((0.92..=0.99).contains(&figures.inside), "{figures:?}");
+            assert!(
+                figures.nis.iter().flatten().all(|nis| (0.7..=1.3).contains(nis)),
+                "{figures:?}"
+            );
+            assert!((figures.steps[0] - figures.steps[1]).abs() <= bounds.steps, "{figures:?}");
+            assert_eq!(scenario.has_step(), figures.steps[1] > 0.0, "{figures:?}");
         }
     }
 
@@ -286,8 +293,8 @@ mod tests {
         for model in [HoldModel::Scalar, HoldModel::Full] {
             for scenario in HoldScenario::ALL {
                 // Of eight flights, one with a gain far from the believed one decides.
-                let found = figures(model, *scenario, 24);
-                for (index, Consistency { state, error, .. }) in found.states.iter().enumerate() {
+                let figures = figures(model, *scenario, 24);
+                for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
                     let what = format!("{model:?}, {scenario:?}, {state}: {error:?}");
                     assert!(error.low <= most, "{what}");
                     // The floor is flat and the barometer hardly drifts: easier than the filter is
@@ -300,15 +307,13 @@ mod tests {
 
     #[test]
     fn an_unknown_offset_beside_a_gain_that_walks_is_found_overconfident() {
-        let found = |offset_sigma_m_s2, gain_sigma_m_s2| {
+        let [unknown, known] = [(1.4, 3.0), (0.1, 1.9)].map(|sigmas| {
             let mut options = Scene::preset(Preset::Bzzz).sim();
             let filter = &mut options.observer.altitude;
             filter.gain_walk_m_s2_sqrt_s = 0.8;
-            (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) =
-                (offset_sigma_m_s2, gain_sigma_m_s2);
+            (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) = sigmas;
             hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 80).unwrap()
-        };
-        let unknown = found(1.4, 3.0);
+        });
         let verdicts = [2, 3].map(|index| unknown.states[index].verdict);
         assert_eq!(verdicts, [HoldVerdict::Overconfident; 2], "{unknown:?}");
         for state in ["α⁰", "α¹"] {
@@ -316,15 +321,14 @@ mod tests {
             assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
         }
         // With gravity known, a walk that no battery has only widens σ.
-        let known = found(0.1, 1.9);
         assert_eq!(known.states[3].verdict, HoldVerdict::Conservative, "{known:?}");
     }
 
     #[test]
     fn a_promise_that_is_broken_is_told() {
-        let mut found = figures(HoldModel::Scalar, HoldScenario::Calm, 2);
-        (found.hold_m.value, found.steps[0]) = (0.2, 1.0);
-        let missed = found.misses();
+        let mut figures = figures(HoldModel::Scalar, HoldScenario::Calm, 2);
+        (figures.hold_m.value, figures.steps[0]) = (0.2, 1.0);
+        let missed = figures.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
         assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
         let options = Scene::preset(Preset::Bzzz).sim();

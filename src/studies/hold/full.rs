@@ -23,7 +23,7 @@ pub(super) fn hold(
     let ticks_per_sample = (rate_hz / SAMPLES_HZ).max(1);
     let (mut samples, mut readings, mut steps) = (Vec::new(), Vec::new(), 0);
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
-    let mut watch = |tick: u32, plant: &Plant, avionics: &Avionics| {
+    let watch = &mut |tick: u32, plant: &Plant, avionics: &Avionics| {
         let Some(filter) = avionics.altitude() else { return };
         readings.extend_from_slice(filter.readings());
         if tick.is_multiple_of(ticks_per_sample) {
@@ -35,7 +35,7 @@ pub(super) fn hold(
             steps = filter.steps();
         }
     };
-    fly_watched(&[(&plan, drone)], &mut watch, &mut |_| {})?;
+    fly_watched(&[(&plan, drone)], watch, &mut |_| {})?;
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 
@@ -53,13 +53,13 @@ fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
 
 /// Setpoints along x at a steady speed, one a second.
 fn level_flight(duration_s: f64) -> Plan {
-    let at = |time_s: f64| Setpoint {
+    let whole = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
+    let setpoints = whole.chain([duration_s]).map(|time_s| Setpoint {
         time_s,
         position_m: Vector3::new(SPEED_M_S * time_s, 0.0, SET_M),
         velocity_m_s: Vector3::x() * SPEED_M_S,
         acceleration_m_s2: Vector3::zeros(),
         letter: None,
-    };
-    let whole = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
-    Plan { setpoints: whole.chain([duration_s]).map(at).collect(), ..Plan::default() }
+    });
+    Plan { setpoints: setpoints.collect(), ..Plan::default() }
 }

@@ -171,12 +171,12 @@ impl Hold {
     /// Times at which the floor that the ranger sees stepped, for two samples at least.
     #[must_use]
     pub fn events_s(&self) -> Vec<f64> {
-        let floor_m = |sample: &HoldSample| sample.truth[4];
-        let (mut events_s, mut last_m) = (Vec::new(), self.samples.first().map_or(0.0, floor_m));
-        for pair in self.samples.windows(2) {
-            if pair.iter().all(|sample| (floor_m(sample) - last_m).abs() > EVENT_M) {
-                events_s.push(pair[0].time_s);
-                last_m = floor_m(&pair[0]);
+        let floors_m: Vec<f64> = self.samples.iter().map(|sample| sample.truth[4]).collect();
+        let (mut events_s, mut last_m) = (Vec::new(), floors_m.first().copied().unwrap_or(0.0));
+        for (sample, pair_m) in self.samples.iter().zip(floors_m.windows(2)) {
+            if pair_m.iter().all(|floor_m| (floor_m - last_m).abs() > EVENT_M) {
+                events_s.push(sample.time_s);
+                last_m = pair_m[0];
             }
         }
         events_s
@@ -215,8 +215,8 @@ mod tests {
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
             let sigma_m = |time_s: f64| {
-                let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
-                at.map_or(0.0, |s| s.sigma[0])
+                let sample = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
+                sample.map_or(0.0, |s| s.sigma[0])
             };
             // It grows at once to what the ranger over a known floor bounds, and stays there.
             let before_m = sigma_m(19.9);
@@ -231,11 +231,6 @@ mod tests {
 
     #[test]
     fn what_cannot_be_held_is_refused_with_the_key() {
-        let refused = |change: fn(&mut SimOptions)| {
-            let mut options = Scene::preset(Preset::Bzzz).sim();
-            change(&mut options);
-            hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err().to_string()
-        };
         type Change = fn(&mut SimOptions);
         let cases: [(&str, Change); 9] = [
             ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
@@ -264,8 +259,10 @@ mod tests {
             ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
         ];
         for (want, change) in cases {
-            let found = refused(change);
-            assert!(found.starts_with(want), "{found}");
+            let mut options = Scene::preset(Preset::Bzzz).sim();
+            change(&mut options);
+            let refused = hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err();
+            assert!(refused.to_string().starts_with(want), "{refused}");
         }
     }
 }

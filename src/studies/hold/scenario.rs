@@ -101,9 +101,9 @@ impl HoldScenario {
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
-            let wind_m_s = |a_m_s2: f64| a_m_s2 * actual.vehicle.mass_kg / drag_n_s_m;
-            let sigma_m_s = wind_m_s(sigma_m_s2).min(50.0);
-            actual.air.wind_m_s[2] += wind_m_s(offset_m_s2).clamp(-50.0, 50.0);
+            let [sigma_m_s, draft_m_s] = [sigma_m_s2, offset_m_s2]
+                .map(|a_m_s2| (a_m_s2 * actual.vehicle.mass_kg / drag_n_s_m).clamp(-50.0, 50.0));
+            actual.air.wind_m_s[2] += draft_m_s;
             actual.air.gusts = Gusts::OrnsteinUhlenbeck(GustOptions {
                 sigma_m_s: [0.0, 0.0, sigma_m_s],
                 time_s,

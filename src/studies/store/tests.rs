@@ -120,14 +120,14 @@ fn flights_of_another_version_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     drop(Store::open(folder.path()).unwrap());
     let header = folder.path().join("study.json");
-    for (text, found) in [
+    for (text, quoted) in [
         ("{\"noctograph\": \"9.9.9\", \"format\": 1}", "9.9.9"),
         ("{\"noctograph\": \"0.1.0\", \"format\": 7}", "format 7"),
         ("half of", "half of"),
     ] {
         std::fs::write(&header, text).unwrap();
         let error = Store::open(folder.path()).unwrap_err().to_string();
-        assert!(error.contains(found), "{error}");
+        assert!(error.contains(quoted), "{error}");
     }
 }
 
