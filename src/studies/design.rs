@@ -198,7 +198,8 @@ mod tests {
 
     #[test]
     fn studies_that_compare_nothing_are_refused() {
-        let cases: [(fn(&mut Study), &str); 4] = [
+        type Change = fn(&mut Study);
+        let cases: [(Change, &str); 4] = [
             (|s| s.contenders.clear(), "0 scenes"),
             (|s| s.words.push(("I".into(), 5)), "each word once"),
             (|s| s.contenders.push(s.contenders[0].clone()), "team"),
