@@ -27,10 +27,11 @@ pub(super) fn chosen<T>(
     let unwanted = named("without", &options.without, &colors)?;
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
-    let kept = (1..)
-        .zip(strokes)
-        .filter(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
-    let kept: Numbered<T> = kept.collect();
+    let kept = Vec::from_iter(
+        (1..)
+            .zip(strokes)
+            .filter(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]),
+    );
     if kept.is_empty() && !is_empty {
         let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         let place = format!("{file}: letters.without");
@@ -57,10 +58,8 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
-        let color = text
-            .parse()
-            .ok()
-            .map(|color: svgtypes::Color| name([color.red, color.green, color.blue]));
+        let color = text.parse::<svgtypes::Color>().ok();
+        let color = color.map(|color| name([color.red, color.green, color.blue]));
         let part = Vec::from_iter((0..n).filter(|index| match range {
             Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
             None => color.is_some() && colors[*index] == color,

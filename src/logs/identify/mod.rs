@@ -199,8 +199,7 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight turns the drone about the motors' middle by m g (y, −x), and the motors turn it
-        // back.
+        // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         lag: lag::lag(flight, samples)
             .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
