@@ -555,7 +555,7 @@ mod tests {
     #[test]
     fn every_positioning_and_lamp_demands_its_deck() {
         for positioning in Positioning::ALL {
-            let (name, found) = decks(&Plan::default(), *positioning).remove(0);
+            let (name, values) = decks(&Plan::default(), *positioning).remove(0);
             let wanted = match positioning {
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
                     "bcLighthouse4"
@@ -563,7 +563,7 @@ mod tests {
                 Positioning::UwbTwr | Positioning::UwbTdoa => "bcLoco",
                 Positioning::Gnss => "bcGTGPS",
             };
-            assert_eq!((name, found[0]), ("positioning", wanted), "{}", positioning.name());
+            assert_eq!((name, values[0]), ("positioning", wanted), "{}", positioning.name());
         }
         let mut both = exported("NO", &checks()).1;
         let dark = vec![0.0; both.setpoints.len()];

@@ -91,10 +91,10 @@ mod tests {
         }));
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
-        let off = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();
-        assert!(curve.iter().map(off).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
+        let radial_error = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();
+        assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
         // Four of its points are an arc: an open end goes on as the curve does.
-        assert!(rounded(&run[..4]).iter().map(off).fold(0.0, f64::max) < 1e-5);
+        assert!(rounded(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 
     #[test]

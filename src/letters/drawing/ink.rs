@@ -229,7 +229,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
         let far = [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0));
         ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
     });
-    // An area wider than a pen that is no shadow is a patch of ink, and so is its rim.
+    // An area wider than a pen is a patch of ink unless it is a shadow, and so is its rim.
     let patches = papers.clone().map(|(near, far)| {
         let shares = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =

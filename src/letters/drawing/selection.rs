@@ -122,21 +122,21 @@ mod tests {
     #[test]
     fn strokes_are_chosen_by_number_and_color_and_keep_their_numbers() {
         let colors = [[0; 3], [255, 0, 0], [0; 3], [255, 255, 0]];
-        let of = |ink: &str, without: &str| {
+        let numbers = |ink: &str, without: &str| {
             let options =
                 LetterOptions { ink: ink.into(), without: without.into(), ..Default::default() };
-            let found = chosen(colors.to_vec(), |color| Some(*color), &options, "a.png");
-            found.map(|found| found.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
+            let kept = chosen(colors.to_vec(), |color| Some(*color), &options, "a.png");
+            kept.map(|kept| kept.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
         };
-        assert_eq!(of("", "").unwrap(), [1, 2, 3, 4]);
-        assert_eq!(of("red, 3", "").unwrap(), [2, 3]);
-        assert_eq!(of("2-4", "black").unwrap(), [2, 4]);
-        assert_eq!(of("", "#cc0000,1").unwrap(), [3, 4]);
+        assert_eq!(numbers("", "").unwrap(), [1, 2, 3, 4]);
+        assert_eq!(numbers("red, 3", "").unwrap(), [2, 3]);
+        assert_eq!(numbers("2-4", "black").unwrap(), [2, 4]);
+        assert_eq!(numbers("", "#cc0000,1").unwrap(), [3, 4]);
         for (ink, without) in [("5", ""), ("0", ""), ("3-2", ""), ("blue", ""), ("", "x")] {
-            let told = of(ink, without).unwrap_err().to_string();
+            let told = numbers(ink, without).unwrap_err().to_string();
             assert!(told.contains("1 to 4") && told.contains("black, red, yellow"), "{told}");
         }
-        assert!(of("red", "2").unwrap_err().to_string().contains("no stroke"));
+        assert!(numbers("red", "2").unwrap_err().to_string().contains("no stroke"));
     }
 
     #[test]

@@ -281,8 +281,8 @@ mod tests {
             let wanted = 0.5 * 0.9 / (4.0 * 64.0) * e_lx_s * cos * cos * cos * cos;
             #[expect(clippy::cast_possible_truncation, reason = "a pixel")]
             let index = image.y_px as usize * 320 + image.x_px as usize;
-            let found = film.exposure_lx_s(1, index);
-            assert!((found / wanted - 1.0).abs() < 0.03, "{found} at {x}, {y}, wanted {wanted}");
+            let actual = film.exposure_lx_s(1, index);
+            assert!((actual / wanted - 1.0).abs() < 0.03, "{actual} at {x}, {y}, wanted {wanted}");
         }
     }
 
