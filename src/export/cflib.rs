@@ -192,7 +192,8 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware
+/// `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let position = match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {

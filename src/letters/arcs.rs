@@ -11,8 +11,8 @@ use noctograph_core::geometry::distance;
 /// to 53° at a vertex (s), their corners by 63° (?) and more.
 const CORNER_COS: f64 = 0.5;
 
-/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is `STEM`
-/// times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
+/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is
+/// `STEM` times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
 const LONG: f64 = 5.5 / 21.0;
 const STEM: f64 = 1.8;
 

@@ -1,8 +1,8 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
 //! TrueType knows closed contours alone. A single stroke is stored as an open line, which the
-//! format closes by a straight edge back to its beginning, or as a line there and back again. Filled,
-//! it would have no area, or a wrong one. It is drawn once, without the closing edge.
+//! format closes by a straight edge back to its beginning, or as a line there and back again.
+//! Filled, it would have no area, or a wrong one. It is drawn once, without the closing edge.
 
 use kurbo::{BezPath, PathEl, Shape as _};
 

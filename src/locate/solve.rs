@@ -1,9 +1,9 @@
 //! Passes over a log of ranges, forward and backward, until the positions rest.
 //!
 //! A pass forward and backward needs the covariances of every step, and their size grows with the
-//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps the
-//! filter at their start and recomputes their steps on the way back. The means of all steps and the
-//! covariances of the positions are kept.
+//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps
+//! the filter at their start and recomputes their steps on the way back. The means of all steps and
+//! the covariances of the positions are kept.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -160,8 +160,8 @@ impl Passes<'_, '_> {
         }))
     }
 
-    /// A pass backward over the steps of a pass forward, which was linearized about the path or not.
-    /// The smoothed states replace those of the path. Returns by how much the states moved.
+    /// A pass backward over the steps of a pass forward, which was linearized about the path or
+    /// not. The smoothed states replace those of the path. Returns by how much the states moved.
     fn backward(
         &self,
         begins: &[Filter],

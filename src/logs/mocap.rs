@@ -4,9 +4,10 @@
 //! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
 //! explains most of their variance is taken.
 //!
-//! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It is
-//! then registered to the drone's by the best rigid transform, if the residual is some centimeters.
-//! Otherwise its columns are left out, since distances between two frames mean nothing.
+//! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It
+//! is then registered to the drone's by the best rigid transform, if the residual is some
+//! centimeters. Otherwise its columns are left out, since distances between two frames mean
+//! nothing.
 
 use nalgebra::{Rotation3, Vector3};
 

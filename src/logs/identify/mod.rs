@@ -278,8 +278,8 @@ fn measurement_sigma_m(
     None
 }
 
-/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without a
-/// gap between them.
+/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without
+/// a gap between them.
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],

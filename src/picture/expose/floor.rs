@@ -209,8 +209,8 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in its
-    /// middle; `feet_px` are those that may be under it.
+    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
+    /// its middle; `feet_px` are those that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);

@@ -14,8 +14,8 @@ use noctograph_core::error::{Error, Result};
 /// A point in the picture.
 pub(super) type Px = DVec2;
 
-/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus, pupil
-/// size).
+/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus,
+/// pupil size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
 /// Width of the narrowest spot. Sampled at pixel centers, a Gaussian of this width keeps its sum to

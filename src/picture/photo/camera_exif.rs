@@ -5,10 +5,10 @@
 //!
 //! The width of the sensor is that of the body if the model is known, else from its resolution in
 //! pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
-//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be newer
-//! than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths of the
-//! unit, so that it holds both. For other makers the width is taken if the film equivalent agrees,
-//! else with a warning, or not at all if the tags say that the picture was edited.
+//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be
+//! newer than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths
+//! of the unit, so that it holds both. For other makers the width is taken if the film equivalent
+//! agrees, else with a warning, or not at all if the tags say that the picture was edited.
 
 use std::path::Path;
 
