@@ -206,13 +206,10 @@ fn corners_given_by_hand_cut_out_a_sheet_that_is_not_seen() {
         traced_with(&options, &picture, image::ImageFormat::Png)
     };
     let seen = traced(&picture, image::ImageFormat::Png);
-    assert!(
-        errors(&seen).iter().any(|errors| *errors > 0.03),
-        "as it was taken: {:.3?}",
-        errors(&seen)
-    );
+    let taken = errors(&seen);
+    assert!(taken.iter().any(|error| *error > 0.03), "as it was taken: {taken:.3?}");
     let trace = given(&corners).unwrap();
-    assert!(errors(&trace).iter().all(|errors| *errors < 0.02), "{:.3?}", errors(&trace));
+    assert!(errors(&trace).iter().all(|error| *error < 0.02), "{:.3?}", errors(&trace));
     assert_eq!(trace.warnings, Vec::<String>::new());
     let [a, b, c, d] = corners;
     for turned in [[b, a, c, d], [a, d, c, b], [a, c, b, d]] {

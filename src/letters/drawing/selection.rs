@@ -27,11 +27,8 @@ pub(super) fn chosen<T>(
     let unwanted = named("without", &options.without, &colors)?;
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
-    let kept = Vec::from_iter(
-        (1..)
-            .zip(strokes)
-            .filter(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]),
-    );
+    let mut kept: Numbered<T> = (1..).zip(strokes).collect();
+    kept.retain(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
     if kept.is_empty() && !is_empty {
         let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         let place = format!("{file}: letters.without");
