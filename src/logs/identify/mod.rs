@@ -177,7 +177,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    let quantities: [(Quantity, fn(&FlightSample) -> Vector3<f64>); 3] = [
+    type Reading = fn(&FlightSample) -> Vector3<f64>;
+    let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
         (Quantity::Attitude, |s| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0)),
         (Quantity::Velocity, |s| s.velocity_body_m_s),
