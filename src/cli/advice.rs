@@ -173,7 +173,8 @@ mod tests {
     fn an_error_leads_to_the_flag_or_the_key_that_mends_it() {
         let in_file = Error::input("vehicle.mass_kg", "x", "y", "z").at("my.toml", 3);
         assert!(of(&in_file, "fly").contains("--set vehicle.mass_kg=VALUE"));
-        assert!(at("controller.lqr.q[3]", "fly").contains("--set controller.lqr.q="));
+        let item = Error::input("", "x", "y", "z").of_item("controller.lqr.q", 3);
+        assert!(of(&item, "fly").contains("--set controller.lqr.q="));
         assert!(at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
         assert!(at("camera.framing.position_m", "preview").contains("`--camera auto`"));
         assert!(at("flight B", "compare").contains("--offset"));

@@ -192,7 +192,8 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware
+/// `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let position = match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
@@ -555,7 +556,7 @@ mod tests {
     #[test]
     fn every_positioning_and_lamp_demands_its_deck() {
         for positioning in Positioning::ALL {
-            let (name, found) = decks(&Plan::default(), *positioning).remove(0);
+            let (name, values) = decks(&Plan::default(), *positioning).remove(0);
             let wanted = match positioning {
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
                     "bcLighthouse4"
@@ -563,7 +564,7 @@ mod tests {
                 Positioning::UwbTwr | Positioning::UwbTdoa => "bcLoco",
                 Positioning::Gnss => "bcGTGPS",
             };
-            assert_eq!((name, found[0]), ("positioning", wanted), "{}", positioning.name());
+            assert_eq!((name, values[0]), ("positioning", wanted), "{}", positioning.name());
         }
         let mut both = exported("NO", &checks()).1;
         let dark = vec![0.0; both.setpoints.len()];

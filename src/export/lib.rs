@@ -317,11 +317,7 @@ pub fn stem(word: &str) -> String {
         }
     }
     stem.truncate(32);
-    match stem.is_empty() {
-        true if word.is_empty() => "drawing".to_owned(),
-        true => "word".to_owned(),
-        false => stem,
-    }
+    if stem.is_empty() { "drawing".to_owned() } else { stem }
 }
 
 /// One file for each drone, with its number in the name where there are several.

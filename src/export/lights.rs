@@ -186,8 +186,8 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Entries of the timing memory that the lights of a flight take; `None` unless the ring is the only
-/// lamp.
+/// Entries of the timing memory that the lights of a flight take; `None` unless the ring is the
+/// only lamp.
 ///
 /// # Errors
 ///

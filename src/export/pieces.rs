@@ -242,11 +242,11 @@ pub(super) enum Rounding {
     Gentlest,
 }
 
-/// The pieces of a stretch. Each is the longest that stays within `tolerance_m` of the design, within
-/// `max_piece_s`, and within the speed and acceleration of the design. Where no piece can follow it,
-/// a shorter one is taken. `piece` makes the piece between two setpoints after the pieces so far.
-/// Where the design states no acceleration the distance alone decides, and the piece to the next
-/// setpoint is taken in any case.
+/// The pieces of a stretch. Each is the longest that stays within `tolerance_m` of the design,
+/// within `max_piece_s`, and within the speed and acceleration of the design. Where no piece can
+/// follow it, a shorter one is taken. `piece` makes the piece between two setpoints after the
+/// pieces so far. Where the design states no acceleration the distance alone decides, and the piece
+/// to the next setpoint is taken in any case.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,

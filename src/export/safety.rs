@@ -10,11 +10,12 @@ use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
 
-/// Tolerance for objects outside the room, m: rooms are typed to the decimeter, and a station on the
-/// wall is measured to some centimeters. More would let an origin at a wall of a small room pass.
+/// Tolerance for objects outside the room, m: rooms are typed to the decimeter, and a station on
+/// the wall is measured to some centimeters. More would let an origin at a wall of a small room
+/// pass.
 pub const FRAME_M: f64 = 0.15;
-/// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path to
-/// the first letter is not the one that was checked.
+/// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path
+/// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
 /// the ring by the turn's sine, and a nose along another axis is 90° off.
@@ -191,8 +192,8 @@ pub struct Checks {
     pub platform: Option<Platform>,
     /// Its positioning.
     pub positioning: Positioning,
-    /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room if
-    /// there is one.
+    /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room
+    /// if there is one.
     pub volume_m: [[f64; 3]; 2],
     /// Width, depth and height of the room, where it is known.
     pub room_m: Option<[f64; 3]>,

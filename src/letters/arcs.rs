@@ -11,8 +11,8 @@ use noctograph_core::geometry::distance;
 /// to 53° at a vertex (s), their corners by 63° (?) and more.
 const CORNER_COS: f64 = 0.5;
 
-/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is `STEM`
-/// times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
+/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is
+/// `STEM` times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
 const LONG: f64 = 5.5 / 21.0;
 const STEM: f64 = 1.8;
 
@@ -91,10 +91,10 @@ mod tests {
         }));
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
-        let off = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();
-        assert!(curve.iter().map(off).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
+        let radial_error = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();
+        assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
         // Four of its points are an arc: an open end goes on as the curve does.
-        assert!(rounded(&run[..4]).iter().map(off).fold(0.0, f64::max) < 1e-5);
+        assert!(rounded(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 
     #[test]

@@ -68,8 +68,8 @@ mod tests {
         assert_eq!((lines.len(), lines[0][0]), (1, lines[0][lines[0].len() - 1]));
         for leg in lines[0].windows(2) {
             let middle = [0, 1].map(|i| 0.5 * (leg[0][i] + leg[1][i]));
-            let off = 3.0 - libm::hypot(middle[0] - 1.0, middle[1] - 2.0);
-            assert!(off.abs() <= 1.1e-3, "{off}");
+            let error = 3.0 - libm::hypot(middle[0] - 1.0, middle[1] - 2.0);
+            assert!(error.abs() <= 1.1e-3, "{error}");
         }
         assert!(polylines(&circle, 1e-3, 10).is_none(), "too many points");
     }

@@ -13,10 +13,10 @@ pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
     let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
     let mut file = [&[0, 1, 0, 0][..], &n_tables, &[0; 6]].concat();
-    let mut at = 12 + 16 * tables.len();
+    let mut offset = 12 + 16 * tables.len();
     for (tag, table) in tables {
-        file.extend([&tag[..], &[0; 4], &number(at), &number(table.len())].concat());
-        at += table.len();
+        file.extend([&tag[..], &[0; 4], &number(offset), &number(table.len())].concat());
+        offset += table.len();
     }
     tables.iter().for_each(|(_, table)| file.extend(table));
     file
@@ -34,8 +34,8 @@ pub(super) fn face(
     let mut groups = Vec::new();
     for (glyph, (character, contours)) in (1..).zip(glyphs) {
         let points = || contours.iter().copied().flatten();
-        let side = |of: fn(i16, i16) -> i16, axis: usize| {
-            points().map(|point| point[axis]).reduce(of).unwrap()
+        let side = |extreme: fn(i16, i16) -> i16, axis: usize| {
+            points().map(|point| point[axis]).reduce(extreme).unwrap()
         };
         let box_ = [side(i16::min, 0), side(i16::min, 1), side(i16::max, 0), side(i16::max, 1)];
         glyf.extend(i16::try_from(contours.len()).unwrap().to_be_bytes());
@@ -95,15 +95,18 @@ pub(super) fn small_face() -> Vec<u8> {
     ];
     let boxes = glyphs.map(|(_, [l, r, top])| [[l, 0], [r, 0], [r, top], [l, top]]);
     let contours = boxes.each_ref().map(|points| [&points[..]]);
-    let glyphs: Vec<_> = glyphs.iter().zip(&contours).map(|((c, _), of)| (*c, &of[..])).collect();
-    let tag = |text: &[u8; 4]| [0, 2].map(|at| u16::from_be_bytes([text[at], text[at + 1]]));
+    let glyphs: Vec<_> =
+        glyphs.iter().zip(&contours).map(|((c, _), outline)| (*c, &outline[..])).collect();
+    let tag =
+        |text: &[u8; 4]| [0, 2].map(|offset| u16::from_be_bytes([text[offset], text[offset + 1]]));
     let single = |glyph| [1, 0, 1, 8, 1, 6, 1, 1, 1, glyph];
     let scripts = [&tag(b"arab")[..], &[8, 4, 0, 0, 0xffff, 2, 0, 1]].concat();
     let features =
         [&[2], &tag(b"fina")[..], &[14], &tag(b"init"), &[20, 0, 1, 0, 0, 1, 1]].concat();
     let lookups = [&[2, 6, 26][..], &single(4), &single(2)].concat();
-    let at = [10, 10 + 2 + 2 * scripts.len(), 12 + 2 * (scripts.len() + features.len())];
-    let at = at.map(|at| u16::try_from(at).unwrap());
-    let gsub = [&[1, 0, at[0], at[1], at[2], 1][..], &scripts, &features, &lookups].concat();
+    let offset = [10, 10 + 2 + 2 * scripts.len(), 12 + 2 * (scripts.len() + features.len())];
+    let offset = offset.map(|offset| u16::try_from(offset).unwrap());
+    let gsub =
+        [&[1, 0, offset[0], offset[1], offset[2], 1][..], &scripts, &features, &lookups].concat();
     face(&glyphs, 400, &[(b"GSUB", words(gsub))])
 }

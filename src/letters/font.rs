@@ -40,8 +40,8 @@ impl Font {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a name that is neither, or a file that is no such font; [`Error::Io`]
-    /// where it cannot be read.
+    /// [`Error::Input`] for a name that is neither, or a file of another kind; [`Error::Io`] where
+    /// it cannot be read.
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {

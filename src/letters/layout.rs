@@ -454,22 +454,22 @@ mod tests {
         let gap = LetterOptions { spacing_m: 0.5, ..wide.clone() };
         let cap_m = |options| write("NO", options).unwrap().glyphs[0].cell.cap_height_m;
         assert!((cap_m(&wide) - cap_m(&gap)).abs() < 1e-9, "as high as the canvas");
-        let of = |canvas_m| LetterOptions { canvas_m: Some(canvas_m), ..wide.clone() };
-        assert_eq!(write("HELLO WORLD", &of([3.0, 1.6])).unwrap().word, "HELLO\nWORLD");
-        assert_eq!(write("HELLO WORLD", &of([9.0, 1.6])).unwrap().word, "HELLO WORLD");
+        let on_canvas = |canvas_m| LetterOptions { canvas_m: Some(canvas_m), ..wide.clone() };
+        assert_eq!(write("HELLO WORLD", &on_canvas([3.0, 1.6])).unwrap().word, "HELLO\nWORLD");
+        assert_eq!(write("HELLO WORLD", &on_canvas([9.0, 1.6])).unwrap().word, "HELLO WORLD");
     }
 
     #[test]
     fn boxes_gaps_and_lines_follow_the_cap_height() {
-        let of = |cap_height_m| LetterOptions { cap_height_m, ..LetterOptions::default() };
-        let [large, small] = [0.5, 0.25].map(|cap_m| write("NO\nOR", &of(cap_m)).unwrap());
+        let with_cap = |cap_height_m| LetterOptions { cap_height_m, ..LetterOptions::default() };
+        let [large, small] = [0.5, 0.25].map(|cap_m| write("NO\nOR", &with_cap(cap_m)).unwrap());
         let bounds = large.bounds_m().map(|side| side - 0.5);
         let [left, bottom, right, top] = small.bounds_m().map(|side| side - 0.5);
         let half = [(left + 0.5) * 2.0 - 0.5, bottom * 2.0, (right + 0.5) * 2.0 - 0.5, top * 2.0];
         for (large, small) in bounds.iter().zip(half) {
             assert!((large - small).abs() < 1e-12, "{bounds:?} is not twice {half:?}");
         }
-        let wide = write("NO", &LetterOptions { width_m: Some(0.4), ..of(0.25) }).unwrap();
+        let wide = write("NO", &LetterOptions { width_m: Some(0.4), ..with_cap(0.25) }).unwrap();
         assert_eq!(wide.glyphs[0].cell.width_m, 0.4);
     }
 

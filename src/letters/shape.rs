@@ -57,14 +57,11 @@ impl Shape {
     /// Draws it into a cell.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let moves = match fit {
-            Fit::Box => {
-                let moves = self.runs.iter().flat_map(|run| {
-                    moves(run, |[x, y]| {
-                        [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
-                    })
-                });
-                moves.collect()
-            }
+            Fit::Box => Vec::from_iter(self.runs.iter().flat_map(|run| {
+                moves(run, |[x, y]| {
+                    [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
+                })
+            })),
             Fit::Proportional => {
                 let [left, _, right, _] = self.ink();
                 let (middle, size_m) = (0.5 * (left + right), cell.cap_height_m);

@@ -5,7 +5,7 @@
 //! a ladder that moves no point farther than the error allows. Bending is penalized, so straight
 //! lines stay straight.
 
-use super::vector::{between, counts};
+use super::vector::{ahead, between, counts};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};
 
 /// Ladder of λ, from stiff to loose.
@@ -71,9 +71,7 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         first[k + 2] -= 2.0 * stiffness;
         second[k + 2] += stiffness;
     }
-    fn less([x, y]: [f64; 2], share: f64, [dx, dy]: [f64; 2]) -> [f64; 2] {
-        [x - share * dx, y - share * dy]
-    }
+
     let pin = 1e9 * (1.0 + stiffness);
     let mut rhs = points.to_vec();
     for end in [0, n - 1] {
@@ -93,10 +91,10 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
             diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
         }
         if k >= 1 {
-            rhs[k] = less(rhs[k], first[k], rhs[k - 1]);
+            rhs[k] = ahead(rhs[k], rhs[k - 1], -first[k]);
         }
         if k >= 2 {
-            rhs[k] = less(rhs[k], second[k], rhs[k - 2]);
+            rhs[k] = ahead(rhs[k], rhs[k - 2], -second[k]);
         }
     }
     for k in 0..n {
@@ -104,10 +102,10 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     }
     for k in (0..n).rev() {
         if k + 1 < n {
-            rhs[k] = less(rhs[k], first[k + 1], rhs[k + 1]);
+            rhs[k] = ahead(rhs[k], rhs[k + 1], -first[k + 1]);
         }
         if k + 2 < n {
-            rhs[k] = less(rhs[k], second[k + 2], rhs[k + 2]);
+            rhs[k] = ahead(rhs[k], rhs[k + 2], -second[k + 2]);
         }
     }
     (rhs[0], rhs[n - 1]) = (points[0], points[n - 1]);

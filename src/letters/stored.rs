@@ -1,8 +1,8 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
 //! TrueType knows closed contours alone. A single stroke is stored as an open line, which the
-//! format closes by a straight edge back to its beginning, or as a line there and back again. Filled,
-//! it would have no area, or a wrong one. It is drawn once, without the closing edge.
+//! format closes by a straight edge back to its beginning, or as a line there and back again.
+//! Filled, it would have no area, or a wrong one. It is drawn once, without the closing edge.
 
 use kurbo::{BezPath, PathEl, Shape as _};
 
@@ -110,15 +110,15 @@ mod tests {
 
     #[test]
     fn faces_of_strokes_are_told_from_faces_of_outlines() {
-        let of = |glyphs: &[&str]| {
+        let is_stroked = |glyphs: &[&str]| {
             let paths: Vec<BezPath> =
                 glyphs.iter().map(|svg| BezPath::from_svg(svg).unwrap()).collect();
             are_strokes(&paths)
         };
         let (h, l) = ("M0 7L0 0Z M0 3L4 3Z M4 7L4 0Z", "M0 7L0 0L4 0Z");
-        assert!(of(&[h, "M0 7L4 7Z M2 7L2 0Z", l]));
+        assert!(is_stroked(&[h, "M0 7L4 7Z M2 7L2 0Z", l]));
         let (bar, solid) = ("M0 0H1V7H0Z", "M0 0H4V1H1V7H0Z");
-        assert!(!of(&[bar, solid, h]), "one odd glyph makes no such face");
-        assert!(!of(&[]));
+        assert!(!is_stroked(&[bar, solid, h]), "one odd glyph makes no such face");
+        assert!(!is_stroked(&[]));
     }
 }

@@ -73,8 +73,7 @@ impl Enlarged {
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, in_a_row(moved_m));
         let by_motion = slopes(&moved_m);
-        let rows = 3 * n..by_motion.nrows();
-        let all = rows.flat_map(|row| (0..3 * n).map(move |column| (row, column)));
+        let all = (3 * n..by_motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = all.map(|(i, j)| (i, j, by_motion[(i, j)])).collect();
         let by_noise = slopes(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);

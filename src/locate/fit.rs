@@ -45,9 +45,9 @@ pub(super) fn fit(
     (cost, places_m)
 }
 
-/// Gauss-Newton steps from a start. `problem` gives the slopes and the residuals at a state. Returns
-/// the sum of squares, the solution, and the slopes there. `unit` scales Levenberg's damping for a
-/// diagonal element of the normal matrix.
+/// Gauss-Newton steps from a start. `problem` gives the slopes and the residuals at a state.
+/// Returns the sum of squares, the solution, and the slopes there. `unit` scales Levenberg's
+/// damping for a diagonal element of the normal matrix.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,

@@ -90,9 +90,8 @@ impl<'a> Model<'a> {
         options: &'a LocateOptions,
     ) -> Self {
         let first_s = heard_s.iter().map(|heard| heard[0]).fold(f64::INFINITY, f64::min);
-        let until_s = heard_s.iter().map(|heard| heard[0]);
-        let until_s =
-            until_s.map(|from_s| if from_s > first_s + LATE_S { from_s } else { first_s });
+        let late_s = first_s + LATE_S;
+        let until_s = heard_s.iter().map(|&[s, _]| if s > late_s { s } else { first_s });
         Self { anchors_m, options, stands_until_s: until_s.collect() }
     }
 

@@ -110,11 +110,9 @@ pub fn link_errors(
     });
     let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = errors.unzip();
     let links = spread_by_link(&compared, &errors_m).into_iter();
-    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| LinkError {
-        link: link.to_string(),
-        median_m,
-        scatter_m,
-        ranges,
+    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
+        let link = link.to_string();
+        LinkError { link, median_m, scatter_m, ranges }
     }))
 }
 

@@ -1,9 +1,9 @@
 //! Passes over a log of ranges, forward and backward, until the positions rest.
 //!
 //! A pass forward and backward needs the covariances of every step, and their size grows with the
-//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps the
-//! filter at their start and recomputes their steps on the way back. The means of all steps and the
-//! covariances of the positions are kept.
+//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps
+//! the filter at their start and recomputes their steps on the way back. The means of all steps and
+//! the covariances of the positions are kept.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -60,14 +60,11 @@ pub(super) struct Solved {
 impl Solved {
     /// Positions: for each drone one at each time.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
-        let mut positions_m = vec![Vec::new(); n_drones];
-        for step in 0..self.time_s.len() {
-            for (states, positions_m) in self.path.states(step).chunks(STATES).zip(&mut positions_m)
-            {
-                positions_m.push(Vector3::from_column_slice(&states[..3]));
-            }
-        }
-        positions_m
+        Vec::from_iter((0..n_drones).map(|drone| {
+            let steps = 0..self.time_s.len();
+            let states = steps.map(|step| &self.path.states(step)[STATES * drone..]);
+            states.map(|states| Vector3::from_column_slice(&states[..3])).collect()
+        }))
     }
 
     /// Covariances of the positions.
@@ -163,8 +160,8 @@ impl Passes<'_, '_> {
         }))
     }
 
-    /// A pass backward over the steps of a pass forward, which was linearized about the path or not.
-    /// The smoothed states replace those of the path. Returns by how much the states moved.
+    /// A pass backward over the steps of a pass forward, which was linearized about the path or
+    /// not. The smoothed states replace those of the path. Returns by how much the states moved.
     fn backward(
         &self,
         begins: &[Filter],
@@ -175,9 +172,8 @@ impl Passes<'_, '_> {
         let (mut last, mut moved_m) = (Some(last), 0.0_f64);
         let mut after: Option<(Step, Normal)> = None;
         for (index, begin) in begins.iter().enumerate().rev() {
-            let steps = last
-                .take()
-                .unwrap_or_else(|| self.again(index, begin, linearized.then_some(&*path)));
+            let about = linearized.then_some(&*path);
+            let steps = last.take().unwrap_or_else(|| self.again(index, begin, about));
             for (k, step) in steps.into_iter().enumerate().rev() {
                 let smooth = match &after {
                     None => step.updated.clone(),

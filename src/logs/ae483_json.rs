@@ -101,15 +101,13 @@ fn refuse_pandas(top: &BTreeMap<String, Node>, file: &str) -> Result<()> {
 fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Result<()> {
     let mut stamps = None;
     for value in members.values_mut() {
-        match value {
-            Node::Object(inner) if is_indexed(inner) => {
-                let list = List::by_index(std::mem::take(inner), budget)?;
-                let is_count =
-                    (0_u32..).zip(&list.indices).all(|(n, index)| f64::from(n) == *index);
-                stamps = (!is_count).then(|| list.indices.clone());
-                *value = Node::List(list);
-            }
-            _ => {}
+        if let Node::Object(inner) = value
+            && is_indexed(inner)
+        {
+            let list = List::by_index(std::mem::take(inner), budget)?;
+            let is_count = (0_u32..).zip(&list.indices).all(|(n, index)| f64::from(n) == *index);
+            stamps = (!is_count).then(|| list.indices.clone());
+            *value = Node::List(list);
         }
     }
     if let Some(numbers) = stamps

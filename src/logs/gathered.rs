@@ -161,8 +161,8 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
-        let found = logs_in(folder.path()).unwrap();
-        let named: Vec<[&str; 2]> = found.iter().map(|log| [&*log.drone, &*log.name]).collect();
+        let logs = logs_in(folder.path()).unwrap();
+        let named: Vec<[&str; 2]> = logs.iter().map(|log| [&*log.drone, &*log.name]).collect();
         let wanted = [
             ["1a2b", "NOOR_flight.json"],
             ["cf10", "cf10/20260101T19-00-00"],

@@ -4,9 +4,10 @@
 //! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
 //! explains most of their variance is taken.
 //!
-//! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It is
-//! then registered to the drone's by the best rigid transform, if the residual is some centimeters.
-//! Otherwise its columns are left out, since distances between two frames mean nothing.
+//! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It
+//! is then registered to the drone's by the best rigid transform, if the residual is some
+//! centimeters. Otherwise its columns are left out, since distances between two frames mean
+//! nothing.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -42,12 +43,11 @@ pub(super) fn align(recording: &mut Recording) {
     let mocap = moving(recording, "mocap.{x y z}");
     let shift = mocap.zip(path).and_then(|(mocap, path)| {
         let mut search = Search { mocap, path, free: false };
-        if let Some(shift) = search.shift() {
-            return Some((shift, false));
-        }
-        search.free = true;
-        if let Some(shift) = search.shift() {
-            return Some((shift, false));
+        for free in [false, true] {
+            search.free = free;
+            if let Some(shift) = search.shift() {
+                return Some((shift, false));
+            }
         }
         search.mocap.swap(1, 2);
         search.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
@@ -305,10 +305,8 @@ impl Search {
         let turned_rad = libm::atan2(sin, cos);
         let [turned_m2, level_m2] = [turned_rad, 0.0].map(|turn| left_m2(&pairs, turn));
         // A nearly vertical path, or one with a large error, does not show a turn.
-        let (turn_rad, left_m2) = match turned_m2 < 0.25 * level_m2 {
-            true => (turned_rad, turned_m2),
-            false => (0.0, level_m2),
-        };
+        let turns = turned_m2 < 0.25 * level_m2;
+        let (turn_rad, left_m2) = if turns { (turned_rad, turned_m2) } else { (0.0, level_m2) };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
         Fit::new(left_m2, spread, to_m - from_m, (turn_rad, to_m - turn * from_m))
     }

@@ -56,8 +56,7 @@ pub(super) fn read(
     if head.titles.is_empty() {
         let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
         let names: &[&str] = if is_tum { &TUM } else { &UNNAMED };
-        let others =
-            (names.len() + 1..=head.n_columns).map(|number: usize| format!("column{number}"));
+        let others = (names.len() + 1..=head.n_columns).map(|number| format!("column{number}"));
         head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
         head.titles.truncate(head.n_columns);
         unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));

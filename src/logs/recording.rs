@@ -244,9 +244,12 @@ mod tests {
     #[test]
     fn a_channel_is_linear_within_and_silent_across_gaps() {
         let channel = Channel::new(vec![0.0, 1.0, 5.0], vec![0.0, 2.0, 4.0]);
-        let at = |t| channel.linear(t, 1.0);
-        assert_eq!([at(0.25), at(1.0), at(3.0), at(5.0)], [Some(0.5), Some(2.0), None, Some(4.0)]);
-        assert_eq!([at(-0.1), at(5.1)], [None, None], "nothing outside");
+        let linear = |t| channel.linear(t, 1.0);
+        assert_eq!(
+            [linear(0.25), linear(1.0), linear(3.0), linear(5.0)],
+            [Some(0.5), Some(2.0), None, Some(4.0)]
+        );
+        assert_eq!([linear(-0.1), linear(5.1)], [None, None], "nothing outside");
         assert_eq!([channel.held(-1.0), channel.held(4.9), channel.held(9.0)], [0.0, 2.0, 4.0]);
     }
 

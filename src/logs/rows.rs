@@ -16,14 +16,8 @@ const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link
                       subject subject_name drohne address serial mac tag tag_id actor entity";
 
 /// Fractions of a second as endings of titles, and their size.
-const FRACTIONS: [(&str, f64); 6] = [
-    ("nanosec", 1e-9),
-    ("nsec", 1e-9),
-    ("microsec", 1e-6),
-    ("usec", 1e-6),
-    ("millisec", 1e-3),
-    ("msec", 1e-3),
-];
+const FRACTIONS: [(&str, f64); 3] =
+    [("nanosec nsec", 1e-9), ("microsec usec", 1e-6), ("millisec msec", 1e-3)];
 
 /// Two places at one stamp farther apart than this belong to two drones, m.
 const APART_M: f64 = 0.1;
@@ -121,7 +115,9 @@ pub(super) fn join_stamps(
 /// For a column with fractions of seconds: the title of the whole seconds, and the fraction's unit.
 pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
-    FRACTIONS.iter().find_map(|(end, size)| {
+    let ends =
+        FRACTIONS.iter().flat_map(|(ends, size)| ends.split(' ').map(move |end| (end, size)));
+    { ends }.find_map(|(end, size)| {
         let place = plain.rfind(end)?;
         let unit = format!("sec{}", &plain[place + end.len()..]);
         let is_unit = ["sec", "secs", "second", "seconds"].contains(&&*unit);

@@ -480,9 +480,10 @@ mod tests {
     /// A log of 10 s in which each column is a constant plus a share of the time.
     fn moving(columns: &[(&str, f64, f64)]) -> Recording {
         let time_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.1).collect();
-        let values = |at: f64, speed: f64| time_s.iter().map(|t| at + speed * t).collect();
-        let column =
-            |&(name, at, speed): &(&str, f64, f64)| Column::new(name.into(), values(at, speed));
+        let values = |start: f64, speed: f64| time_s.iter().map(|t| start + speed * t).collect();
+        let column = |&(name, start, speed): &(&str, f64, f64)| {
+            Column::new(name.into(), values(start, speed))
+        };
         let columns = columns.iter().map(column).collect();
         let block = Block { time_s: time_s.clone(), columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }
@@ -517,9 +518,9 @@ mod tests {
         let names = ["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"];
         let log = recording(&[(names[0], 90.0), (names[1], 30.0), (names[2], -180.0)]);
         let pi = std::f64::consts::PI;
-        let found = values(&log, Quantity::Attitude);
-        for (found, wanted) in found.into_iter().zip([pi / 2.0, -pi / 6.0, -pi]) {
-            assert!((found - wanted).abs() < 1e-15, "{found} instead of {wanted}");
+        let angles = values(&log, Quantity::Attitude);
+        for (angle, wanted) in angles.into_iter().zip([pi / 2.0, -pi / 6.0, -pi]) {
+            assert!((angle - wanted).abs() < 1e-15, "{angle} instead of {wanted}");
         }
         let rates =
             ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"];
@@ -549,8 +550,8 @@ mod tests {
         let code = 3 << 30 | pack(0.1) << 20 | pack(-0.2) << 10 | pack(0.3);
         let q = unpacked(f64::from(code));
         let wanted = [0.86_f64.sqrt(), 0.1, -0.2, 0.3];
-        for (found, wanted) in q.into_iter().zip(wanted) {
-            assert!((found - wanted).abs() < 1e-3, "{q:?}");
+        for (part, wanted) in q.into_iter().zip(wanted) {
+            assert!((part - wanted).abs() < 1e-3, "{q:?}");
         }
     }
 

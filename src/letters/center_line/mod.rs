@@ -249,8 +249,8 @@ mod tests {
         let ink = Filled::new(&tee, &budget);
         let axis = Axis::new(&rim(&tee, &ink, 0.01), &ink);
         let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
-        let found = lost(&axis, &axis.neighbors, &stem, 0.1);
-        assert!((0.2..0.6).contains(&found), "half the bar: {found}");
+        let length = lost(&axis, &axis.neighbors, &stem, 0.1);
+        assert!((0.2..0.6).contains(&length), "half the bar: {length}");
     }
 
     #[test]

@@ -34,9 +34,9 @@ const BENDS: f64 = 0.1;
 /// radius; it is cut off up to where the radius has risen to the second.
 const TIP: [f64; 2] = [0.6, 0.92];
 
-/// Length of a stub between a crotch and the tip above it (A, M, N, V, W): from its legs' angle, with
-/// this factor and so many radii at its root more. From this cosine between stub and leg on, so many
-/// radii, and so many more for each unit of it, up to the last value.
+/// Length of a stub between a crotch and the tip above it (A, M, N, V, W): from its legs' angle,
+/// with this factor and so many radii at its root more. From this cosine between stub and leg on,
+/// so many radii, and so many more for each unit of it, up to the last value.
 const STUB: [f64; 2] = [1.3, 1.4];
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Cosine of the widest angle between the legs of such a crotch, 75°, and the largest difference of

@@ -1,9 +1,9 @@
 //! Areas and lines: which patches of ink are drawn along their rim, and which along their center.
 //!
 //! A patch is a line if it is thin for its size, or if a pen along its center lines would leave the
-//! same ink in one stroke. A patch of several strokes, or a ring, is a line if the drawing has such a
-//! pen: that of its thin lines, or of writing in a row. Other patches are areas, or points if they
-//! are tiny.
+//! same ink in one stroke. A patch of several strokes, or a ring, is a line if the drawing has such
+//! a pen: that of its thin lines, or of writing in a row. Other patches are areas, or points if
+//! they are tiny.
 
 use std::cell::OnceCell;
 
@@ -25,8 +25,9 @@ const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
 /// A pen's line is longer than so many of its thicknesses.
 const LONG: f64 = 2.0;
-/// Ink that a pen along the center lines shares with a patch, by that of both: threshold for a line,
-/// and for a line of the drawing's pen or a letter beside others; and the grid for its estimate.
+/// Ink that a pen along the center lines shares with a patch, by that of both: threshold for a
+/// line, and for a line of the drawing's pen or a letter beside others; and the grid for its
+/// estimate.
 const PENNED: [f64; 2] = [0.82, 0.65];
 const GRID: u32 = 40;
 /// Largest ratio of heights and of thicknesses of letters in a row, largest gap between two, by

@@ -1,8 +1,8 @@
 //! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF. A sheet of
 //! paper on a table is cut out of it and seen square on ([`paper_photo`]).
 //!
-//! The ink is separated from the paper ([`super::ink`]); its contours lie between pixels, by marching
-//! squares. Each patch of ink with its holes is traced like a typeface's characters
+//! The ink is separated from the paper ([`super::ink`]); its contours lie between pixels, by
+//! marching squares. Each patch of ink with its holes is traced like a typeface's characters
 //! ([`crate::center_line`]), or along its outline if it is an area ([`areas`]). A line has the hue
 //! of its ink unless that is gray. Photographs of anything else are refused.
 
@@ -33,9 +33,10 @@ const STEPS: usize = 8;
 /// the paper, by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
-/// Share of a picture in shades beyond which it is a photograph. Measured: 0.08 to 0.5 for a portrait
-/// and seven color photographs of scikit-image (astronaut, cat, coffee, grass, gravel, motorcycle,
-/// rocket), 0.01 to 0.04 for three gray ones, up to 0.03 for drawings, boards and pages of print.
+/// Share of a picture in shades beyond which it is a photograph. Measured: 0.08 to 0.5 for a
+/// portrait and seven color photographs of scikit-image (astronaut, cat, coffee, grass, gravel,
+/// motorcycle, rocket), 0.01 to 0.04 for three gray ones, up to 0.03 for drawings, boards and pages
+/// of print.
 const SHADES: f64 = 0.04;
 /// A patch over the rim of a photographed picture is dropped from this mean width on, by the longer
 /// side, or if this share of its outline lies along the rim.

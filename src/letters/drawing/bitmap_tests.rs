@@ -49,9 +49,9 @@ fn drawn(
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "levels")]
-fn change(picture: &mut image::RgbImage, of: impl Fn(f64, f64, f64) -> f64) {
+fn change(picture: &mut image::RgbImage, level: impl Fn(f64, f64, f64) -> f64) {
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        pixel.0 = pixel.0.map(|value| of(f64::from(x), f64::from(y), f64::from(value)) as u8);
+        pixel.0 = pixel.0.map(|value| level(f64::from(x), f64::from(y), f64::from(value)) as u8);
     }
 }
 
@@ -105,9 +105,10 @@ fn faint(picture: &mut image::RgbImage) {
 }
 
 /// Share of places that lie within a distance of others.
-fn near(of: &[[f64; 2]], others: &[[f64; 2]], within: f64) -> f64 {
-    of.iter().filter(|p| others.iter().any(|other| distance(**p, *other) <= within)).count() as f64
-        / of.len() as f64
+fn near(points: &[[f64; 2]], others: &[[f64; 2]], within: f64) -> f64 {
+    points.iter().filter(|p| others.iter().any(|other| distance(**p, *other) <= within)).count()
+        as f64
+        / points.len() as f64
 }
 
 #[test]
@@ -134,16 +135,16 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let mut picture = clean.clone();
         taken(&mut picture);
         let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
-        let found = traced(&picture, format).lines;
+        let trace = traced(&picture, format).lines;
         let flown: Vec<[f64; 2]> =
-            found.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 1.0)).collect();
+            trace.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 1.0)).collect();
         let dark = clean.enumerate_pixels().filter(|(.., pixel)| pixel.0[0] < 128);
         let dark: Vec<_> = dark.map(|(x, y, _)| [x, y].map(|x| f64::from(x) + 0.5)).collect();
         let within = 1.5 * f64::from(pen_px);
         let [drawn, meant] = [near(&dark, &flown, within), near(&flown, &dark, within)];
         assert!(drawn >= 0.97 && meant >= 0.97, "{index}: {drawn:.3} drawn, {meant:.3} meant");
-        assert!(found.len() <= 8, "{index}: {} strokes", found.len());
-        assert!(found.iter().all(|(_, color)| *color == [0; 3]), "{index}: black ink");
+        assert!(trace.len() <= 8, "{index}: {} strokes", trace.len());
+        assert!(trace.iter().all(|(_, color)| *color == [0; 3]), "{index}: black ink");
     }
 }
 
@@ -184,9 +185,9 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
         let lit = glyph.moves.iter().filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum::<f64>()
     };
-    let found: Vec<_> =
+    let trace: Vec<_> =
         strokes.colors.iter().zip(&strokes.glyphs).map(|(c, g)| (*c, length_m(g))).collect();
-    let [(blue, bar_m), (red, rim_m)] = found[..] else { panic!("two colors: {found:?}") };
+    let [(blue, bar_m), (red, rim_m)] = trace[..] else { panic!("two colors: {trace:?}") };
     assert_eq!((red, blue), ([255, 0, 0], [0, 0, 255]), "hues at full level");
     // The bar is the tallest: its 140 pixels are the canvas, less a pen at its ends.
     assert!((rim_m / bar_m - 400.0 / 134.0).abs() < 0.1, "{rim_m} m around, {bar_m} m along");

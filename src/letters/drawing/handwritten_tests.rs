@@ -17,14 +17,14 @@ struct Hand {
     pen: f64,
     slant: f64,
     tremble: f64,
-    off: f64,
+    shift: f64,
     on: f64,
 }
 
 const HANDS: [Hand; 3] = [
-    Hand { pen: 0.07, slant: 0.0, tremble: 0.012, off: 0.0, on: 0.0 },
-    Hand { pen: 0.11, slant: 0.25, tremble: 0.015, off: 0.01, on: 0.05 },
-    Hand { pen: 0.09, slant: -0.1, tremble: 0.03, off: 0.025, on: -0.01 },
+    Hand { pen: 0.07, slant: 0.0, tremble: 0.012, shift: 0.0, on: 0.0 },
+    Hand { pen: 0.11, slant: 0.25, tremble: 0.015, shift: 0.01, on: 0.05 },
+    Hand { pen: 0.09, slant: -0.1, tremble: 0.03, shift: 0.025, on: -0.01 },
 ];
 
 /// The strokes of a letter as a hand writes it, y down.
@@ -39,7 +39,7 @@ fn written(font: &Font, letter: char, hand: &Hand, next: &mut impl FnMut() -> f6
         }
     }
     for line in &mut lines {
-        let off = [0, 1].map(|_| hand.off * (2.0 * next() - 1.0));
+        let shift = [0, 1].map(|_| hand.shift * (2.0 * next() - 1.0));
         let waves = [0, 1].map(|_| [3.0 + 4.0 * next(), 6.3 * next()]);
         let is_dot = polyline_length_m(line) < 0.01;
         let closed = line[0] == line[line.len() - 1];
@@ -55,7 +55,8 @@ fn written(font: &Font, letter: char, hand: &Hand, next: &mut impl FnMut() -> f6
         for point in line {
             let [x, y] = *point;
             let shake = |[pace, phase]: [f64; 2]| hand.tremble * libm::sin(pace * (x + y) + phase);
-            *point = [x + off[0] + hand.slant * y + shake(waves[0]), -y + off[1] + shake(waves[1])];
+            *point =
+                [x + shift[0] + hand.slant * y + shake(waves[0]), -y + shift[1] + shake(waves[1])];
         }
     }
     lines
@@ -82,7 +83,7 @@ fn topology(lines: &Lines, reach: f64) -> [usize; 3] {
     }
     let n_loops = parts(&mask, false, 9) - 1;
     let mut n_ends = 0;
-    for (at, line) in lines.iter().enumerate() {
+    for (index, line) in lines.iter().enumerate() {
         if polyline_length_m(line) < 1.5 * reach {
             continue;
         }
@@ -96,7 +97,7 @@ fn topology(lines: &Lines, reach: f64) -> [usize; 3] {
                 gone += distance(leg[0], leg[1]);
                 gone < 3.0 * reach
             });
-            let others = lines.iter().enumerate().filter(|(other, _)| *other != at);
+            let others = lines.iter().enumerate().filter(|(other, _)| *other != index);
             let mut legs = others.flat_map(|(_, line)| line.windows(2)).chain(onward);
             n_ends +=
                 usize::from(!legs.any(|leg| segment_distance(own[0], [leg[0], leg[1]]) <= reach));
@@ -106,10 +107,10 @@ fn topology(lines: &Lines, reach: f64) -> [usize; 3] {
 }
 
 /// A pixel and its neighbors.
-fn around(at: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
-    let range = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
-    range(at / width, height)
-        .flat_map(move |y| range(at % width, width).map(move |x| y * width + x))
+fn around(place: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let range = |place: usize, n: usize| place.saturating_sub(1)..(place + 2).min(n);
+    range(place / width, height)
+        .flat_map(move |y| range(place % width, width).map(move |x| y * width + x))
 }
 
 /// Connected parts of what a mask covers or not, of at least so many pixels.
@@ -121,9 +122,9 @@ fn parts(mask: &Mask, is_covered: bool, least: usize) -> usize {
         let mut part = if std::mem::take(&mut open[start]) { vec![start] } else { Vec::new() };
         let mut next = 0;
         while next < part.len() {
-            let at = part[next];
-            for near in around(at, width, height) {
-                let beside = near.abs_diff(at) == 1 || near.abs_diff(at) == width;
+            let place = part[next];
+            for near in around(place, width, height) {
+                let beside = near.abs_diff(place) == 1 || near.abs_diff(place) == width;
                 if (is_covered || beside) && std::mem::take(&mut open[near]) {
                     part.push(near);
                 }
@@ -155,10 +156,10 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                 for (index, letter) in page.iter().enumerate() {
                     let mut lines = written(&font, *letter, hand, &mut || f64::from(next()));
                     let [left, _, right, _] = bounds(lines.iter().flatten().copied());
-                    let at = [(index % columns) as f64 + 0.5, (index / columns) as f64 + 0.68];
+                    let center = [(index % columns) as f64 + 0.5, (index / columns) as f64 + 0.68];
                     for [x, y] in lines.iter_mut().flatten() {
-                        *x = at[0] * cell_px[0] + cap_px * (*x - 0.5 * (left + right));
-                        *y = at[1] * cell_px[1] + cap_px * *y;
+                        *x = center[0] * cell_px[0] + cap_px * (*x - 0.5 * (left + right));
+                        *y = center[1] * cell_px[1] + cap_px * *y;
                     }
                     for points in &lines {
                         #[expect(clippy::cast_possible_truncation, reason = "pixels")]
@@ -169,7 +170,7 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                     }
                     written_px.push(lines);
                 }
-                let mut found: Vec<Lines> = vec![Vec::new(); columns * rows];
+                let mut drawn: Vec<Lines> = vec![Vec::new(); columns * rows];
                 for (line, _) in traced(&canvas.picture(), image::ImageFormat::Png).lines {
                     let [left, top, right, bottom] = bounds(line.iter().copied());
                     let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
@@ -179,13 +180,13 @@ fn handwritten_letters_of_any_size_keep_how_their_strokes_hang_together() {
                         reason = "cells"
                     )]
                     let [x, y] = [0, 1].map(|i| (middle[i] / cell_px[i]) as usize);
-                    found[y * columns + x].push(crate::smooth::evenly(&line, 0.3 * pen_px));
+                    drawn[y * columns + x].push(crate::smooth::evenly(&line, 0.3 * pen_px));
                 }
-                for ((letter, wanted), found) in page.iter().zip(&written_px).zip(&found) {
+                for ((letter, wanted), drawn) in page.iter().zip(&written_px).zip(&drawn) {
                     n += 1;
                     // What is nearly joined may be either.
                     let may_be = [0.7, 1.0, 1.4].map(|reach| topology(wanted, reach * pen_px));
-                    let got = if found.is_empty() { [0; 3] } else { topology(found, pen_px) };
+                    let got = if drawn.is_empty() { [0; 3] } else { topology(drawn, pen_px) };
                     if !(0..3).all(|k: usize| may_be.iter().any(|wanted| wanted[k] == got[k])) {
                         wrong.push(format!(
                             "{style} {cap_px} {letter}: {got:?}, not {:?}",

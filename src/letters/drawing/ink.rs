@@ -32,8 +32,8 @@ const SKEWED: f64 = 1.4;
 const PEN: u32 = 40;
 const PATCH: u32 = 3;
 const COARSE: u32 = 4;
-/// An area wider than a pen is paper in shadow if it has at least this share of the light around it,
-/// and its channels' shares differ by no more than this ratio.
+/// An area wider than a pen is paper in shadow if it has at least this share of the light around
+/// it, and its channels' shares differ by no more than this ratio.
 const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
@@ -229,7 +229,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
         let far = [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0));
         ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
     });
-    // An area wider than a pen that is no shadow is a patch of ink, and so is its rim.
+    // An area wider than a pen is a patch of ink unless it is a shadow, and so is its rim.
     let patches = papers.clone().map(|(near, far)| {
         let shares = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
@@ -251,8 +251,8 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
     }))
 }
 
-/// Whether ink is lighter than its paper: if the few outlying pixels of each block are brighter than
-/// the rest, not darker; if both occur alike, whether the picture's rim is dark.
+/// Whether ink is lighter than its paper: if the few outlying pixels of each block are brighter
+/// than the rest, not darker; if both occur alike, whether the picture's rim is dark.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];

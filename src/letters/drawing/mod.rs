@@ -93,10 +93,10 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 /// filled rectangle behind everything is paper. In a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
 /// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
-/// path has the color of its stroke, or else of its fill, and a gradient one of its own. Unsupported
-/// features, such as filters, are named in the warnings; text is refused. Handwriting keeps its
-/// order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the pace of
-/// [`LetterOptions::pace`].
+/// path has the color of its stroke, or else of its fill, and a gradient one of its own.
+/// Unsupported features, such as filters, are named in the warnings; text is refused. Handwriting
+/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has
+/// the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
 ///

@@ -1,9 +1,9 @@
-//! Notes: features of an SVG file that usvg does not support. They are named, and the file is edited
-//! so that none is drawn wrongly.
+//! Notes: features of an SVG file that usvg does not support. They are named, and the file is
+//! edited so that none is drawn wrongly.
 //!
 //! An element that would be drawn in the wrong place is left out. Text, pictures and other foreign
-//! content become a sign: a shape that shows whether the content would be visible. Other unsupported
-//! features change the look of a line, not its place.
+//! content become a sign: a shape that shows whether the content would be visible. Other
+//! unsupported features change the look of a line, not its place.
 
 use std::ops::Range;
 use std::str::FromStr as _;

@@ -186,8 +186,8 @@ impl Edges {
         lines
     }
 
-    /// The corners of four lines in turn, clockwise from the upper left; `None` unless they can be a
-    /// sheet.
+    /// The corners of four lines in turn, clockwise from the upper left; `None` unless they can be
+    /// a sheet.
     fn quadrangle(&self, lines: [Line; 4]) -> Option<Corners> {
         let corners = [0, 1, 2, 3].map(|k| crossing(lines[(k + 3) % 4], lines[k]));
         let [Some(a), Some(b), Some(c), Some(d)] = corners else { return None };
@@ -216,8 +216,8 @@ impl Edges {
         Some(corners)
     }
 
-    /// Score of a quadrangle: the length of its sides that is brighter inside than outside, with more
-    /// weight for clear edges, less the rest; `None` below the threshold.
+    /// Score of a quadrangle: the length of its sides that is brighter inside than outside, with
+    /// more weight for clear edges, less the rest; `None` below the threshold.
     fn seen(&self, corners: &Corners) -> Option<f64> {
         let [mut seen, mut whole, mut balance] = [0.0; 3];
         for k in 0..4 {

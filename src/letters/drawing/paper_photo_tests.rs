@@ -87,8 +87,8 @@ fn photographed(taken: &Taken) -> (image::RgbImage, paper_photo::Corners) {
         }
         if inside([u, v]) {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
-            let at = [(1414.0 * u) as u32, (1000.0 * v) as u32];
-            color = paper.get_pixel(at[0], at[1]).0.map(f64::from);
+            let pixel = [(1414.0 * u) as u32, (1000.0 * v) as u32];
+            color = paper.get_pixel(pixel[0], pixel[1]).0.map(f64::from);
         }
         if taken.hand && libm::hypot((x - 120.0) / 1.6, y - 520.0) < 62.0 {
             color = [205.0, 150.0, 120.0].map(|value| value + 0.2 * (y - 520.0));
@@ -108,21 +108,21 @@ fn photographed(taken: &Taken) -> (image::RgbImage, paper_photo::Corners) {
 
 /// How far the lines of the boat are off, in widths of the sheet: those that are missing, those
 /// that were added.
-fn off(found: &Traced) -> [f64; 2] {
+fn errors(trace: &Traced) -> [f64; 2] {
     let drawn: Vec<[f64; 2]> =
         boat().iter().flat_map(|line| crate::smooth::evenly(line, 0.005)).collect();
-    let at: Vec<[f64; 2]> =
-        found.lines.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 3.0)).collect();
+    let lines: Vec<[f64; 2]> =
+        trace.lines.iter().flat_map(|(line, _)| crate::smooth::evenly(line, 3.0)).collect();
     let ([left, top, right, _], [l, t, r, _]) =
-        (bounds(drawn.iter().copied()), bounds(at.iter().copied()));
+        (bounds(drawn.iter().copied()), bounds(lines.iter().copied()));
     let scale = (right - left) / (r - l);
-    let at: Vec<[f64; 2]> =
-        at.iter().map(|[x, y]| [left + scale * (x - l), top + scale * (y - t)]).collect();
-    let off = |of: &[[f64; 2]], others: &[[f64; 2]]| {
+    let lines: Vec<[f64; 2]> =
+        lines.iter().map(|[x, y]| [left + scale * (x - l), top + scale * (y - t)]).collect();
+    let farthest = |points: &[[f64; 2]], others: &[[f64; 2]]| {
         let nearest = |p: &[f64; 2]| others.iter().map(|q| distance(*p, *q)).fold(9.0, f64::min);
-        of.iter().map(nearest).fold(0.0, f64::max)
+        points.iter().map(nearest).fold(0.0, f64::max)
     };
-    [off(&drawn, &at), off(&at, &drawn)]
+    [farthest(&drawn, &lines), farthest(&lines, &drawn)]
 }
 
 const PLAIN: Taken = Taken {
@@ -158,12 +158,12 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows
     ];
     for (index, taken) in takes.iter().enumerate() {
         let (picture, corners) = photographed(taken);
-        let found = traced(&picture, image::ImageFormat::Jpeg);
-        let [missing, added] = off(&found);
+        let trace = traced(&picture, image::ImageFormat::Jpeg);
+        let [missing, added] = errors(&trace);
         assert!(
             missing < 0.02 && added < 0.02,
             "{index}: {missing:.3} missing, {added:.3} added; {corners:.0?}, {:?}",
-            found.warnings
+            trace.warnings
         );
         // Back in the photograph, the lines lie on those of the boat.
         let (map, high) = (paper_photo::Map::to(&corners), 1.0 / std::f64::consts::SQRT_2);
@@ -172,10 +172,10 @@ fn a_drawing_on_a_sheet_on_a_table_is_seen_square_on_without_rulings_and_shadows
             .flat_map(|line| crate::smooth::evenly(line, 0.002))
             .map(|[x, y]| map.apply([x, y / high]))
             .collect();
-        for point in found.lines.iter().flat_map(|(line, _)| line).step_by(16) {
-            let at = found.in_file.apply(*point);
-            let off = drawn.iter().map(|p| distance(*p, at)).fold(99.0, f64::min);
-            assert!(off < 10.0, "{index}: {off:.1} pixels off at {at:.0?}");
+        for point in trace.lines.iter().flat_map(|(line, _)| line).step_by(16) {
+            let place = trace.in_file.apply(*point);
+            let error_px = drawn.iter().map(|p| distance(*p, place)).fold(99.0, f64::min);
+            assert!(error_px < 10.0, "{index}: {error_px:.1} pixels off at {place:.0?}");
         }
     }
 }
@@ -185,9 +185,9 @@ fn a_frame_that_is_drawn_is_no_sheet() {
     // A house with thick walls on squared paper: the same paper lies on both sides of them.
     let mut paper = Canvas::new([900, 680], [250, 248, 240]);
     for k in 1..26_u8 {
-        let at = 36.0 * f32::from(k);
-        paper.draw(&line(&[[0.0, at], [900.0, at]]), [165, 195, 230], 2.0);
-        paper.draw(&line(&[[at, 0.0], [at, 680.0]]), [165, 195, 230], 2.0);
+        let offset = 36.0 * f32::from(k);
+        paper.draw(&line(&[[0.0, offset], [900.0, offset]]), [165, 195, 230], 2.0);
+        paper.draw(&line(&[[offset, 0.0], [offset, 680.0]]), [165, 195, 230], 2.0);
     }
     let walls = [[170.0, 310.0], [480.0, 310.0], [480.0, 590.0], [170.0, 590.0], [170.0, 310.0]];
     paper.draw(&line(&walls), [200, 30, 40], 22.0);
@@ -206,10 +206,11 @@ fn corners_given_by_hand_cut_out_a_sheet_that_is_not_seen() {
         traced_with(&options, &picture, image::ImageFormat::Png)
     };
     let seen = traced(&picture, image::ImageFormat::Png);
-    assert!(off(&seen).iter().any(|off| *off > 0.03), "as it was taken: {:.3?}", off(&seen));
-    let found = given(&corners).unwrap();
-    assert!(off(&found).iter().all(|off| *off < 0.02), "{:.3?}", off(&found));
-    assert_eq!(found.warnings, Vec::<String>::new());
+    let taken = errors(&seen);
+    assert!(taken.iter().any(|error| *error > 0.03), "as it was taken: {taken:.3?}");
+    let trace = given(&corners).unwrap();
+    assert!(errors(&trace).iter().all(|error| *error < 0.02), "{:.3?}", errors(&trace));
+    assert_eq!(trace.warnings, Vec::<String>::new());
     let [a, b, c, d] = corners;
     for turned in [[b, a, c, d], [a, d, c, b], [a, c, b, d]] {
         let told = given(&turned).err().unwrap().to_string();

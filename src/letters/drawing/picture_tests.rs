@@ -95,17 +95,17 @@ pub(super) fn line(points: &[[f32; 2]]) -> Path {
 const ICONS: usize = 17;
 
 pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
-    let at = |[dx, dy]: [f32; 2]| [x + r * dx, y + r * dy];
+    let on_canvas = |[dx, dy]: [f32; 2]| [x + r * dx, y + r * dy];
     let corners = |list: &str| {
         let number = |text: &str| text.parse::<f32>().unwrap();
         let places = list.split(' ').filter_map(|place| place.split_once(','));
-        polygon(places.map(|(x, y)| at([number(x), number(y)])))
+        polygon(places.map(|(x, y)| on_canvas([number(x), number(y)])))
     };
     let round = |n: u8, radius: &dyn Fn(f32) -> f32| {
         polygon((0..n).map(|k| {
             let angle = f32::from(k) * std::f32::consts::TAU / f32::from(n);
             let (sin, cos) = libm::sincosf(angle);
-            at([radius(angle) * sin, -radius(angle) * cos])
+            on_canvas([radius(angle) * sin, -radius(angle) * cos])
         }))
     };
     let path = match kind {
@@ -115,7 +115,7 @@ pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>)
         3 => polygon((0_u8..10).map(|k| {
             let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
             let r = if k.is_multiple_of(2) { 1.0 } else { 0.42 };
-            at([r * sin, -r * cos])
+            on_canvas([r * sin, -r * cos])
         })),
         // A heart.
         4 => polygon((0_u8..120).map(|k| {
@@ -125,13 +125,13 @@ pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>)
                 - 5.0 * libm::cosf(2.0 * t)
                 - 2.0 * libm::cosf(3.0 * t)
                 - libm::cosf(4.0 * t);
-            at([sin * sin * sin, -y / 17.0])
+            on_canvas([sin * sin * sin, -y / 17.0])
         })),
         // A moon.
         5 => polygon((0_u8..120).map(|k| {
             let t = f32::from(k % 60) * std::f32::consts::PI / 59.0;
             let (sin, cos) = libm::sincosf(t);
-            if k < 60 { at([-sin, -cos]) } else { at([-0.45 * sin, cos]) }
+            if k < 60 { on_canvas([-sin, -cos]) } else { on_canvas([-0.45 * sin, cos]) }
         })),
         6 => corners("-1,-0.3 0.1,-0.3 0.1,-0.8 1,0 0.1,0.8 0.1,0.3 -1,0.3"),
         7 => corners("0,-1 1,0 0.7,0 0.7,0.9 -0.7,0.9 -0.7,0 -1,0"),
@@ -142,7 +142,7 @@ pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>)
         11 => polygon((0_u8..120).map(|k| {
             let t = f32::from(k) * std::f32::consts::TAU / 120.0;
             let (sin, cos) = libm::sincosf(t);
-            at([0.7 * sin * libm::sinf(0.5 * t), -cos])
+            on_canvas([0.7 * sin * libm::sinf(0.5 * t), -cos])
         })),
         // A ring.
         12 => {
@@ -156,11 +156,13 @@ pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>)
             let (sin, cos) = libm::sincosf(angle);
             0.5 / libm::hypotf(0.5 * sin, cos)
         }),
-        14 => return (line(&[[-0.9, 0.1], [-0.3, 0.8], [0.9, -0.8]].map(at)), Some(0.12 * r)),
+        14 => {
+            return (line(&[[-0.9, 0.1], [-0.3, 0.8], [0.9, -0.8]].map(on_canvas)), Some(0.12 * r));
+        }
         15 => return (circle(x, y, r), Some(0.1 * r)),
         _ => {
             let zigzag = [[-0.9, 0.6], [-0.3, -0.6], [0.3, 0.6], [0.9, -0.6]];
-            return (line(&zigzag.map(at)), Some(0.12 * r));
+            return (line(&zigzag.map(on_canvas)), Some(0.12 * r));
         }
     };
     (path, None)
@@ -178,7 +180,9 @@ pub(super) fn numbers(seed: u32) -> impl FnMut() -> f32 {
 /// Intersection by union of what two masks cover.
 fn overlap(a: &Mask, b: &Mask) -> f64 {
     let both = || a.data().iter().zip(b.data());
-    let n = |of: &dyn Fn(u8, u8) -> u8| both().map(|(a, b)| f64::from(of(*a, *b))).sum::<f64>();
+    let n = |channel: &dyn Fn(u8, u8) -> u8| {
+        both().map(|(a, b)| f64::from(channel(*a, *b))).sum::<f64>()
+    };
     n(&|a, b| a.min(b)) / n(&|a, b| a.max(b))
 }
 
@@ -227,8 +231,8 @@ fn every_icon_of_forty_scenes_is_its_outline_and_thin_ones_are_lines() {
             }
             let r = 20.0 * libm::powf(7.0, pick(1000) as f32 / 1000.0);
             let place = [pick(800) as f32, pick(540) as f32];
-            let is_free = |(at, other, _): &([f32; 2], f32, usize)| {
-                libm::hypotf(at[0] - place[0], at[1] - place[1]) > 1.2 * (r + other) + 8.0
+            let is_free = |(center, other, _): &([f32; 2], f32, usize)| {
+                libm::hypotf(center[0] - place[0], center[1] - place[1]) > 1.2 * (r + other) + 8.0
             };
             let inside =
                 [800.0, 540.0].iter().zip(place).all(|(side, x)| x > r + 9.0 && x < side - r - 9.0);
@@ -294,10 +298,10 @@ fn light_ink_beside_dark_ink_is_drawn_in_its_color() {
     canvas.draw(&line(&[[500.0, 500.0], [500.0, 360.0]]), [250, 220, 60], 12.0);
     let [red, yellow, blue, orange] = [[255, 0, 0], [255, 255, 0], [0, 128, 255], [255, 128, 0]];
     for format in [image::ImageFormat::Png, image::ImageFormat::Jpeg] {
-        let found = traced(&canvas.picture(), format);
+        let trace = traced(&canvas.picture(), format);
         let wanted = [([0; 3], 3), (blue, 2), (red, 2), (orange, 2), (yellow, 3)];
-        assert_eq!(hues(&found), wanted);
-        assert!(found.warnings.is_empty());
+        assert_eq!(hues(&trace), wanted);
+        assert!(trace.warnings.is_empty());
     }
 }
 
@@ -316,8 +320,8 @@ fn light_and_dark_ink_on_paper_of_a_middle_tone_are_drawn_and_on_transparency() 
     let mut file = Vec::new();
     let format = image::ImageFormat::Png;
     transparent.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-    let found = bitmap::read(&file, &LetterOptions::default(), |_| Ok(1.0 / 300.0), "a").unwrap();
-    assert_eq!(found.lines.len(), 3);
+    let trace = bitmap::read(&file, &LetterOptions::default(), |_| Ok(1.0 / 300.0), "a").unwrap();
+    assert_eq!(trace.lines.len(), 3);
 }
 
 #[test]
@@ -334,12 +338,12 @@ fn rulings_of_the_paper_are_fainter_than_a_pen_and_named() {
         7.0,
     );
     canvas.draw(&circle(780.0, 250.0, 90.0), [240, 205, 40], 7.0);
-    let found = traced(&as_taken(&canvas, 0.75), image::ImageFormat::Jpeg);
-    assert_eq!(hues(&found), [([0; 3], 1), ([255, 255, 0], 1)]);
+    let trace = traced(&as_taken(&canvas, 0.75), image::ImageFormat::Jpeg);
+    assert_eq!(hues(&trace), [([0; 3], 1), ([255, 255, 0], 1)]);
     assert!(
-        found.warnings.len() == 1 && found.warnings[0].contains("faint"),
+        trace.warnings.len() == 1 && trace.warnings[0].contains("faint"),
         "{:?}",
-        found.warnings
+        trace.warnings
     );
 }
 
@@ -368,17 +372,17 @@ fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
         let mut canvas = Canvas::new([600, 400], WHITE);
         canvas.fill(&circle(200.0, 200.0, 150.0), disc);
         canvas.fill(&icon(3, [200.0, 200.0], 60.0).0, inner);
-        let found = canvas.traced();
-        let told = &found.warnings;
-        assert_eq!((found.lines.len(), told.len()), (1, 1), "{told:?}");
+        let trace = canvas.traced();
+        let told = &trace.warnings;
+        assert_eq!((trace.lines.len(), told.len()), (1, 1), "{told:?}");
         assert!(told[0].contains("several colors"), "{told:?}");
     }
     let mut canvas = Canvas::new([600, 400], WHITE);
     canvas.fill(&circle(300.0, 200.0, 150.0), [240, 80, 60]);
     let mut shaded = as_taken(&canvas, 0.5);
     for soft in [true, false] {
-        let found = traced(&shaded, image::ImageFormat::Jpeg);
-        assert_eq!((found.lines.len(), found.warnings), (1, Vec::new()), "{soft}");
+        let trace = traced(&shaded, image::ImageFormat::Jpeg);
+        assert_eq!((trace.lines.len(), trace.warnings), (1, Vec::new()), "{soft}");
         let in_shadow = shaded.enumerate_pixels_mut().filter(|(x, ..)| *x < 300);
         in_shadow.for_each(|(.., pixel)| pixel.0 = pixel.0.map(|value| value / 2));
     }
@@ -389,16 +393,16 @@ fn what_is_left_out_at_the_rim_is_said_and_is_no_ruling() {
     let mut canvas = Canvas::new([800, 500], WHITE);
     canvas.fill(&polygon([[0.0, 60.0], [90.0, 60.0], [90.0, 440.0], [0.0, 440.0]]), [0; 3]);
     canvas.draw(&circle(400.0, 250.0, 120.0), [0; 3], 8.0);
-    let found = traced(&canvas.picture(), image::ImageFormat::Png);
-    assert_eq!(found.lines.len(), 1);
-    assert!(found.warnings.len() == 1 && found.warnings[0].contains("rim"), "{:?}", found.warnings);
+    let trace = traced(&canvas.picture(), image::ImageFormat::Png);
+    assert_eq!(trace.lines.len(), 1);
+    assert!(trace.warnings.len() == 1 && trace.warnings[0].contains("rim"), "{:?}", trace.warnings);
     // A whiteboard and its tray.
     let mut board = Canvas::new([1000, 700], [196; 3]);
     board.fill(&polygon([[0.0, 660.0], [1000.0, 660.0], [1000.0, 700.0], [0.0, 700.0]]), [140; 3]);
     board.draw(&circle(400.0, 350.0, 120.0), [30, 60, 170], 8.0);
     board.draw(&line(&[[600.0, 200.0], [800.0, 500.0]]), [180, 30, 40], 8.0);
-    let found = traced(&as_taken(&board, 0.7), image::ImageFormat::Jpeg);
-    assert_eq!(hues(&found), [([0, 0, 255], 1), ([255, 0, 0], 1)]);
+    let trace = traced(&as_taken(&board, 0.7), image::ImageFormat::Jpeg);
+    assert_eq!(hues(&trace), [([0, 0, 255], 1), ([255, 0, 0], 1)]);
 }
 
 #[test]
@@ -407,8 +411,8 @@ fn light_and_dark_ink_on_a_photograph_of_kraft_paper_are_drawn() {
     kraft.draw(&circle(200.0, 300.0, 110.0), [245; 3], 9.0);
     kraft.draw(&circle(460.0, 300.0, 110.0), [25; 3], 9.0);
     kraft.draw(&line(&[[620.0, 200.0], [700.0, 420.0], [800.0, 180.0]]), [245; 3], 9.0);
-    let found = traced(&as_taken(&kraft, 0.85), image::ImageFormat::Jpeg);
+    let trace = traced(&as_taken(&kraft, 0.85), image::ImageFormat::Jpeg);
     let extents: Vec<_> =
-        found.lines.iter().map(|(line, _)| bounds(line.iter().copied())).collect();
-    assert_eq!(found.lines.len(), 3, "{extents:.0?}, {:?}", found.warnings);
+        trace.lines.iter().map(|(line, _)| bounds(line.iter().copied())).collect();
+    assert_eq!(trace.lines.len(), 3, "{extents:.0?}, {:?}", trace.warnings);
 }

@@ -27,10 +27,8 @@ pub(super) fn chosen<T>(
     let unwanted = named("without", &options.without, &colors)?;
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
-    let kept = (1..)
-        .zip(strokes)
-        .filter(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
-    let kept: Numbered<T> = kept.collect();
+    let mut kept: Numbered<T> = (1..).zip(strokes).collect();
+    kept.retain(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
     if kept.is_empty() && !is_empty {
         let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         let error = Error::input("letters.without", choice, "at least one stroke", hint);
@@ -57,10 +55,8 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
-        let color = text
-            .parse()
-            .ok()
-            .map(|color: svgtypes::Color| name([color.red, color.green, color.blue]));
+        let color = text.parse::<svgtypes::Color>().ok();
+        let color = color.map(|color| name([color.red, color.green, color.blue]));
         let part = Vec::from_iter((0..n).filter(|index| match range {
             Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
             None => color.is_some() && colors[*index] == color,
@@ -123,21 +119,21 @@ mod tests {
     #[test]
     fn strokes_are_chosen_by_number_and_color_and_keep_their_numbers() {
         let colors = [[0; 3], [255, 0, 0], [0; 3], [255, 255, 0]];
-        let of = |ink: &str, without: &str| {
+        let numbers = |ink: &str, without: &str| {
             let options =
                 LetterOptions { ink: ink.into(), without: without.into(), ..Default::default() };
-            let found = chosen(colors.to_vec(), |color| Some(*color), &options, "a.png");
-            found.map(|found| found.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
+            let kept = chosen(colors.to_vec(), |color| Some(*color), &options, "a.png");
+            kept.map(|kept| kept.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
         };
-        assert_eq!(of("", "").unwrap(), [1, 2, 3, 4]);
-        assert_eq!(of("red, 3", "").unwrap(), [2, 3]);
-        assert_eq!(of("2-4", "black").unwrap(), [2, 4]);
-        assert_eq!(of("", "#cc0000,1").unwrap(), [3, 4]);
+        assert_eq!(numbers("", "").unwrap(), [1, 2, 3, 4]);
+        assert_eq!(numbers("red, 3", "").unwrap(), [2, 3]);
+        assert_eq!(numbers("2-4", "black").unwrap(), [2, 4]);
+        assert_eq!(numbers("", "#cc0000,1").unwrap(), [3, 4]);
         for (ink, without) in [("5", ""), ("0", ""), ("3-2", ""), ("blue", ""), ("", "x")] {
-            let told = of(ink, without).unwrap_err().to_string();
+            let told = numbers(ink, without).unwrap_err().to_string();
             assert!(told.contains("1 to 4") && told.contains("black, red, yellow"), "{told}");
         }
-        assert!(of("red", "2").unwrap_err().to_string().contains("no stroke"));
+        assert!(numbers("red", "2").unwrap_err().to_string().contains("no stroke"));
     }
 
     #[test]

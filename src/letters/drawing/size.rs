@@ -1,5 +1,5 @@
-//! The size of an SVG file with all repetitions by `use`, clips, masks, gradients and markers. It is
-//! computed before usvg expands them.
+//! The size of an SVG file with all repetitions by `use`, clips, masks, gradients and markers. It
+//! is computed before usvg expands them.
 
 use std::collections::HashMap;
 

@@ -1,7 +1,7 @@
 //! Styles: the declarations of an SVG file's elements, as usvg reads them, and the work they take.
 //!
-//! usvg resolves style sheets by simplecss, which silently skips unknown parts. The same parser runs
-//! here before usvg, so that these parts are named and the work is bounded.
+//! usvg resolves style sheets by simplecss, which silently skips unknown parts. The same parser
+//! runs here before usvg, so that these parts are named and the work is bounded.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -179,8 +179,8 @@ pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
 
-/// Names the unsupported parts of a style sheet, and takes its memory off a budget: each selector of
-/// a list has the declarations of its rule.
+/// Names the unsupported parts of a style sheet, and takes its memory off a budget: each selector
+/// of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     for block in bare(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
@@ -228,7 +228,8 @@ fn breaks_off(declarations: &str) -> bool {
     DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
 }
 
-/// An element for simplecss, and the steps of its queries. After too many it has no elements around.
+/// An element for simplecss, and the steps of its queries. After too many it has no elements
+/// around.
 struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
 
 impl<'a, 'input> Matched<'a, 'input, '_> {

@@ -253,8 +253,8 @@ impl<'a> Walk<'a> {
         self.cuts.push(cut);
     }
 
-    /// Adds the paths of a group, within cuts. The transforms of the groups are multiplied here: the
-    /// product of usvg lacks that of a symbol.
+    /// Adds the paths of a group, within cuts. The transforms of the groups are multiplied here:
+    /// the product of usvg lacks that of a symbol.
     fn group(
         &mut self,
         group: &usvg::Group,
@@ -332,8 +332,8 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop, and
-    /// a little less than the mean opacity of all, so that nothing on it passes for one of its
+    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop,
+    /// and a little less than the mean opacity of all, so that nothing on it passes for one of its
     /// shades; in a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {

@@ -106,18 +106,18 @@ fn a_mask_shows_what_is_light_in_it() {
     // A gradient in a mask is as light as its lightest stop, which is said.
     let fading = "<linearGradient id='g'><stop stop-color='white'/><stop offset='1'/>\
                   </linearGradient><mask id='m'><rect width='200' height='100' fill='url(#g)'/></mask>";
-    let (found, warnings) = read(page(&format!("{fading}{lines}")).as_bytes()).unwrap();
-    assert!(found.len() == 2 && warnings[0].contains("fill by a gradient"), "{warnings:?}");
+    let (drawn, warnings) = read(page(&format!("{fading}{lines}")).as_bytes()).unwrap();
+    assert!(drawn.len() == 2 && warnings[0].contains("fill by a gradient"), "{warnings:?}");
 }
 
 #[test]
 fn the_pages_edge_and_those_of_viewports_within_end_lines() {
-    let off = "<path d='M10 20H90M150 80H250' stroke='#000' fill='none'/>\
+    let beyond = "<path d='M10 20H90M150 80H250' stroke='#000' fill='none'/>\
                <path d='M300 20H400V80' stroke='#000' fill='none'/>";
-    assert_eq!(ends(off), [[10, 20, 90, 20], [150, 80, 200, 80]]);
-    let open = page(off).replace("viewBox", "overflow='visible' viewBox");
+    assert_eq!(ends(beyond), [[10, 20, 90, 20], [150, 80, 200, 80]]);
+    let open = page(beyond).replace("viewBox", "overflow='visible' viewBox");
     assert_eq!(read(open.as_bytes()).unwrap().0.len(), 3);
-    let endless = page(off).replace("viewBox='0 0 200 100'", "");
+    let endless = page(beyond).replace("viewBox='0 0 200 100'", "");
     assert_eq!(read(endless.as_bytes()).unwrap().0.len(), 3, "a page without an edge");
     let nested = |overflow: &str| {
         ends(&format!(
@@ -148,8 +148,8 @@ fn what_a_later_shape_covers_is_not_drawn() {
     let clear = white.replace("/>", " fill-opacity='.3'/>");
     assert_eq!(ends(&format!("{lines}{clear}")).len(), 2, "a pale one hides nothing");
     let red = white.replace("#fff", "red");
-    let found = ends(&format!("{lines}{red}"));
-    assert_eq!((found.len(), &found[0]), (5, &[60, 10, 60, 10]), "and its own rim");
+    let drawn = ends(&format!("{lines}{red}"));
+    assert_eq!((drawn.len(), &drawn[0]), (5, &[60, 10, 60, 10]), "and its own rim");
     let pen = "<path d='M100 0V100' stroke='#fff' stroke-width='20'/>";
     assert_eq!(
         rounded(&read(page(&format!("{lines}{pen}")).as_bytes()).unwrap().0),
@@ -410,8 +410,8 @@ fn what_is_not_followed_is_named_with_its_number_and_place() {
     let line = "<path d='M0 90H200' stroke='#000'/>";
     assert_eq!(ends(line), [[0, 90, 200, 90]]);
     for (name, body) in odd {
-        let found = read(page(&format!("{line}\n{body}")).as_bytes());
-        let (lines, warnings) = found.unwrap_or_else(|error| panic!("{name}: {error}"));
+        let result = read(page(&format!("{line}\n{body}")).as_bytes());
+        let (lines, warnings) = result.unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(rounded(&lines).contains(&[0, 90, 200, 90]), "{name}");
         let named = warnings.iter().any(|warning| warning.contains(name));
         assert!(named && warnings[0].contains("a.svg:2)"), "{name}: {warnings:?}");

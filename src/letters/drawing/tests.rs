@@ -176,10 +176,10 @@ fn what_is_no_drawing_is_refused() {
         ("a.pdf", "x", "as SVG"),
         ("a.png", "%PDF-1.7", "as SVG"),
     ];
-    for (name, text, found) in cases {
+    for (name, text, part) in cases {
         let error = drawn(name, text, &LetterOptions::default()).unwrap_err();
         let told = format!("{error}; {}", error.hint());
-        assert!(told.contains(found) && !error.hint().is_empty(), "{name}, {text}: {told}");
+        assert!(told.contains(part) && !error.hint().is_empty(), "{name}, {text}: {told}");
     }
     let long = format!("<path d='M0 0 {}' stroke='red'/>", "l1 0 l0 1 ".repeat(MAX_POINTS / 2 + 1));
     let error = drawn("a.svg", &svg(&long), &LetterOptions::default()).unwrap_err().to_string();
@@ -261,8 +261,9 @@ fn a_gradient_is_the_color_of_its_middle_stop_where_any_of_it_shows() {
 fn an_svg_with_less_detail_has_fewer_strokes() {
     let body = "<path d='M0 50 h98' stroke='red'/><path d='M200 50 h-101' stroke='red'/>
         <path d='M0 20 h4' stroke='red'/>";
-    let of = |detail| LetterOptions { detail, ..on_canvas(2.0, 1.0) };
-    let [all, some] = [1.0, 0.5].map(|detail| drawn("a.svg", &svg(body), &of(detail)).unwrap());
+    let with_detail = |detail| LetterOptions { detail, ..on_canvas(2.0, 1.0) };
+    let [all, some] =
+        [1.0, 0.5].map(|detail| drawn("a.svg", &svg(body), &with_detail(detail)).unwrap());
     assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0));
     assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));
     assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);

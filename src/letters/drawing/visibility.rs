@@ -2,9 +2,9 @@
 //! later shape, and that stand out from the background.
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
-//! where it crosses the edges of areas, and each piece is tested at its middle, a little to its left
-//! and right. Lines have no width: they do not cover other lines, unless they have the color of the
-//! paper.
+//! where it crosses the edges of areas, and each piece is tested at its middle, a little to its
+//! left and right. Lines have no width: they do not cover other lines, unless they have the color
+//! of the paper.
 
 use kurbo::{BezPath, Shape as _};
 
@@ -100,8 +100,8 @@ impl<'a> Page<'a> {
             && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
     }
 
-    /// The visible part of an element, whose stroke with its dashes is a line, and whether a part of
-    /// that has the color of the background.
+    /// The visible part of an element, whose stroke with its dashes is a line, and whether a part
+    /// of that has the color of the background.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
@@ -336,7 +336,8 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// Whether a cut may cut something of an extent: the page's edge does not if that lies within it.
+    /// Whether a cut may cut something of an extent: the page's edge does not if that lies within
+    /// it.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);

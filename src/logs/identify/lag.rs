@@ -116,8 +116,7 @@ impl Stretch {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
         let [z, y] = [designs, turns].map(|changes| changes.rows(from, rows));
-        let mut projected = [turns]
-            .into_iter()
+        let mut projected = std::iter::once(turns)
             .chain(pushes)
             .map(|changes| [0, 1].map(|axis| z.tr_mul(&changes.column(axis).rows(from, rows))));
         let plain = pushes.iter().map(|push| {

@@ -177,7 +177,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    let quantities: [(Quantity, fn(&FlightSample) -> Vector3<f64>); 3] = [
+    type Reading = fn(&FlightSample) -> Vector3<f64>;
+    let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
         (Quantity::Attitude, |s| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0)),
         (Quantity::Velocity, |s| s.velocity_body_m_s),
@@ -199,8 +200,7 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight turns the drone about the motors' middle by m g (y, −x), and the motors turn it
-        // back.
+        // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         lag: lag::lag(flight, samples)
             .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
@@ -279,8 +279,8 @@ fn measurement_sigma_m(
     None
 }
 
-/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without a
-/// gap between them.
+/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without
+/// a gap between them.
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],
@@ -372,8 +372,8 @@ mod tests {
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
         assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
         let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];
-        for (found, printed) in r.iter().zip(printed) {
-            assert!((found - printed).abs() < 0.06, "{found} for {printed}");
+        for (ours, printed) in r.iter().zip(printed) {
+            assert!((ours - printed).abs() < 0.06, "{ours} for {printed}");
         }
     }
 
@@ -393,15 +393,16 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();
         let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
-        let found = identify(&flight, &assumed_of(&options)).unwrap();
-        let off = |found: f64, true_: f64| (found / true_ - 1.0).abs();
-        assert!(off(found.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", found.k_f_n);
+        let identified = identify(&flight, &assumed_of(&options)).unwrap();
+        let error = |value: f64, true_: f64| (value / true_ - 1.0).abs();
+        assert!(error(identified.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", identified.k_f_n);
         for axis in 0..2 {
-            let (found, true_) = (found.center_of_mass_m, options.vehicle.center_of_mass_m);
-            assert!(off(found[axis], true_[axis]) < 0.05, "axis {axis}: {found:?}");
+            let (identified, true_) =
+                (identified.center_of_mass_m, options.vehicle.center_of_mass_m);
+            assert!(error(identified[axis], true_[axis]) < 0.05, "axis {axis}: {identified:?}");
         }
-        assert_eq!(found.measurement_sigma_m, None, "a simulated flight logs no raw position");
-        assert!(found.model_sigma.unwrap()[0] < 0.05, "{:?}", found.model_sigma);
+        assert_eq!(identified.measurement_sigma_m, None, "a simulated flight logs no raw position");
+        assert!(identified.model_sigma.unwrap()[0] < 0.05, "{:?}", identified.model_sigma);
     }
 
     /// Flights of a word with rotors of a lag, by a controller in the air of a room.
@@ -428,13 +429,13 @@ mod tests {
         for kind in [ControllerKind::Pid, ControllerKind::Lqr] {
             for lag_s in [0.06, 0.12, 0.18] {
                 for (options, flight) in flights_with_lag(kind, lag_s) {
-                    let found = identify(&flight, &assumed_of(&options)).unwrap();
-                    let lag = found.lag.unwrap();
+                    let identified = identify(&flight, &assumed_of(&options)).unwrap();
+                    let lag = identified.lag.unwrap();
                     (n, held) =
                         (n + 1, held + u32::from((lag.lag_s - lag_s).abs() <= lag.half_width_s));
                     assert!((lag.lag_s - lag_s).abs() < 0.05, "{kind:?} {lag_s} s: {lag:?}");
-                    let off = found.k_f_n / options.vehicle.k_f_n - 1.0;
-                    assert!(off.abs() < 0.003, "{kind:?} {lag_s} s: k_F is off by {off}");
+                    let error = identified.k_f_n / options.vehicle.k_f_n - 1.0;
+                    assert!(error.abs() < 0.003, "{kind:?} {lag_s} s: k_F is off by {error}");
                 }
             }
         }
@@ -462,26 +463,29 @@ mod tests {
         let assumed = assumed_of(&SimOptions::default());
         let hover = assumed.mass_kg * GRAVITY_M_S2 / 160_000.0;
         for (name, value) in [("acc.z", 1.0), ("ae483log.a_z", GRAVITY_M_S2), ("other", 0.0)] {
-            let found = identify(&sway((name, value)), &assumed).unwrap();
-            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{name}: {found:?}");
+            let identified = identify(&sway((name, value)), &assumed).unwrap();
+            assert!((identified.k_f_n / hover - 1.0).abs() < 0.01, "{name}: {identified:?}");
         }
         for value in [0.0, -5.0] {
-            let found = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
-            assert!((found.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {found:?}");
-            assert!(found.left_out.iter().any(|text| text.contains("a")), "{found:?}");
+            let identified = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
+            assert!((identified.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {identified:?}");
+            assert!(identified.left_out.iter().any(|text| text.contains("a")), "{identified:?}");
         }
         let mut flight = sway(("ae483log.a_z", 0.0));
         for axis in ["x", "y", "z"] {
             flight.extra.insert(format!("ae483log.lh_{axis}"), vec![0.25; 2000]);
         }
-        let found = identify(&flight, &assumed).unwrap();
+        let identified = identify(&flight, &assumed).unwrap();
         // Attitude, velocity and rates are zero throughout.
-        assert_eq!((found.measurement_sigma_m, found.model_sigma, found.lag), (None, None, None));
-        let said = found.left_out.join("\n");
+        assert_eq!(
+            (identified.measurement_sigma_m, identified.model_sigma, identified.lag),
+            (None, None, None)
+        );
+        let said = identified.left_out.join("\n");
         for name in ["ae483log.a_z", "ae483log.lh_x", "attitude", "velocity", "body rate"] {
             assert!(said.contains(name), "{name}: {said}");
         }
-        assert!(!format!("{found:?}").contains("NaN"), "{found:?}");
+        assert!(!format!("{identified:?}").contains("NaN"), "{identified:?}");
         flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4]);
         let error = identify(&flight, &assumed).unwrap_err().to_string();
         assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");

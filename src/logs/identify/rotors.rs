@@ -34,7 +34,8 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Roots of the commands at each sample. Between two logged commands they are interpolated, not held.
+/// Roots of the commands at each sample. Between two logged commands they are interpolated, not
+/// held.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {

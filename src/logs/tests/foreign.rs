@@ -66,7 +66,7 @@ fn one_flight_is_read_from_every_way_of_writing_a_table() {
     let clock = |stamp: &dyn Fn(f64) -> String| {
         rows("timestamp,x,y,z\n", |t, [x, y, z]| format!("{},{x:.4},{y:.4},{z:.4}", stamp(t)))
     };
-    let at = |t: f64| format!("{:02}:{:06.3}", 34, 10.0 + t);
+    let clock_time = |t: f64| format!("{:02}:{:06.3}", 34, 10.0 + t);
     let mut tables: Vec<(&str, Vec<u8>)> = [
         ("decimal commas", comma(&plain())),
         ("German titles", comma(&plain()).replacen("t;", "Zeit;", 1)),
@@ -91,12 +91,15 @@ fn one_flight_is_read_from_every_way_of_writing_a_table() {
         ("a preamble", format!("Flight 3\nDate;5 May\n\n{}", comma(&plain()))),
         ("a line of units", plain().replacen('\n', "\ns,m,m,m\n", 1)),
         ("units in brackets", plain().replacen("t,x,y,z", "Time (s),x [m],Y (m),z[m]", 1)),
-        ("a zone west", clock(&|t| format!("2023-05-04 12:{}-05:00", at(t)))),
-        ("a zone east", clock(&|t| format!("2023-05-04T12:{}+0530", at(t)))),
-        ("Zulu", clock(&|t| format!("2023-05-04T12:{}Z", at(t)))),
-        ("half days", clock(&|t| format!("5/4/2023 1:{} PM", at(t)))),
-        ("a German date", clock(&|t| format!("04.05.2023 13:{}", at(t)))),
-        ("milliseconds after a colon", clock(&|t| format!("13:{}", at(t).replace('.', ":")))),
+        ("a zone west", clock(&|t| format!("2023-05-04 12:{}-05:00", clock_time(t)))),
+        ("a zone east", clock(&|t| format!("2023-05-04T12:{}+0530", clock_time(t)))),
+        ("Zulu", clock(&|t| format!("2023-05-04T12:{}Z", clock_time(t)))),
+        ("half days", clock(&|t| format!("5/4/2023 1:{} PM", clock_time(t)))),
+        ("a German date", clock(&|t| format!("04.05.2023 13:{}", clock_time(t)))),
+        (
+            "milliseconds after a colon",
+            clock(&|t| format!("13:{}", clock_time(t).replace('.', ":"))),
+        ),
         (
             "midnight",
             clock(&|t| {
@@ -162,22 +165,25 @@ fn poses_of_other_programs_are_read_with_their_axes_and_orders() {
             "rosbag",
             rows(
                 &format!("%time,field.header.seq,field.header.frame_id{}\n", topic("field.pose.")),
-                |t, at| format!("{},7,world,{}", nanoseconds(t), pose(",", at)),
+                |t, place| format!("{},7,world,{}", nanoseconds(t), pose(",", place)),
             ),
         ),
         (
             "PlotJuggler",
-            rows(&format!("__time{}\n", topic("/cf1/pose/pose/")), |t, at| {
-                format!("{:.3},{}", 1.7e9 + t, pose(",", at))
+            rows(&format!("__time{}\n", topic("/cf1/pose/pose/")), |t, place| {
+                format!("{:.3},{}", 1.7e9 + t, pose(",", place))
             }),
         ),
         (
             "TUM",
-            rows("# timestamp tx ty tz qx qy qz qw\n", |t, at| {
-                format!("{:.3} {}", 1.7e9 + t, pose(" ", at))
+            rows("# timestamp tx ty tz qx qy qz qw\n", |t, place| {
+                format!("{:.3} {}", 1.7e9 + t, pose(" ", place))
             }),
         ),
-        ("TUM without a head", rows("", |t, at| format!("{:.3} {}", 1.7e9 + t, pose(" ", at)))),
+        (
+            "TUM without a head",
+            rows("", |t, place| format!("{:.3} {}", 1.7e9 + t, pose(" ", place))),
+        ),
         (
             "EuRoC",
             rows(
@@ -356,7 +362,7 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         ["motor.m1", "motor.m2", "motor.m3", "motor.m4"].into_iter().zip(values).collect::<Vec<_>>()
     };
     let all = |dead: &'static dyn Fn(f64) -> f64| motors([dead; 4]);
-    let of = |names: [&'static str; 3], value: &'static dyn Fn(f64) -> f64| {
+    let logged = |names: [&'static str; 3], value: &'static dyn Fn(f64) -> f64| {
         names.map(|name| (name, value))
     };
     let zero: &dyn Fn(f64) -> f64 = &|_| 0.0;
@@ -367,18 +373,18 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         (Quantity::Motors, motors([lives, lives, constant, lives])),
         (
             Quantity::Attitude,
-            of(["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"], zero).into(),
+            logged(["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"], zero).into(),
         ),
         (
             Quantity::Attitude,
-            of(["stabilizer.yaw", "stabilizer.pitch", "stabilizer.roll"], &|_| 2.0).into(),
+            logged(["stabilizer.yaw", "stabilizer.pitch", "stabilizer.roll"], &|_| 2.0).into(),
         ),
-        (Quantity::Rate, of(["gyro.x", "gyro.y", "gyro.z"], &|_| -0.3).into()),
+        (Quantity::Rate, logged(["gyro.x", "gyro.y", "gyro.z"], &|_| -0.3).into()),
         (
             Quantity::Velocity,
-            of(["stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"], zero).into(),
+            logged(["stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"], zero).into(),
         ),
-        (Quantity::Design, of(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], zero).into()),
+        (Quantity::Design, logged(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], zero).into()),
     ];
     for (quantity, dead) in cases {
         let flight = read(variables(&[&POSITION[..], &dead].concat()).as_bytes());
@@ -392,7 +398,7 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         [("stateEstimate.x", zero), ("stateEstimate.y", zero), ("stateEstimate.z", &|t| 0.001 * t)];
     let flight = read(variables(&[&rests[..], &all(zero)].concat()).as_bytes());
     assert!(!flight.unlogged.contains(&Quantity::Motors), "{}", said(&flight));
-    let hover = of(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], &|_| 0.5);
+    let hover = logged(["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], &|_| 0.5);
     let flight = read(variables(&[&POSITION[..], &hover].concat()).as_bytes());
     assert!(!flight.unlogged.contains(&Quantity::Design), "{}", said(&flight));
 }
@@ -495,12 +501,12 @@ proptest! {
 
     /// Every reader of text: an understood log with one thing more names it, or refuses it by name.
     #[test]
-    fn what_is_not_understood_is_named(name in "[a-z]{5,9}q", word in "[a-z]{3,8}", at in 1..3_usize) {
+    fn what_is_not_understood_is_named(name in "[a-z]{5,9}q", word in "[a-z]{3,8}", place in 1..3_usize) {
         let column = |value: &str, title: &str| {
             let text = plain();
             let lines = text.lines().enumerate().map(|(n, line)| {
                 let mut cells: Vec<&str> = line.split(',').collect();
-                cells.insert(at, if n == 0 { title } else { value });
+                cells.insert(place, if n == 0 { title } else { value });
                 cells.join(",") + "\n"
             });
             lines.collect::<String>()

@@ -68,7 +68,7 @@ fn blocks_with_stamps_of_their_own_become_one_flight() {
         let s = sample.time_s + 0.003;
         let yaw_rad = 3.0 + 0.1 * s;
         let (a, rate) = (sample.attitude, sample.rate_body_rad_s);
-        for (name, found, wanted) in [
+        for (name, actual, wanted) in [
             ("x", sample.position_m.x, 0.2 * s),
             ("y", sample.position_m.y, -0.25),
             ("z", sample.position_m.z, 0.5),
@@ -84,7 +84,7 @@ fn blocks_with_stamps_of_their_own_become_one_flight() {
                 (sample.motors[2] - 43_000.0).clamp(0.0, 4.0).floor(),
             ),
         ] {
-            assert!((found - wanted).abs() < 1e-5, "{name} {found} for {wanted}, {s} s");
+            assert!((actual - wanted).abs() < 1e-5, "{name} {actual} for {wanted}, {s} s");
         }
         let tenths = sample.design_m.x * 10.0;
         assert!((tenths - tenths.round()).abs() < 1e-4, "setpoints are held, not interpolated");
@@ -301,8 +301,8 @@ proptest! {
     ) {
         let mut log = short_logs()[which].clone();
         for (place, byte) in changes {
-            let at = place.index(log.len());
-            log[at] = byte;
+            let index = place.index(log.len());
+            log[index] = byte;
         }
         for damaged in [Damaged::Refuse, Damaged::Recover] {
             let options = ImportOptions { damaged, sample_rate_hz: 10.0, ..Default::default() };

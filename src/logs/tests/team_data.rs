@@ -23,7 +23,7 @@ fn the_teams_flight_gives_the_figures_known_of_it() {
     let mean = tracking.attitude.unwrap().mean;
     // The team's figures join setpoints by lines and bridge gaps; here setpoints are held and gaps
     // left out, which takes up to 6 mm off.
-    for (found, wanted, tolerance) in [
+    for (actual, wanted, tolerance) in [
         (rmse_m.x, 0.099, 0.007),
         (rmse_m.y, 0.046, 0.003),
         (rmse_m.z, 0.064, 0.007),
@@ -33,7 +33,7 @@ fn the_teams_flight_gives_the_figures_known_of_it() {
         (mean.pitch_rad, -0.001, 0.002),
         (mean.roll_rad, 0.002, 0.002),
     ] {
-        assert!((found - wanted).abs() < tolerance, "{found} for {wanted}");
+        assert!((actual - wanted).abs() < tolerance, "{actual} for {wanted}");
     }
     assert!(flight.unlogged.is_empty(), "{:?}", flight.unlogged);
     assert_eq!(flight.extra["ae483log.lh_x"].len(), flight.samples.len(), "raw fixes are kept");

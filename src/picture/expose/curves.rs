@@ -194,14 +194,14 @@ mod tests {
         let mut worst = 0.0_f64;
         for i in 0..1000_u16 {
             let (middle, per_px) = (9.0 + f32::from(i) * 1e-3, 0.1 + f32::from(i) * 1e-3);
-            let mut found = [0.0; 24];
-            powers(&mut found, middle, per_px, 19);
-            let found = found.map(exp2);
-            for (x, &found) in (0..19_u16).zip(&found) {
+            let mut bells = [0.0; 24];
+            powers(&mut bells, middle, per_px, 19);
+            let bells = bells.map(exp2);
+            for (x, &bells) in (0..19_u16).zip(&bells) {
                 let u = f64::from(f32::from(x) - middle) * f64::from(per_px);
-                worst = worst.max((f64::from(found) - libm::exp(-0.5 * u * u)).abs());
+                worst = worst.max((f64::from(bells) - libm::exp(-0.5 * u * u)).abs());
             }
-            assert!(found[19..].iter().all(|bell| whole(bell * SUMMED) == 0), "nothing beyond");
+            assert!(bells[19..].iter().all(|bell| whole(bell * SUMMED) == 0), "nothing beyond");
         }
         assert!(worst < 3e-7, "it errs by {worst}");
     }
@@ -235,9 +235,9 @@ mod tests {
                 let [high, low] = curves.across(0, 0..record.height as usize);
                 let part = |part: &[u32]| part.iter().map(|&a| u64::from(a)).sum::<u64>();
                 let across = (part(high) << LOW_BITS) + part(low);
-                let found = (along * across) as f64 / f64::from(1 << LOW_BITS);
-                let found = found / f64::from(1 << curves.shift);
-                let error = found / (100.0 * light_lx_s) - 1.0;
+                let light = (along * across) as f64 / f64::from(1 << LOW_BITS);
+                let light = light / f64::from(1 << curves.shift);
+                let error = light / (100.0 * light_lx_s) - 1.0;
                 assert!(error.abs() < 3e-7, "{light_lx_s} at {at_px:?}: off by {error:e}");
             }
         }

@@ -209,8 +209,8 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in its
-    /// middle; `feet_px` are those that may be under it.
+    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
+    /// its middle; `feet_px` are those that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);
@@ -281,8 +281,8 @@ mod tests {
             let wanted = 0.5 * 0.9 / (4.0 * 64.0) * e_lx_s * cos * cos * cos * cos;
             #[expect(clippy::cast_possible_truncation, reason = "a pixel")]
             let index = image.y_px as usize * 320 + image.x_px as usize;
-            let found = film.exposure_lx_s(1, index);
-            assert!((found / wanted - 1.0).abs() < 0.03, "{found} at {x}, {y}, wanted {wanted}");
+            let actual = film.exposure_lx_s(1, index);
+            assert!((actual / wanted - 1.0).abs() < 0.03, "{actual} at {x}, {y}, wanted {wanted}");
         }
     }
 

@@ -162,7 +162,7 @@ mod tests {
 
     /// A winding path with a pause in the middle.
     fn path() -> Vec<Interval> {
-        let at = |t: f64| {
+        let position = |t: f64| {
             let pause = t.clamp(1.0, 1.5);
             Px::new(80.0 * (t - pause) + 3.0, 5.0 * libm::sin(7.0 * (t - pause)) + 9.0)
         };
@@ -170,7 +170,7 @@ mod tests {
             .map(|i| {
                 let time_s = [f64::from(i) / 400.0, f64::from(i + 1) / 400.0];
                 let light_lx_px2 = time_s.map(|t| 400.0 + 8.0 * libm::sin(t));
-                Interval { time_s, at_px: time_s.map(at), light_lx_px2, sigma_px: 1.5 }
+                Interval { time_s, at_px: time_s.map(position), light_lx_px2, sigma_px: 1.5 }
             })
             .collect()
     }
@@ -204,8 +204,8 @@ mod tests {
                 let (t0, t1) = (intervals[first].time_s[0], intervals[last - 1].time_s[1]);
                 for skipped in &intervals[first..last] {
                     let share = (skipped.time_s[0] - t0) / (t1 - t0);
-                    let off = (skipped.at_px[0] - start.lerp(end, share)).length();
-                    assert!(off <= tolerance_px * (1.0 + 1e-9), "{off} px off");
+                    let error_px = (skipped.at_px[0] - start.lerp(end, share)).length();
+                    assert!(error_px <= tolerance_px * (1.0 + 1e-9), "{error_px} px off");
                 }
                 first = last;
             }

@@ -320,10 +320,10 @@ mod tests {
         ];
         for (intensity_cd, f_number, wanted_lx_s, wanted_stops) in table {
             let camera = Camera { f_number, ..camera(640, 400) };
-            let found = trail_exposure_lx_s(intensity_cd, &camera, 3.0, 0.2, 35e-6);
-            let error = found / wanted_lx_s - 1.0;
-            assert!(error.abs() < 0.01, "{intensity_cd} cd at f/{f_number}: {found} lx s");
-            let stops = libm::log2(found / camera.saturation_lx_s());
+            let exposure_lx_s = trail_exposure_lx_s(intensity_cd, &camera, 3.0, 0.2, 35e-6);
+            let error = exposure_lx_s / wanted_lx_s - 1.0;
+            assert!(error.abs() < 0.01, "{intensity_cd} cd at f/{f_number}: {exposure_lx_s} lx s");
+            let stops = libm::log2(exposure_lx_s / camera.saturation_lx_s());
             assert!((stops - wanted_stops).abs() < 0.06, "{intensity_cd} cd: {stops} stops");
         }
     }
@@ -336,20 +336,23 @@ mod tests {
         let camera = Camera { blur_m: 70e-6, base_iso: 0.01, ..camera(640, 400) };
         let sigma_m =
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
-        let found = meter(&LightTrace { lamps: vec![lamp] }, &camera).unwrap();
+        let metered = meter(&LightTrace { lamps: vec![lamp] }, &camera).unwrap();
         // The gaussian's peak is that of a trail of even brightness, √(2π) σ wide; at the ends of
         // the trail the lamp is off the axis.
         let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
         let wanted = trail_exposure_lx_s(1.8, &camera, 3.0, 0.2, width_m);
         let wanted = libm::log2(wanted / camera.saturation_lx_s());
-        assert!((found[0].median_stops - wanted).abs() < 0.02, "{found:?}, wanted {wanted}");
-        assert!(found[0].hot_spots.is_empty() && found[0].evenness_stops() < 0.2, "{found:?}");
+        assert!((metered[0].median_stops - wanted).abs() < 0.02, "{metered:?}, wanted {wanted}");
+        assert!(
+            metered[0].hot_spots.is_empty() && metered[0].evenness_stops() < 0.2,
+            "{metered:?}"
+        );
 
-        let advice = found[0].advice(&camera, 0.0);
+        let advice = metered[0].advice(&camera, 0.0);
         assert!((advice.iso.unwrap() / 100.0 - libm::exp2(-wanted)).abs() < 0.02, "{advice:?}");
         let full_well = Camera { base_iso: 100.0, ..camera.clone() };
-        assert_eq!(found[0].advice(&full_well, 0.0).iso, None, "it would change nothing");
-        assert_eq!(found[0].advice(&camera, wanted + 1.0).level, None, "a lamp at full level");
+        assert_eq!(metered[0].advice(&full_well, 0.0).iso, None, "it would change nothing");
+        assert_eq!(metered[0].advice(&camera, wanted + 1.0).level, None, "a lamp at full level");
         let stops = -2.0 * libm::log2(advice.f_number / camera.f_number);
         assert!((stops + wanted).abs() < 0.02, "{advice:?}");
     }
@@ -365,8 +368,8 @@ mod tests {
             lamp
         };
         let camera = camera(640, 400);
-        let found = meter(&LightTrace { lamps: vec![half(1.0), half(0.0)] }, &camera).unwrap();
-        let [row] = &found[..] else { panic!("{found:?}") };
+        let metered = meter(&LightTrace { lamps: vec![half(1.0), half(0.0)] }, &camera).unwrap();
+        let [row] = &metered[..] else { panic!("{metered:?}") };
         assert!((row.lit_s - 2.0).abs() < 1e-9, "{row:?}");
         assert!(row.evenness_stops() < 0.3, "equally bright in both colors: {row:?}");
     }
@@ -378,10 +381,10 @@ mod tests {
             let t = f64::from(i) / 100.0;
             (t, [(stop(t) - 2.0) * 0.2, 3.0, 0.0])
         });
-        let found = meter(&LightTrace { lamps: vec![lamp(path)] }, &camera(1920, 1080)).unwrap();
-        let [spot] = found[0].hot_spots[..] else { panic!("{found:?}") };
+        let metered = meter(&LightTrace { lamps: vec![lamp(path)] }, &camera(1920, 1080)).unwrap();
+        let [spot] = metered[0].hot_spots[..] else { panic!("{metered:?}") };
         assert!((spot.time_s - 2.0).abs() < 0.1 && (spot.duration_s - 2.0).abs() < 0.2, "{spot:?}");
-        let over = spot.stops - found[0].median_stops;
+        let over = spot.stops - metered[0].median_stops;
         assert!((6.0..9.0).contains(&over), "{over} stops over the stroke");
     }
 
@@ -398,8 +401,8 @@ mod tests {
         for dark in &mut path.samples[200..=201] {
             dark.level = 0.0;
         }
-        let found = meter(&LightTrace { lamps: vec![path] }, &camera(1920, 1080)).unwrap();
-        let spots: Vec<f64> = found[0].hot_spots.iter().map(|spot| spot.time_s.round()).collect();
-        assert_eq!(spots, [1.0, 3.0], "{:?}", found[0].hot_spots);
+        let metered = meter(&LightTrace { lamps: vec![path] }, &camera(1920, 1080)).unwrap();
+        let spots: Vec<f64> = metered[0].hot_spots.iter().map(|spot| spot.time_s.round()).collect();
+        assert_eq!(spots, [1.0, 3.0], "{:?}", metered[0].hot_spots);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ off the beam axis,
 //! α off the optical axis). The pupil of diameter `f/N` passes `π (f/2N)² τ` times that in lumen,
-//! all of which falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
+//! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
 
 use glam::DVec2;
@@ -14,8 +14,8 @@ use noctograph_core::error::{Error, Result};
 /// A point in the picture.
 pub(super) type Px = DVec2;
 
-/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus, pupil
-/// size).
+/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus,
+/// pupil size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
 /// Width of the narrowest spot. Sampled at pixel centers, a Gaussian of this width keeps its sum to

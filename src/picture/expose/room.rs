@@ -71,8 +71,8 @@ impl Room {
     /// from the floor; 1 without walls.
     ///
     /// The light is diffuse by reflection between walls and ceiling. A darker floor takes its share
-    /// from a surface at right angles to it: that of a plane of width h which begins at the distance
-    /// d, `(1 - d / √(d² + h²)) / 2`.
+    /// from a surface at right angles to it: that of a plane of width h which begins at the
+    /// distance d, `(1 - d / √(d² + h²)) / 2`.
     pub(crate) fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];

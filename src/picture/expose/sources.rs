@@ -347,8 +347,8 @@ mod tests {
                     wanted += 1.8 * cos_beam * cos_floor / to_point_m.norm_squared() / 800.0;
                 }
             }
-            let found = seen(&trees, point_m)[0];
-            assert!((found / wanted - 1.0).abs() < 0.05, "{found} at {x}, wanted {wanted}");
+            let actual = seen(&trees, point_m)[0];
+            assert!((actual / wanted - 1.0).abs() < 0.05, "{actual} at {x}, wanted {wanted}");
         }
     }
 }

@@ -107,9 +107,8 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         warnings
             .push("r, g and b are whole numbers up to 255: they are candela all the same".into());
     } else if are_levels {
-        warnings.push(format!(
-            "its colors are levels of 0 to 255, of which 255 is shown as {FULL_CD} cd"
-        ));
+        warnings
+            .push(format!("its colors are levels of 0 to 255, and 255 is shown as {FULL_CD} cd"));
     }
 
     let t = table.times_in("t", unit_s)?;
@@ -227,7 +226,7 @@ mod tests {
     #[test]
     fn a_color_is_a_lamp_and_fades_into_the_next() {
         let trace = read(TABLE.as_bytes(), "light.csv").unwrap().0;
-        let found: Vec<_> = trace
+        let actual: Vec<_> = trace
             .lamps
             .iter()
             .map(|l| (l.emitter.rgb, l.samples.iter().map(|s| s.level).collect::<Vec<_>>()))
@@ -237,7 +236,7 @@ mod tests {
             ([0.0, 0.0, 1.0], vec![0.0, 1.0, 0.0]),
             ([0.0, 1.0, 0.0], vec![0.0, 1.0]),
         ];
-        assert_eq!(found, wanted);
+        assert_eq!(actual, wanted);
         assert_eq!(trace.lamps[1].emitter.intensity_cd, 2.0, "2 cd of blue");
         assert_eq!(trace.lamps[0].emitter.intensity_cd(-0.7), 1.0, "to all sides");
     }

@@ -21,7 +21,8 @@ pub(super) struct Pose {
 /// millimeter. Less makes more samples and no better picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row of several colors in turn, such as an LED of a spinner with many short dashes.
+/// The same for a row of several colors in turn, such as an LED of a spinner with many short
+/// dashes.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.

@@ -306,8 +306,8 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Linear sRGB with luminance 1 of a mixture given by its XYZ; colors outside sRGB are clipped at its
-/// faces.
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ; colors outside sRGB are clipped at
+/// its faces.
 ///
 /// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
 /// saturation: a film holds no negative light.

@@ -158,13 +158,13 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Luminous intensity of white, mixed of red, green and blue: of the color LED deck, and of an LED of
-/// the ring.
+/// Luminous intensity of white, mixed of red, green and blue: of the color LED deck, and of an LED
+/// of the ring.
 ///
 /// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 4
 /// steps of green; an LED of the ring can do 1 cd. Screen colors that differ only in brightness
-/// become one color: its strongest channel is as bright as that of white, so that one exposure suits
-/// all.
+/// become one color: its strongest channel is as bright as that of white, so that one exposure
+/// suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
 /// Range of that intensity for the search, in 16 steps, for the best bytes.
@@ -207,8 +207,8 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
-/// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of white;
-/// colors outside the dies' gamut are clipped. Black counts as white.
+/// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of
+/// white; colors outside the dies' gamut are clipped. Black counts as white.
 pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));

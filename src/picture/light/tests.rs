@@ -131,8 +131,8 @@ fn the_status_led_writes_a_dot_of_50_ms_every_10_cm() {
     let dots: Vec<[LightSample; 2]> = {
         let samples = &named(&trace, "status M1").samples;
         let on = samples.windows(2).filter(|p| p[0].level < p[1].level).map(|p| p[1]);
-        let off = samples.windows(2).filter(|p| p[0].level > p[1].level).map(|p| p[0]);
-        on.zip(off).map(|(on, off)| [on, off]).collect()
+        let dark = samples.windows(2).filter(|p| p[0].level > p[1].level).map(|p| p[0]);
+        on.zip(dark).map(|(on, dark)| [on, dark]).collect()
     };
     assert_eq!(dots.len(), 8, "two a second for 4 s");
     for dot in &dots {
@@ -401,8 +401,8 @@ fn colors_of_the_screen_are_those_of_the_lamps() {
             [("color LED", color_led(srgb), 0.16), ("ring", ring(srgb), 0.02)]
         {
             let most = rgb.into_iter().fold(0.0, f64::max);
-            for (found, wanted) in rgb.iter().zip(wanted) {
-                assert!((found / most - wanted).abs() < within, "{lamp}, {srgb:?}: {rgb:?}");
+            for (actual, wanted) in rgb.iter().zip(wanted) {
+                assert!((actual / most - wanted).abs() < within, "{lamp}, {srgb:?}: {rgb:?}");
             }
         }
     }
@@ -420,12 +420,12 @@ fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() 
     assert_eq!(sources.len(), 3);
     for row in 0..12 {
         let wanted = emitter(fixture, &[0, 1, 2, 3].map(|die| levels(row, die)));
-        let found = sources.iter().map(|(emitter, changes)| {
+        let parts = sources.iter().map(|(emitter, changes)| {
             Vector3::from(emitter.rgb) * (emitter.intensity_cd * changes[row as usize].level)
         });
         let wanted = Vector3::from(wanted.rgb) * wanted.intensity_cd;
-        let off = (found.sum::<Vector3<f64>>() - wanted).norm();
-        assert!(off < 1e-9 * wanted.norm(), "{row}: {off}");
+        let error = (parts.sum::<Vector3<f64>>() - wanted).norm();
+        assert!(error < 1e-9 * wanted.norm(), "{row}: {error}");
     }
 }
 
@@ -442,9 +442,9 @@ fn colors_have_luminance_one_and_no_negative_light() {
 #[test]
 fn a_mixture_of_dies_is_the_color_that_was_asked_for() {
     let dies = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06]];
-    let found = programs::mixture(dies, [255, 165, 0]);
+    let mixed = programs::mixture(dies, [255, 165, 0]);
     let wanted = Vector3::new(0.2126, 0.7152 * srgb::linear_from_encoded(165.0 / 255.0), 0.0);
-    assert!((found - wanted).norm() < 1e-3, "the primaries of sRGB themselves: {found}");
+    assert!((mixed - wanted).norm() < 1e-3, "the primaries of sRGB themselves: {mixed}");
     assert!((programs::mixture(dies, [255; 3]).sum() - 1.0).abs() < 1e-3, "white");
 }
 

@@ -5,10 +5,10 @@
 //!
 //! The width of the sensor is that of the body if the model is known, else from its resolution in
 //! pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
-//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be newer
-//! than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths of the
-//! unit, so that it holds both. For other makers the width is taken if the film equivalent agrees,
-//! else with a warning, or not at all if the tags say that the picture was edited.
+//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be
+//! newer than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths
+//! of the unit, so that it holds both. For other makers the width is taken if the film equivalent
+//! agrees, else with a warning, or not at all if the tags say that the picture was edited.
 
 use std::path::Path;
 
@@ -570,9 +570,9 @@ mod tests {
             let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
             edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
             let error = taken_as(CameraOptions::default(), tiff(&edited).path()).unwrap_err();
-            let found = error.to_string();
-            assert!(found.contains("FocalLengthIn35mmFilm"), "{found}");
-            assert!(found.contains(why) || found.ends_with("lens and exposure"), "{found}");
+            let message = error.to_string();
+            assert!(message.contains("FocalLengthIn35mmFilm"), "{message}");
+            assert!(message.contains(why) || message.ends_with("lens and exposure"), "{message}");
         }
     }
 
@@ -611,16 +611,16 @@ mod tests {
     fn a_directory_that_is_not_needed_may_be_broken() {
         let file = tiff(&telephone());
         let mut bytes = std::fs::read(file.path()).unwrap();
-        let long = |bytes: &[u8], at: usize| {
-            u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+        let long = |bytes: &[u8], start: usize| {
+            u32::from_be_bytes(bytes[start..start + 4].try_into().unwrap()) as usize
         };
-        let entries = |bytes: &[u8], at: usize| {
-            usize::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()))
+        let entries = |bytes: &[u8], start: usize| {
+            usize::from(u16::from_be_bytes(bytes[start..start + 2].try_into().unwrap()))
         };
         // The directory of EXIF, and the pointer after it, which is to be 0.
         let first = long(&bytes, 4);
         let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
-        let tag = tag.clone().find(|at| bytes[*at..*at + 2] == [0x87, 0x69]).unwrap();
+        let tag = tag.clone().find(|start| bytes[*start..*start + 2] == [0x87, 0x69]).unwrap();
         let inner = long(&bytes, tag + 8);
         let next = inner + 2 + 12 * entries(&bytes, inner);
         bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);

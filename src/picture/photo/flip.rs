@@ -338,8 +338,8 @@ mod tests {
                 1.0,
             ),
         ] {
-            let found = difference(&a, &b).mean(|_| true);
-            assert!((found - wanted).abs() < 2e-4, "{name}: {found}, wanted {wanted}");
+            let mean = difference(&a, &b).mean(|_| true);
+            assert!((mean - wanted).abs() < 2e-4, "{name}: {mean}, wanted {wanted}");
         }
     }
 
@@ -356,10 +356,10 @@ mod tests {
     #[test]
     fn one_pixel_differs_at_its_place() {
         let mut changed = drawing(0);
-        let at = (20 * 96 + 10) * 3;
-        changed.rgb8[at..at + 3].copy_from_slice(&[90, 90, 90]);
-        let found = difference(&drawing(0), &changed);
-        let brightest = (0..96 * 64).max_by(|a, b| found.values[*a].total_cmp(&found.values[*b]));
+        let index = (20 * 96 + 10) * 3;
+        changed.rgb8[index..index + 3].copy_from_slice(&[90, 90, 90]);
+        let map = difference(&drawing(0), &changed);
+        let brightest = (0..96 * 64).max_by(|a, b| map.values[*a].total_cmp(&map.values[*b]));
         assert_eq!(brightest, Some(20 * 96 + 10));
     }
 }

@@ -138,7 +138,7 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
     let film = film(size_px, |_, x, y| if (x, y) == (512, 512) { 1 << 31 } else { 0 });
     let camera = camera(size_px, |_| {});
     let radius_px = 2.0;
-    for (glare_exponent, off) in [(1.1, 0.1), (1.6, 0.3)] {
+    for (glare_exponent, tolerance) in [(1.1, 0.1), (1.6, 0.3)] {
         let glare_radius_m = radius_px * camera.pixel_pitch_m();
         let options = PhotoOptions {
             glare_frac: 0.05,
@@ -163,8 +163,8 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
             |r: f64| 1.0 - libm::pow(1.0 + r * r / (radius_px * radius_px), 1.0 - glare_exponent);
         for (sum, radius) in beyond.into_iter().zip([10.0, 40.0, 160.0]) {
             let wanted = 0.05 * (1.0 - within(radius) / within(1448.0));
-            let found = sum / wanted - 1.0;
-            assert!(found.abs() < off, "{sum} beyond {radius} px, wanted {wanted}");
+            let error = sum / wanted - 1.0;
+            assert!(error.abs() < tolerance, "{sum} beyond {radius} px, wanted {wanted}");
         }
     }
 }
@@ -261,7 +261,7 @@ fn blocks_of_even_light_pass_the_z_test() {
         let z: Vec<f64> = green
             .chunks(100)
             .map(|block| block.iter().sum::<f64>() / 100.0 - mean)
-            .map(|off| off / ((mean + 4.0) / 100.0).sqrt())
+            .map(|deviation| deviation / ((mean + 4.0) / 100.0).sqrt())
             .collect();
         let accepted = z.iter().filter(|z| z.abs() < 4.42).count();
         assert!(accepted as f64 >= 0.9975 * z.len() as f64, "{accepted} at {electrons} e-");
@@ -283,9 +283,9 @@ fn few_electrons_are_poisson() {
     }
     let mut share = libm::exp(-f64::from(mean));
     let mut chi_sq = 0.0;
-    for (number, found) in histogram.iter().enumerate().take(13) {
+    for (number, count) in histogram.iter().enumerate().take(13) {
         let wanted = share * f64::from(n);
-        chi_sq += (f64::from(*found) - wanted) * (f64::from(*found) - wanted) / wanted;
+        chi_sq += (f64::from(*count) - wanted) * (f64::from(*count) - wanted) / wanted;
         share *= f64::from(mean) / (number + 1) as f64;
     }
     assert!(chi_sq < 34.5, "χ² of 13 bins is {chi_sq}, 99.9 % are below 34.5");
@@ -343,7 +343,7 @@ fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
         let blocks = Vec::from_iter((0..40_000).map(|i: usize| {
             let (x, y) = (block * (i % 200), block * (i / 200));
             let pixels = (0..block * block).map(|j| 3 * ((y + j / block) * side + x + j % block));
-            pixels.map(|at| f64::from(rgb[at + 1])).sum::<f64>() / (block * block) as f64
+            pixels.map(|index| f64::from(rgb[index + 1])).sum::<f64>() / (block * block) as f64
         }));
         let mean = blocks.iter().sum::<f64>() / 4e4;
         (mean, blocks.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / 4e4)
@@ -401,7 +401,7 @@ fn floor_and_walls_differ_in_the_light_of_the_room() {
     let dark = film([160, 120], |_, _, _| 0);
     let bare = ExposeOptions { floor_albedo: 0.2, wall_albedo: 0.4, ..Default::default() };
     let walls = ExposeOptions { room_m: Some([4.0, 4.0, 2.5]), ..bare.clone() };
-    let [even, found] = [bare, walls.clone()]
+    let [even, walled] = [bare, walls.clone()]
         .map(|room| super::read_out(&dark, &camera, &room, &options, 0).unwrap().rgb);
     let room = crate::expose::Room::new(&walls, camera.position_m);
     let mut met = [0; 3];
@@ -409,11 +409,11 @@ fn floor_and_walls_differ_in_the_light_of_the_room() {
         let ray = camera.world_from_image(f64::from(x) + 0.5, f64::from(y) + 0.5).unwrap();
         let (on, point_m) = room.met(ray).unwrap();
         let index = 3 * (y as usize * 160 + x as usize);
-        let share = f64::from(found[index] / even[index]);
-        let off = (share / room.ambient(on, point_m) - 1.0).abs();
+        let share = f64::from(walled[index] / even[index]);
+        let error = (share / room.ambient(on, point_m) - 1.0).abs();
         met[0] += usize::from(on == 0);
         met[1] += usize::from(on == 1);
-        met[2] += usize::from(off > 0.02);
+        met[2] += usize::from(error > 0.02);
     }
     assert!(met[0] > 1000 && met[1] > 1000, "floor and back wall: {met:?}");
     assert!(met[2] < 800, "{} pixels off the edges differ", met[2]);

@@ -217,8 +217,8 @@ mod tests {
                 #[expect(clippy::cast_possible_truncation, reason = "a level")]
                 let level = (wanted * 255.0 + 0.5) as u8;
                 assert_eq!(eight.level(light.clamp(DARK, 1.0)), level, "{tone:?} {light}");
-                let off = f64::from(sixteen.level(light)) - wanted * 65535.0;
-                assert!(off.abs() < 1.5, "{tone:?} {light}: {off}");
+                let error = f64::from(sixteen.level(light)) - wanted * 65535.0;
+                assert!(error.abs() < 1.5, "{tone:?} {light}: {error}");
             }
             let mut out = [9; 6];
             eight.row(&mut [-1.0, 7.0, 1.0].map(|light| vec![0.0, light]), &mut out);
@@ -249,9 +249,9 @@ mod tests {
             ([4.0, 0.0, 0.0], [0.983_448, 0.306_367, 0.306_367]),
         ];
         for (light, wanted) in cases {
-            let found = neutral(light);
-            for (found, wanted) in found.into_iter().zip(wanted) {
-                assert!((found - wanted).abs() < 2e-6, "{light:?}: {found}, wanted {wanted}");
+            let actual = neutral(light);
+            for (actual, wanted) in actual.into_iter().zip(wanted) {
+                assert!((actual - wanted).abs() < 2e-6, "{light:?}: {actual}, wanted {wanted}");
             }
         }
     }

@@ -87,7 +87,7 @@ fn latent(lamps: Vec<Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
     project(&LightTrace { lamps }, camera, &options).expect("light")
 }
 
-/// Scenes by name, of which different ways leave the same bits.
+/// Scenes by name that all backends expose to the same bits.
 pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
     // Splitmix64, a throw of 0 to 1: random hops, hovers and streaks across every border.
     let mut state = 7_u64;
@@ -179,14 +179,14 @@ fn a_lamp_at_rest_leaves_its_intensity_through_the_pupil_over_the_distance_squar
     let camera = camera(640, 400);
     let pupil_m2 = std::f64::consts::PI * (0.035 / 16.0) * (0.035 / 16.0);
     for place in [[0.0, 3.0, 0.0], [0.8, 2.5, 0.3], [-0.3713, 4.0, -0.2217]] {
-        let found = film(&[lamp([(1.0, place), (3.5, place)])], &camera, 0.005, None);
+        let exposed = film(&[lamp([(1.0, place), (3.5, place)])], &camera, 0.005, None);
         // Lambertian lamp facing the camera plane: cos θ = cos α = y / d.
         let d = Vector3::from(place).norm();
         let cos = place[1] / d;
         let lumen_s = 1.8 * cos * cos * pupil_m2 * 0.9 / (d * d) * 2.5;
         let wanted = lumen_s / (camera.pixel_pitch_m() * camera.pixel_pitch_m());
         for channel in 0..3 {
-            let error = found.light_lx_s_px2(channel) / wanted - 1.0;
+            let error = exposed.light_lx_s_px2(channel) / wanted - 1.0;
             assert!(error.abs() < 1e-6, "channel {channel} at {place:?}: off by {error:e}");
         }
     }
@@ -198,11 +198,11 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     let camera = Camera { blur_m: 70e-6, ..camera(640, 400) };
     let (v, d) = (0.2, 3.0);
     let path = (0..=2000).map(|i| (f64::from(i) / 500.0, [f64::from(i) / 500.0 * v - 0.4, d, 0.0]));
-    let found = film(&[lamp(path)], &camera, 0.0, None);
+    let exposed = film(&[lamp(path)], &camera, 0.0, None);
 
     // H w = I τ π f / (4 N² d v): integral of the exposure across the trail, on the axis.
     let wanted = 1.8 * 0.9 * std::f64::consts::PI * 0.035 / (4.0 * 64.0 * d * v);
-    let column: Vec<f64> = (0..400).map(|y| found.exposure_lx_s(0, y * 640 + 320)).collect();
+    let column: Vec<f64> = (0..400).map(|y| exposed.exposure_lx_s(0, y * 640 + 320)).collect();
     let across = column.iter().sum::<f64>() * camera.pixel_pitch_m();
     assert!((across / wanted - 1.0).abs() < 2e-5, "{across} lx s m, wanted {wanted}");
 
@@ -213,9 +213,9 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     let blur = square(70e-6 / pitch) + square(0.42 * 0.55e-6 * 8.0 / pitch);
     let sigma = (disc + blur + 1.0 / 12.0).sqrt();
     let peak = wanted / pitch / (sigma * std::f64::consts::TAU.sqrt());
-    for (y, found) in column.iter().enumerate() {
-        let off = (y as f64 + 0.5 - 200.0) / sigma;
-        let error = (found - peak * libm::exp(-0.5 * off * off)) / peak;
+    for (y, value) in column.iter().enumerate() {
+        let away = (y as f64 + 0.5 - 200.0) / sigma;
+        let error = (value - peak * libm::exp(-0.5 * away * away)) / peak;
         assert!(error.abs() < 2e-5, "row {y} is off by {error:e} of the peak");
     }
 }
@@ -261,14 +261,14 @@ fn the_exposure_of_a_trail_is_independent_of_the_shutter_time_and_follows_the_la
     };
     // Light across the trail's middle, in lx s m on the sensor.
     let across = |v: f64, d: f64, camera: &Camera| {
-        let found = film(&[trail(v, d)], camera, 0.0, None);
-        let column = (0..400).map(|y| found.exposure_lx_s(0, y * 640 + 320));
+        let exposed = film(&[trail(v, d)], camera, 0.0, None);
+        let column = (0..400).map(|y| exposed.exposure_lx_s(0, y * 640 + 320));
         column.sum::<f64>() * camera.pixel_pitch_m()
     };
     let usual = Camera { blur_m: 70e-6, shutter_close_s: 4.0, ..camera(640, 400) };
     let reference = across(0.2, 3.0, &usual);
-    let close = |what: &str, found: f64, factor: f64| {
-        let error = found / reference / factor - 1.0;
+    let close = |what: &str, value: f64, factor: f64| {
+        let error = value / reference / factor - 1.0;
         assert!(error.abs() < 2e-5, "{what}: off by {error:e}");
     };
     let longer = Camera { shutter_close_s: 60.0, ..usual.clone() };
@@ -299,9 +299,9 @@ proptest! {
         let mut lamp = lamp(timed);
         lamp.emitter.rgb = rgb;
         let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light()).sum();
-        let found = film(&[lamp], &camera, merge_tolerance_px, None);
+        let exposed = film(&[lamp], &camera, merge_tolerance_px, None);
         for (channel, share) in rgb.iter().enumerate() {
-            let error = found.light_lx_s_px2(channel) / (sent * share) - 1.0;
+            let error = exposed.light_lx_s_px2(channel) / (sent * share) - 1.0;
             prop_assert!(error.abs() < 1e-6, "channel {} is off by {:e}", channel, error);
         }
     }
@@ -371,15 +371,15 @@ fn no_pixel_overflows_and_few_bits_are_unused() {
     let lamps = [hover, figure(500)];
     let sent: f64 =
         lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light()).sum();
-    let found = film(&lamps, &camera, 0.0, None);
-    let error = found.light_lx_s_px2(2) / sent - 1.0;
+    let exposed = film(&lamps, &camera, 0.0, None);
+    let error = exposed.light_lx_s_px2(2) / sent - 1.0;
     assert!(error.abs() < 1e-6, "an overflow would lose 2^32 counts: off by {error:e}");
-    let peak = found.counts.iter().copied().max().expect("pixels");
+    let peak = exposed.counts.iter().copied().max().expect("pixels");
     assert!(peak > 1 << 26, "peak is {peak} counts");
 
     let trace = LightTrace { lamps: lamps.to_vec() };
     let latent = project(&trace, &camera, &ExposeOptions::default()).expect("latent");
-    let refused = latent.at_scale(found.scale_log2 - 8);
+    let refused = latent.at_scale(exposed.scale_log2 - 8);
     assert!(matches!(refused, Err(Error::Infeasible { .. })), "a scale that overflows is refused");
 }
 
@@ -397,13 +397,13 @@ fn lamps_out_of_sight_leave_no_light_and_no_panic() {
         [[0.0, 3.0, 5.0], [0.0, 3.0, 6.0]],
     ];
     for [a, b] in dark {
-        let found = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
-        assert!(found.counts.iter().all(|&count| count == 0), "light from {a:?} to {b:?}");
+        let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
+        assert!(exposed.counts.iter().all(|&count| count == 0), "light from {a:?} to {b:?}");
     }
     // From far outside across the picture, and at the edge of the nearest depth.
     for [a, b] in [[[-9e3, 3.0, -9e3], [9e3, 3.0, 9e3]], [[-2.0, 0.1, 0.0], [2.0, 0.1, 0.0]]] {
-        let found = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
-        assert!(found.counts.iter().any(|&count| count != 0), "no light from {a:?} to {b:?}");
+        let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
+        assert!(exposed.counts.iter().any(|&count| count != 0), "no light from {a:?} to {b:?}");
     }
     // Beams that point away, and a shutter that is closed.
     let mut away = figure(10);

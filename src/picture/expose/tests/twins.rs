@@ -146,7 +146,7 @@ fn the_shader_is_valid_and_uses_no_floating_point() {
 #[test]
 fn constants_of_the_shader_equal_those_of_the_cpu() {
     let (module, _) = module();
-    let found = |wanted: &str| {
+    let constant = |wanted: &str| {
         let (_, constant) =
             module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(wanted)).expect(wanted);
         match module.global_expressions[constant.init] {
@@ -155,9 +155,9 @@ fn constants_of_the_shader_equal_those_of_the_cpu() {
             ref other => panic!("{wanted} is {other:?}"),
         }
     };
-    assert_eq!(found("LOW_BITS"), i64::from(LOW_BITS));
-    assert_eq!(found("TILE_PX"), i64::from(TILE_PX));
-    assert_eq!([found("DITHER_X"), found("DITHER_Y")], DITHER.map(i64::from));
+    assert_eq!(constant("LOW_BITS"), i64::from(LOW_BITS));
+    assert_eq!(constant("TILE_PX"), i64::from(TILE_PX));
+    assert_eq!([constant("DITHER_X"), constant("DITHER_Y")], DITHER.map(i64::from));
 }
 
 #[test]
@@ -172,7 +172,7 @@ fn a_record_lies_in_memory_as_the_shader_reads_it() {
         ($($field:ident),*) => { [$((stringify!($field), std::mem::offset_of!(Part, $field))),*] };
     }
     let wanted = offsets!(place, columns, rows, along, across, shift, dither, unused);
-    let found: Vec<_> =
+    let actual: Vec<_> =
         members.iter().map(|m| (m.name.as_deref().expect("name"), m.offset as usize)).collect();
-    assert_eq!(found, wanted, "names and offsets");
+    assert_eq!(actual, wanted, "names and offsets");
 }
