@@ -69,8 +69,7 @@ fn main() -> Outcome<()> {
             set.extend(*settings);
             let mut scene = Scene::parse_with("", "scene", &set)?;
             scene.seed = (10 * number + place) as u64;
-            let shot = Shoot::new(scene.clone()).and_then(|shoot| shoot.take(&|_, _| {}));
-            let found = match shot.and_then(|shot| remedies(&shot)) {
+            let found = match Shoot::new(scene.clone()).and_then(|shoot| remedies(&shoot)) {
                 // Without a photograph there is no advice but the error's own.
                 Err(Error::Infeasible { what, .. }) => {
                     silent += 1;

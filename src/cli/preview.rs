@@ -18,7 +18,7 @@ use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
-use crate::studies::{Remedy, remedies};
+use crate::studies::{Remedy, remedies_for};
 use noctograph_core::digest::sha256;
 
 /// The page of `--report`.
@@ -95,7 +95,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let json = show::verdict_json(verdict, shot.flight_sha256());
     write(&shot, &json, &mut folder)?;
     let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
-    let remedies = remedies(&shot)?;
+    let remedies = remedies_for(&shot)?;
     let profile = args.profile(&shot.shoot.scene);
     let findings = match args.report {
         true => shot.preflight(&profile)?.findings,

@@ -16,7 +16,7 @@ use super::{
     refused, typefaces, warn,
 };
 use crate::shoot::Shot;
-use crate::studies::remedies;
+use crate::studies::remedies_for;
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
@@ -130,7 +130,7 @@ fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
 }
 
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
-    Ok(remedies(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
+    Ok(remedies_for(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
 }
 
 /// Writes the scripts of a flight into a folder, or returns why it is not safe.

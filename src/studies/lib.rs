@@ -48,7 +48,7 @@ pub use hold::{
 pub use knobs::{Knob, Turn, settings, turned};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
-pub use remedy::{Remedy, SEEDS, remedies};
+pub use remedy::{Remedy, SEEDS, remedies, remedies_for};
 pub use shard::{Shard, shards};
 pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};

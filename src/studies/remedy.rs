@@ -38,18 +38,27 @@ const DARK_ROOM_CD_M2: f64 = 0.008;
 /// Speed from which strokes are flown slower.
 const SLOW_M_S: f64 = 0.05;
 
-/// The changes that gain most, the most gainful first. Empty for a word that reads, and for plans
-/// from elsewhere and exported ones, which are not planned anew.
+/// What helps a shot: nothing where its word reads, and where its plans are from elsewhere or
+/// flights of exported ones, which are not planned anew.
 ///
 /// # Errors
 ///
-/// Those of the stages for the scene itself; a change that cannot be flown is left out.
-pub fn remedies(shot: &Shot) -> Result<Vec<Remedy>> {
-    let (shoot, scene) = (&shot.shoot, &shot.shoot.scene);
+/// As [`remedies`].
+pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
-    if is_read || !shoot.is_planned || !shoot.designs.is_empty() {
+    if is_read || !shot.shoot.is_planned || !shot.shoot.designs.is_empty() {
         return Ok(Vec::new());
     }
+    remedies(&shot.shoot)
+}
+
+/// The changes that gain most, the most gainful first.
+///
+/// # Errors
+///
+/// Those of the stages for the scene itself; a change that cannot be flown is none.
+pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
+    let scene = &shoot.scene;
     let own = read_probability(scene, scene.seed)?;
     let wanted = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
     let candidates = wanted.map(|(_, changes)| Ok((changes.clone(), changed(scene, &changes)?)));
@@ -165,7 +174,7 @@ mod tests {
         let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
         (scene.camera.width_px, scene.camera.height_px) = (480, 270);
         change(&mut scene);
-        remedies(&Shoot::new(scene).unwrap().take(&|_, _| {}).unwrap()).unwrap()
+        remedies(&Shoot::new(scene).unwrap()).unwrap()
     }
 
     #[test]

@@ -253,7 +253,7 @@ pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
         return Ok(());
     }
     Err(input_error!(
-        "camera.width_px and camera.height_px",
+        "camera.width_px",
         "{width_px}x{height_px}",
         "sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels",
         "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
