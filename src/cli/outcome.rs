@@ -34,6 +34,7 @@ pub(super) enum Outcome {
     Done,
     NotLegible,
     NotSafe,
+    Refused,
 }
 
 impl Report {

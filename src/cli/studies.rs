@@ -14,7 +14,8 @@ use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::statistics::Estimate;
 use crate::studies::{
-    Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
+    Conditions, Measures, Prepared, Ranking, Record, Store, Study, Unranked, flights_csv,
+    marks_csv, ranking_csv,
 };
 use noctograph_core::files::Limit;
 
@@ -126,9 +127,13 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 
 /// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
+/// The same, and the marks of submissions.
+pub(super) const GRADED: [&str; 5] =
+    ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
 pub(super) fn write_ranking(
     folder: OutputFolder,
+    names: &[&str],
     study: &Study,
     ready: &[Prepared],
     ranking: &Ranking,
@@ -143,14 +148,17 @@ pub(super) fn write_ranking(
     })?;
     folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
     folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
-    folder.keep(&RANKING)
+    if names == GRADED {
+        folder.write(GRADED[0], |out| out.write_all(marks_csv(ranking).as_bytes()))?;
+    }
+    folder.keep(names)
 }
 
 /// A ranking for people and for programs.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let json = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
-        "least_flights": ranking.least_flights,
+        "least_flights": ranking.least_flights, "unranked": ranking.unranked,
     });
     Report::new(ranking_table(study, ranking) + "\n", json)
 }
@@ -165,6 +173,7 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     };
     wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"))
         + &legibility_table(&ranking.measures)
+        + &unranked_lines(&ranking.unranked)
         + &wrapped("\n", P_READ)
         + &tracking_table(&ranking.measures)
         + &pairs_table(ranking)
@@ -176,11 +185,19 @@ fn legibility_table(measures: &[Measures]) -> String {
         let [legible, interval] = share(&m.legible);
         format!(
             "{:>2}\t{name}\t{:.3}\t  {:.3} to {:.3}\t{legible}\t{interval}\t{worst:.3}\t{}",
-            m.place, p.value, p.low, p.high, m.n_lost
+            m.place.map_or("-".into(), |place| place.to_string()),
+            p.value,
+            p.low,
+            p.high,
+            m.n_lost
         )
     };
     let head = "<4|scene<16|P(read)>7|  interval<16|legible>9|interval>12|worst 10 %>11|lost>5";
     "\n".to_owned() + &table(head, measures.iter().zip(labels(measures, 16)).map(row))
+}
+
+fn unranked_lines(unranked: &[Unranked]) -> String {
+    unranked.iter().map(|it| wrapped(" -  ", &format!("{} {}", it.contender, it.note))).collect()
 }
 
 /// What P(read) is.
@@ -216,6 +233,9 @@ fn tracking_table(measures: &[Measures]) -> String {
     "\n".to_owned() + &table(head, std::iter::once(units).chain(rows))
 }
 
+/// Most pairs that a table names: thirty scenes have 435.
+const MOST_PAIRS: usize = 30;
+
 /// Which scenes cannot be told apart, and from how many flights they could.
 fn pairs_table(ranking: &Ranking) -> String {
     let (mut text, pairs) = (String::new(), &ranking.pairs);
@@ -240,7 +260,7 @@ fn pairs_table(ranking: &Ranking) -> String {
         (_, 0) => "\nall scenes are distinguishable from each other\n",
         _ => "\nNOT distinguishable (difference in P(read), interval for all pairs together):\n",
     };
-    for pair in alike {
+    for pair in alike.iter().take(MOST_PAIRS) {
         let d = pair.difference;
         text += &format!(
             "  {} and {}: {:+.4}, {:+.4} to {:+.4}\n",
@@ -250,6 +270,9 @@ fn pairs_table(ranking: &Ranking) -> String {
             d.low,
             d.high
         );
+    }
+    if let Some(n @ 1..) = alike.len().checked_sub(MOST_PAIRS) {
+        text += &format!("  and {n} pairs more: ranking.json\n");
     }
     text
 }
