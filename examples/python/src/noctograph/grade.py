@@ -58,7 +58,7 @@ class Failed(Exception):
 class _Process:
     """A controller in a process of its own."""
 
-    def __init__(self, source: bytes, n: int, limits: Limits, hidden: Sequence[str]) -> None:
+    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, hidden: Sequence[str]) -> None:
         self.limits, self.waited_s = limits, 0.0
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
@@ -70,10 +70,10 @@ class _Process:
                  json.dumps({**asdict(limits), "hidden": hidden})],
                 cwd=self.folder.name, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={"PYTHONPATH": path, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads},
+                env={"PYTHONPATH": path, "TMPDIR": self.folder.name, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads},
             )  # fmt: skip
         try:
-            for message in (source, struct.pack("<I", n)):
+            for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
                 self._send(message)
             self.left = self._receive(b"n", 400, limits.load_s).decode("utf-8", "replace")
         except BaseException:
@@ -150,7 +150,8 @@ def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits:
     """Outcomes of a controller's flights as JSON, and what was not shut off."""
     sessions = Sessions(scene, len(seeds), conditions)
     sessions.reset(list(seeds))
-    process, motors, seen = _Process(source, len(seeds), limits, hidden), np.zeros((len(seeds), 4)), sessions.look()
+    process, motors = _Process(source, scene, len(seeds), limits, hidden), np.zeros((len(seeds), 4))
+    seen = sessions.look()
     try:
         while not (over := seen["landed"] | seen["lost"]).all():
             flying = np.flatnonzero(~over)
@@ -239,8 +240,9 @@ def grade(
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
     print(f"{len(scenes)} submissions fly {len(trials)} times each; {least} can tell two apart", file=sys.stderr)
-    hidden = ["/proc", *{str(file.resolve().parent) for file in files.values()}]
-    hidden = [folder for folder in hidden if not any(Path(it).resolve().is_relative_to(folder) for it in [*sys.path, sys.prefix] if it)]
+    needed = [Path(it).resolve() for it in [*sys.path, sys.prefix, tempfile.gettempdir()] if it]
+    hidden = {"/proc", os.getcwd(), *(str(file.resolve().parent) for file in files.values())}
+    hidden = sorted((it for it in hidden if not any(path.is_relative_to(it) for path in needed)), reverse=True)
 
     def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
         name, index = job

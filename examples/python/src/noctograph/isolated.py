@@ -26,10 +26,13 @@ from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
 NAME = "submission.py"
 #: Flight, estimate, reference and time of a row.
 COLUMNS = 1 + 12 + 9 + 1
-#: Events that no controller has a reason for, and those that it has while it is loaded only.
-NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.", "winreg.", "ftplib.", "urllib.")
-HARMLESS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv", "os.add_dll_directory")
-LOADING = ("open", "sys._getframe", "gc.", "ctypes.dlopen", *HARMLESS)
+#: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
+NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
+IMPORTS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")
+#: Those that it has no reason for once it flies.
+FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
+#: What it may write while it is loaded, in its own folder, bytes.
+WRITTEN = 4 << 20
 # Linux: unshare(2), mount(2), mount_setattr(2), prctl(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR, DEATH_SIGNAL = 0x1000_0000, 1, 0x8000, 442, 1
@@ -62,7 +65,7 @@ def fail(wire: socket.socket, why: str) -> NoReturn:
     os._exit(1)
 
 
-def shut_off(hidden: list[str]) -> str:
+def shut_off(hidden: list[str], own: str) -> str:
     """Takes network, files and other processes away where the system allows; what it does not."""
     libc = ctypes.CDLL(None, use_errno=True)
     if not hasattr(libc, "unshare") or libc.unshare(NAMESPACES):
@@ -77,6 +80,9 @@ def shut_off(hidden: list[str]) -> str:
     failed = [folder for folder in hidden if libc.mount(b"none", os.fsencode(folder), b"tmpfs", READ_ONLY, None)]
     if libc.syscall(MOUNT_SETATTR, -100, b"/", RECURSIVE, read_only, 32):
         failed.append("/")
+    if libc.mount(b"none", os.fsencode(own), b"tmpfs", 0, f"size={2 * WRITTEN}".encode()):
+        failed.append(own)
+    os.chdir(own)
     libc.unshare(NEW_USER)  # without it the mounts could be undone
     return f"not shut off: {', '.join(failed)}" if failed else ""
 
@@ -86,7 +92,7 @@ def controller_of(source: str) -> Any:
     module: dict[str, Any] = {"__name__": "submission", "__file__": NAME}
     exec(compile(source, NAME, "exec"), module)
     own = [it for it in module.values() if getattr(it, "__module__", None) == "submission"]
-    classes = [it for it in own if isinstance(it, type) and "__call__" in dir(it) and callable(getattr(it, "__call__"))]
+    classes = [it for it in own if isinstance(it, type) and "__call__" in dir(it)]
     functions = [it for it in own if hasattr(it, "__code__") and it.__code__.co_argcount in (2, 3)]
     for handed_in in (module.get("controller"), module.get("Controller"), *classes[::-1], *functions[::-1]):
         if handed_in is not None:
@@ -130,14 +136,17 @@ def fly(wire: socket.socket, each: list[Any]) -> NoReturn:
 def main() -> NoReturn:
     """Loads the submission and flies by it, until the grader has enough."""
     wire = socket.socket(fileno=int(sys.argv[1]))
-    limits, flying = json.loads(sys.argv[2]), False
+    limits, own, flying = json.loads(sys.argv[2]), os.getcwd(), False
 
     def audit(event: str, arguments: tuple[Any, ...]) -> None:
-        writes = event == "open" and isinstance(arguments[1], str) and set(arguments[1]) & set("wax+")
-        allowed = event in HARMLESS or not event.startswith(NEVER)
-        if not allowed or writes or (flying and event.startswith(LOADING)):
-            about = f" {arguments[0]}" if arguments and isinstance(arguments[0], (str, bytes)) else ""
-            fail(wire, f"{event}{about} is not a controller's")
+        if not event.startswith((*NEVER, *FLYING)):
+            return
+        named = arguments[0] if arguments and isinstance(arguments[0], (str, bytes)) else ""
+        is_own = bool(named) and os.path.abspath(os.fsdecode(named)).startswith(own + os.sep)
+        writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
+        forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
+        if flying or (forbidden and not is_own):
+            fail(wire, f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's")
 
     def limit(what: int, most: int) -> None:
         resource.setrlimit(what, (most, most))
@@ -146,16 +155,18 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")
         random.seed(0)
         np.random.seed(0)
-        left = shut_off(limits["hidden"])
-        source = receive(wire).decode()
-        (n,) = struct.unpack("<I", receive(wire))
+        left = shut_off(limits["hidden"], own)
+        source, (n,) = receive(wire).decode(), struct.unpack("<I", receive(wire))
+        with open("task.toml", "wb") as task:
+            task.write(receive(wire))
         limit(resource.RLIMIT_CORE, 0)
-        limit(resource.RLIMIT_FSIZE, 0)
+        limit(resource.RLIMIT_FSIZE, WRITTEN)
         limit(resource.RLIMIT_CPU, limits["total_s"])
         limit(resource.RLIMIT_AS, limits["memory_mb"] << 20)
         sys.addaudithook(audit)
         made = controller_of(source)
         each = [made() if isinstance(made, type) else copy.deepcopy(made) for _ in range(n)]
+        limit(resource.RLIMIT_FSIZE, 0)
         limit(resource.RLIMIT_NOFILE, 0)
         limit(resource.RLIMIT_NPROC, 0)
         flying = True
