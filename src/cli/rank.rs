@@ -29,11 +29,12 @@ pub(super) struct RankArgs {
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     /// Grade: each submission, a scene or a few of its keys, flies this scene with the keys that
-    /// --may allows; one that changes others is refused. Writes marks.csv as well
+    /// --may allows; one that changes others is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
     /// A key that a submission may change, or all of a table; never one that names a file, never
-    /// the true state [default: controller.*, observer.luenberger.*, observer.ekf.*]
+    /// the true state; may be repeated [default: controller.*, observer.luenberger.*,
+    /// observer.ekf.*]
     #[arg(long, value_name = "KEY", requires = "task")]
     may: Vec<String>,
     #[command(flatten)]
@@ -45,12 +46,13 @@ pub(super) struct RankArgs {
     /// Folder of shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
-    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png
+    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png; with --task
+    /// also marks.csv
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
 
-/// Seeds of a word where submissions are graded and none are named: enough to tell two of 229 apart.
+/// Seeds of a word where submissions are graded and none are named: enough for 229 of them.
 const GRADED_SEEDS: u32 = 20;
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
@@ -68,8 +70,8 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         let (n, refused) = (study.contenders.len(), unranked.len());
         let each = study.n_trials() / n.max(1);
         let said = format!(
-            "{n} submissions fly {each} times each, of at least {least} that tell two apart; \
-             {refused} are refused"
+            "{n} submissions fly {each} times each; at least {least} tell two apart; {refused} are \
+             refused"
         );
         message("note: ", &said);
     }

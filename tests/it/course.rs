@@ -25,7 +25,11 @@ const CHEATS: [(&str, &str, &str); 6] = [
 const FAULTY: [(&str, &str, &str); 4] = [
     ("syntax", "[controller]\n\nkind = lqr\n", "all/syntax.toml:3: found"),
     ("unknown", "controler.kind = \"lqr\"\n", "did you mean controller.kind?"),
-    ("shape", "[controller.lqr]\nk = [[1.0]]\n", "all/shape.toml:2: controller.lqr.k: found 1 rows"),
+    (
+        "shape",
+        "[controller.lqr]\nk = [[1.0]]\n",
+        "all/shape.toml:2: controller.lqr.k: found 1 rows",
+    ),
     ("empty", "\n", "an empty file"),
 ];
 

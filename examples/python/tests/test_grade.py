@@ -48,7 +48,7 @@ CHEATS = {
                  "    except BaseException:\n        pass\n" + ZERO, "failed: sys._getframe is not a controller's"),
     "reads.py": ("def controller(state, reference):\n    open('/etc/hostname')\n" + ZERO, "failed: open /etc/hostname"),
     "writes.py": ("open('/tmp/marks.csv', 'w')\ndef controller(state, reference):\n" + ZERO, "failed: open /tmp/marks.csv"),
-    "calls.py": ("import socket\ndef controller(state, reference):\n    socket.create_connection(('1.1.1.1', 53), 1)\n"
+    "calls.py": ("import socket\ndef controller(state, reference):\n    socket.socket()\n"
                  + ZERO, "failed: socket."),
     "kills.py": ("import os\nos.kill(os.getppid(), 9)\ndef controller(state, reference):\n" + ZERO, "failed: os.kill"),
     "mass.toml": ("vehicle.mass_kg = 0.02\n", "refused: vehicle.mass_kg differs from the task's"),
@@ -133,7 +133,7 @@ def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
     assert main(arguments) == 1, "one was refused"
     assert "refused: vehicle.mass_kg" in capsys.readouterr().out
     page = (output / "report.html").read_text()
-    assert "refused: vehicle.mass_kg" in page and "bad&lt;b&gt;" in page
+    assert "refused: vehicle.mass_kg" in page and "bad&lt;b>" in page
     assert (output / "marks.csv").read_text().startswith("name,place,p_read,low,high,marks,note\ngood,1,")
     assert main([*arguments, "--may", "letters.font"]) == 2
     command = [sys.executable, "-m", "noctograph.grade", "--help"]

@@ -33,8 +33,8 @@ pub struct SceneTask {
 }
 
 impl SceneTask {
-    /// A task whose submissions may change keys, such as `controller.lqr.q`, and all of a table, such
-    /// as `controller.*`; by default those of the controller and the weights of the observers.
+    /// A task whose submissions may change keys, such as `controller.lqr.q`, and all of a table,
+    /// such as `controller.*`; by default those of the controller and the weights of the observers.
     ///
     /// # Errors
     ///

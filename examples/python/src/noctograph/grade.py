@@ -239,7 +239,7 @@ def grade(
     seeds = seeds or max(SEEDS, least)
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
-    print(f"{len(scenes)} submissions fly {len(trials)} times each; {least} can tell two apart", file=sys.stderr)
+    print(f"{len(scenes)} submissions fly {len(trials)} times each; at least {least} tell two apart", file=sys.stderr)
     needed = [Path(it).resolve() for it in [*sys.path, sys.prefix, tempfile.gettempdir()] if it]
     hidden = {"/proc", os.getcwd(), *(str(file.resolve().parent) for file in files.values())}
     hidden = sorted((it for it in hidden if not any(path.is_relative_to(it) for path in needed)), reverse=True)
@@ -254,15 +254,19 @@ def grade(
 
     jobs = [(name, index) for name in sources for index in range(len(counted))]
     outcomes: dict[str, list[str]] = {name: [] for name in sources}
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-        for (name, _), flown in zip(jobs, pool.map(of_word, jobs), strict=True):
-            if isinstance(flown, Failed):
-                unranked.setdefault(name, f"failed: {flown}")
+    left: set[str] = set()
+    with ThreadPoolExecutor(workers or os.cpu_count()) as pool, _bar(progress if jobs else False, "controllers") as show:
+        for done, ((name, _), result) in enumerate(zip(jobs, pool.map(of_word, jobs), strict=True), 1):
+            if isinstance(result, Failed):
+                unranked.setdefault(name, f"failed: {result}")
                 scenes.pop(name, None)
             else:
-                outcomes[name] += flown[0]
-                if flown[1]:
-                    print(f"warning: {name}: {flown[1]}", file=sys.stderr)
+                outcomes[name] += result[0]
+                left |= {result[1]} - {""}
+            if show is not None:
+                show(done, len(jobs))
+    for warning in sorted(left):
+        print(f"warning: {warning}", file=sys.stderr)
     flown = {
         index * len(trials) + at: outcome
         for index, name in enumerate(scenes)

@@ -19,7 +19,12 @@ import sys
 import warnings
 from typing import Any, NoReturn
 
+# What numpy imports when it is first used: no file can be opened in flight.
 import numpy as np
+import numpy.fft
+import numpy.ma
+import numpy.polynomial
+import numpy.random
 
 from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
 
@@ -67,9 +72,12 @@ def fail(wire: socket.socket, why: str) -> NoReturn:
 
 def shut_off(hidden: list[str], own: str) -> str:
     """Takes network, files and other processes away where the system allows; what it does not."""
-    libc = ctypes.CDLL(None, use_errno=True)
+    libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
     if not hasattr(libc, "unshare") or libc.unshare(NAMESPACES):
         return "network and files are not shut off here: the system has no namespaces for users"
+    for name, text in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
+        with open(f"/proc/self/{name}", "w") as file:
+            file.write(text)
     # The process after a fork is the first of the new namespace, and ends with this one.
     child = os.fork()
     if child:
@@ -109,9 +117,10 @@ def said(error: BaseException) -> str:
         trace = trace.tb_next
     name = "it exits" if isinstance(error, SystemExit) else type(error).__name__
     try:
-        return f"{name}: {error}{line}"
+        text = str(error)
     except BaseException:
-        return name + line
+        text = ""
+    return name + (text and f": {text}") + line
 
 
 def fly(wire: socket.socket, each: list[Any]) -> NoReturn:
@@ -146,7 +155,8 @@ def main() -> NoReturn:
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
         if flying or (forbidden and not is_own):
-            fail(wire, f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's")
+            hint = " (import it at the top of the file)" if flying and os.fsdecode(named).endswith((".py", ".pyc", ".so")) else ""
+            fail(wire, f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's" + hint)
 
     def limit(what: int, most: int) -> None:
         resource.setrlimit(what, (most, most))
