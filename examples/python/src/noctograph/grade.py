@@ -55,6 +55,12 @@ class Failed(Exception):
     """Why a submission has no place."""
 
 
+def _line(answer: bytes) -> str:
+    """What a process says, which a table can hold."""
+    text = answer.decode("utf-8", "replace")
+    return "".join(sign if sign.isprintable() else " " for sign in text[:200])
+
+
 class _Process:
     """A controller in a process of its own."""
 
@@ -75,7 +81,7 @@ class _Process:
         try:
             for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
                 self._send(message)
-            self.left = self._receive(b"n", 400, limits.load_s).decode("utf-8", "replace")
+            self.left = _line(self._receive("n", 0, limits.load_s))
         except BaseException:
             self.end()
             raise
@@ -84,7 +90,7 @@ class _Process:
         """Motor commands for the flights that are not over."""
         begun = time.monotonic()
         self._send(rows.tobytes())
-        answer = self._receive(b"m", 32 * len(rows), self.limits.step_s)
+        answer = self._receive("m", 32 * len(rows), self.limits.step_s)
         self.waited_s += time.monotonic() - begun
         if self.waited_s > self.limits.total_s:
             raise Failed(f"more than {self.limits.total_s} s in all")
@@ -102,7 +108,7 @@ class _Process:
         except OSError:
             pass  # it ended: what it said last is read
 
-    def _receive(self, kind: bytes, most: int, within_s: float) -> bytes:
+    def _receive(self, kind: str, most: int, within_s: float) -> bytes:
         """The answer of a kind, or why there is none."""
         until, parts, length = time.monotonic() + within_s, bytearray(), 4
         while len(parts) < length:
@@ -120,11 +126,12 @@ class _Process:
                 length = 4 + struct.unpack("<I", parts)[0]
                 if not 5 <= length <= 5 + max(most, 1000):
                     raise Failed("its answer is broken")
-        if parts[4:5] == b"f":
-            raise Failed(parts[5:].decode("utf-8", "replace"))
-        if parts[4:5] != kind:
+        answer = bytes(parts[5:])
+        if parts[4] == ord("f"):
+            raise Failed(_line(answer))
+        if parts[4] != ord(kind):
             raise Failed("its answer is broken")
-        return bytes(parts[5:])
+        return answer
 
     def _status(self) -> str:
         try:
@@ -140,8 +147,8 @@ class _Process:
         self.wire.close()
         try:
             os.killpg(self.process.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
+        except OSError:
+            pass  # it has ended
         self.process.wait()
         self.folder.cleanup()
 
@@ -155,7 +162,7 @@ def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits:
     try:
         while not (over := seen["landed"] | seen["lost"]).all():
             flying = np.flatnonzero(~over)
-            rows = [flying, seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
+            rows = [flying.astype(float), seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
             motors[over] = 0
             motors[flying] = process.ask(np.column_stack(rows))
             sessions.step(motors, [1] * len(seeds))
@@ -220,20 +227,22 @@ def grade(
         with ``marks.csv``.
     """
     task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
-    files, unranked, scenes, sources = _submissions(submissions), {}, {}, {}
+    files = _submissions(submissions)
+    unranked: dict[str, str] = {}
+    scenes: dict[str, Scene] = {}
+    sources: dict[str, bytes] = {}
     for name, file in files.items():
         try:
-            if file.suffix == ".py" and os.name == "posix":
-                sources[name] = file.read_bytes()
-                if len(sources[name]) > MOST_BYTES:
+            if file.suffix == ".py" and file.is_file() and os.name == "posix":
+                if file.stat().st_size > MOST_BYTES:
                     raise Failed(f"more than {MOST_BYTES} bytes")
+                sources[name] = file.read_bytes()
             elif file.suffix != ".toml":
                 raise Failed("wanted a scene (.toml) or a controller in Python (.py, on Linux and macOS)")
             scenes[name] = task if name in sources else _submission(task, may, file)
         except (InputError, InfeasibleError, Failed, OSError) as error:
             if isinstance(error, InputError) and error.place == "may":
                 raise
-            sources.pop(name, None)
             unranked[name] = f"refused: {error}"
     least = least_flights(len(scenes))
     seeds = seeds or max(SEEDS, least)
@@ -287,8 +296,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed that all seeds are drawn from: keep it to yourself")
     parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
     parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
-    for name, default in asdict(Limits()).items():
-        parser.add_argument(f"--{name.replace('_', '-')}", metavar="N", type=type(default), default=default, help="limit of a controller in Python")
+    for name, most in asdict(Limits()).items():
+        kind = int if isinstance(most, int) else float
+        parser.add_argument(f"--{name.replace('_', '-')}", metavar="N", type=kind, default=most, help=f"limit of a controller in Python [default: {most}]")
     args = parser.parse_args(arguments)
     try:
         words = [word.partition(":") for word in args.words.split(",")] if args.words else None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import importlib
 import json
 import os
 import random
@@ -19,12 +20,7 @@ import sys
 import warnings
 from typing import Any, NoReturn
 
-# What numpy imports when it is first used: no file can be opened in flight.
 import numpy as np
-import numpy.fft
-import numpy.ma
-import numpy.polynomial
-import numpy.random
 
 from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
 
@@ -65,8 +61,7 @@ def send(wire: socket.socket, message: bytes) -> None:
 
 def fail(wire: socket.socket, why: str) -> NoReturn:
     """Ends the process with the reason."""
-    line = "".join(sign if sign.isprintable() else " " for sign in why[:200])
-    send(wire, b"f" + line.encode("utf-8", "replace"))
+    send(wire, b"f" + why[:200].encode("utf-8", "replace"))
     os._exit(1)
 
 
@@ -163,6 +158,8 @@ def main() -> NoReturn:
 
     try:
         warnings.simplefilter("ignore")
+        for lazy in ("fft", "linalg", "ma", "polynomial", "random"):
+            importlib.import_module(f"numpy.{lazy}")  # no file can be opened in flight
         random.seed(0)
         np.random.seed(0)
         left = shut_off(limits["hidden"], own)
