@@ -23,10 +23,9 @@ pub fn flights_csv(records: &[Record]) -> String {
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
-    let all = columns("place contender flights=n_flights lost=n_lost")
+    let all = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
-        .chain(flown.into_iter().flatten())
-        .chain(columns("note"));
+        .chain(flown.into_iter().flatten());
     let unranked = ranking.unranked.iter().map(value);
     table(all, ranking.measures.iter().map(value).chain(unranked))
 }

@@ -24,7 +24,7 @@ const CHEATS: [(&str, &str, &str); 6] = [
 /// Broken submissions, with what they are told.
 const FAULTY: [(&str, &str, &str); 4] = [
     ("syntax", "[controller]\n\nkind = lqr\n", "all/syntax.toml:3: found"),
-    ("unknown", "controler.kind = \"lqr\"\n", "did you mean controller.kind?"),
+    ("unknown", "controller.lqr.qq = [1.0]\n", "did you mean controller.lqr.q?"),
     (
         "shape",
         "[controller.lqr]\nk = [[1.0]]\n",
@@ -105,5 +105,5 @@ fn the_number_of_flights_is_said_and_keys_that_name_files_cannot_be_allowed() {
     assert_eq!(run.status.code(), Some(1), "none is left, and that is a result");
     let allows = |key| ["rank", "a.toml", "--task", "cf21", "--may", key];
     fails(&allows("letters.font"), &[], &["may: found letters.font", "names no file"]);
-    fails(&allows("controler.*"), &[], &["controler.*"]);
+    fails(&allows("gains.*"), &[], &["may: found gains.*"]);
 }
