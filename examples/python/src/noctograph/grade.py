@@ -68,15 +68,17 @@ class _Process:
         self.limits, self.waited_s = limits, 0.0
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
+        own = os.path.realpath(self.folder.name)
         path = os.pathsep.join(folder for folder in sys.path if folder)
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        kept = {name: os.environ[name] for name in ("PATH", "LD_LIBRARY_PATH") if name in os.environ}
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", "from noctograph.isolated import main; main()", str(theirs.fileno()),
                  json.dumps({**asdict(limits), "hidden": hidden})],
-                cwd=self.folder.name, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
+                cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={"PYTHONPATH": path, "TMPDIR": self.folder.name, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads},
+                env={"PYTHONPATH": path, "TMPDIR": own, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
             )  # fmt: skip
         try:
             for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
