@@ -26,6 +26,8 @@ __all__ = [
     "outcomes",
     "trials",
     "ranking",
+    "submission",
+    "least_flights",
     "tuning",
 ]
 
