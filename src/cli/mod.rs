@@ -1,7 +1,8 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible or not safe to fly, 2 error. Only this room knows the names of flags.
+//! legible), 1 not legible, not safe to fly or refused, 2 error. Only this room knows the names of
+//! flags.
 
 use std::io::Write;
 use std::num::NonZero;
@@ -78,7 +79,8 @@ pub use outcome::Report;
     version,
     max_term_width = 80,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (and legible), 1 not legible or not safe to fly, 2 error."
+    after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or refused, 2 \
+                  error."
 )]
 struct CommandLine {
     #[command(subcommand)]

@@ -3,11 +3,15 @@
 use std::path::PathBuf;
 
 use super::studies::{
-    RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
+    GRADED, RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use super::{Args, Report, Result, json};
+use super::{Args, Report, Result, json, message};
+use crate::scene::{NamedScene, SceneTask};
 use crate::shoot::Stop;
-use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
+use crate::studies::{
+    Conditions, Record, Shard, Study, Trial, Unranked, evaluate, least_flights, rank, shards,
+    submissions,
+};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \
@@ -20,9 +24,19 @@ use crate::studies::{Record, Shard, Study, Trial, evaluate, rank, shards};
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
-    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned)
+    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned); with --task,
+    /// submissions: files or folders of them
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
+    /// Grade: each submission, a scene or a few of its keys, flies this scene with the keys that
+    /// --may allows; one that changes others is refused
+    #[arg(long, value_name = "SCENE")]
+    task: Option<String>,
+    /// A key that a submission may change, or all of a table; never one that names a file, never
+    /// the true state; may be repeated [default: controller.*, observer.luenberger.*,
+    /// observer.ekf.*]
+    #[arg(long, value_name = "KEY", requires = "task")]
+    may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
     /// Fly one part of the flights into the folder of --parts, unless it is there already, and rank
@@ -32,19 +46,35 @@ pub(super) struct RankArgs {
     /// Folder of shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
-    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png
+    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png; with --task
+    /// also marks.csv
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
 
+/// Seeds of a word where submissions are graded and none are named: enough for 229 of them.
+const GRADED_SEEDS: u32 = 20;
+
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
-    let contenders = args.scenes.iter().map(|named| args.study.scene(named, &conditions));
-    let contenders = contenders.collect::<Result<_>>()?;
-    let (words, seed) = (args.study.words(50)?, args.study.seed);
+    let (contenders, unranked) = args.contenders(&conditions)?;
+    let least = least_flights(contenders.len());
+    let usual = if args.task.is_some() { least.max(GRADED_SEEDS) } else { 50 };
+    let (words, seed) = (args.study.words(usual)?, args.study.seed);
     let study = Study { contenders, words, conditions, seed };
-    study.check()?;
+    if unranked.is_empty() || !study.contenders.is_empty() {
+        study.check()?;
+    }
+    if args.task.is_some() {
+        let (n, refused) = (study.contenders.len(), unranked.len());
+        let each = study.n_trials() / n.max(1);
+        let said = format!(
+            "{n} submissions fly {each} times each; at least {least} tell two apart; {refused} are \
+             refused"
+        );
+        message("note: ", &said);
+    }
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
@@ -55,13 +85,29 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
     parts.iter().flatten().try_for_each(|path| store.take(path))?;
-    let results = open_results(&args.output, &RANKING)?;
+    let names = if args.task.is_some() { &GRADED[..] } else { &RANKING };
+    let results = open_results(&args.output, names)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
     let stop = Stop::default();
     let records: Vec<Record> = evaluate(&study, &ready, &trials, Some(&store), &stop, &bar)?;
     drop(bar);
-    let ranking = rank(&study, &records);
-    let files = write_ranking(results, &study, &ready, &ranking, &records)?;
-    Ok(ranking_report(&study, &ranking, records.len()).with_files(&files))
+    let mut ranking = rank(&study, &records);
+    ranking.unranked = unranked;
+    let files = write_ranking(results, args.task.is_some(), &study, &ready, &ranking, &records)?;
+    let report = ranking_report(&study, &ranking, records.len()).with_files(&files);
+    Ok(report.passes(ranking.unranked.is_empty()))
+}
+
+impl RankArgs {
+    /// The scenes, or those of the submissions that keep to the task, and the others.
+    fn contenders(&self, conditions: &Conditions) -> Result<(Vec<NamedScene>, Vec<Unranked>)> {
+        let scene = |named: &String| self.study.scene(named, conditions);
+        let Some(task) = &self.task else {
+            return Ok((self.scenes.iter().map(scene).collect::<Result<_>>()?, Vec::new()));
+        };
+        let mut task = scene(task)?.scene;
+        task.settle_files()?;
+        submissions(&SceneTask::new(task, &self.may)?, &self.scenes)
+    }
 }

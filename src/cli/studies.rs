@@ -13,7 +13,7 @@ use super::{
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
-    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, ranking_csv,
+    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
 };
 use noctograph_core::files::Limit;
 
@@ -26,7 +26,8 @@ pub(super) struct StudyFlags {
     /// on each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank 50, tune 6]
+    /// Seeds of each word [default: rank 50, or 20 with --task and more for over 229 submissions;
+    /// tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed that all seeds are drawn from
@@ -125,9 +126,13 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
 
 /// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
+/// The same, and the marks of submissions.
+pub(super) const GRADED: [&str; 5] =
+    ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
 pub(super) fn write_ranking(
     mut folder: OutputFolder,
+    marks: bool,
     study: &Study,
     ready: &[Prepared],
     ranking: &Ranking,
@@ -142,6 +147,9 @@ pub(super) fn write_ranking(
     })?;
     folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
     folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
+    if marks {
+        folder.write(GRADED[0], |out| out.write_all(marks_csv(ranking).as_bytes()))?;
+    }
     folder.keep()
 }
 
@@ -149,7 +157,7 @@ pub(super) fn write_ranking(
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let product = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
-        "least_flights": ranking.least_flights,
+        "least_flights": ranking.least_flights, "unranked": ranking.unranked,
     });
     let n_words = study.words.len();
     let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
@@ -159,16 +167,20 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         let names = ranking.measures.iter().map(|m| &m.contender).zip(labels(ranking, 20));
         names.into_iter().find(|(name, _)| *name == contender).map(|(_, label)| label)
     };
-    let names = alike.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
+    let shown = &alike[..alike.len().min(MOST_PAIRS)];
+    let names = shown.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
+    let places = ranking.measures.iter().map(|m| m.place.map_or("-".into(), |it| it.to_string()));
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
     let words = json!({
         "word": study.words.first().filter(|_| n_words == 1).map(|(word, _)| word),
         "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
-        "names": labels(ranking, 16), "few": is_few.then_some(n_each),
+        "names": labels(ranking, 16), "places": places.collect::<Vec<_>>(),
+        "few": is_few.then_some(n_each),
         "n_scenes": ranking.measures.len(), "pairs": names.collect::<Vec<_>>(),
         "all": (alike.is_empty() && !pairs.is_empty()).then_some("all scenes"),
-        "differ": alike.first().map(|_| "difference"), "alike": alike,
+        "differ": alike.first().map(|_| "difference"), "alike": shown,
+        "n_more": Some(alike.len() - shown.len()).filter(|n| *n > 0),
     });
     Report::with_words(product, &words, RANKED)
 }
@@ -178,7 +190,8 @@ const RANKED: &str = "\
 {n_words} words, {n_flights} flights each scene; the same seeds for all; intervals of 95 %
 
 |measures|<4|scene<16|P(read)>7|  interval<16|legible/%>9|interval/%>12|worst 10 %>11|lost>5
- {place}|{names.#}|{legibility.value:.3}|  {legibility.low:.3} to {legibility.high:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}|{worst_decile.value:.3}|{n_lost}
+ {places.#}|{names.#}|{legibility.value:.3}|  {legibility.low:.3} to {legibility.high:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}|{worst_decile.value:.3}|{n_lost}
+*unranked  -  {contender} {note}
 
 P(read): mean readability of the photos; where another word is likelier than the right one, a photo counts no more than the right one's share
 
@@ -190,8 +203,12 @@ too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at lea
 {all} are distinguishable from each other
 NOT distinguishable ({differ} in P(read), interval for all pairs together):
 *alike   {pairs.#.0} and {pairs.#.1}: {difference.value:+.4}, {difference.low:+.4} to {difference.high:+.4}
+  and {n_more} pairs more: ranking.json
 
 ";
+
+/// Most pairs that the table names: thirty scenes have 435.
+const MOST_PAIRS: usize = 30;
 
 /// Names of scenes in columns of `width`, no two alike.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {

@@ -41,7 +41,7 @@ mod _noctograph {
         scene::{PyScene, setting},
         sessions::PySessions,
         shot::{PyShot, photograph, read, score},
-        study::{outcomes, ranking, trials, tuning},
+        study::{least_flights, outcomes, ranking, submission, trials, tuning},
     };
 
     #[pymodule_export]

@@ -14,11 +14,11 @@ use super::scene::PyScene;
 use super::{Ends, array_of, raised, run_showing, to_python};
 use noctograph::cli::{ranking_report, tuning_report};
 use noctograph::error::Result;
-use noctograph::scene::{NamedScene, Scene};
+use noctograph::scene::{NamedScene, Scene, SceneTask};
 use noctograph::shoot::Stop;
 use noctograph::studies::{
     Candidate, Conditions, Flown, Knob, Outcome, Prepared, Record, Store, Study, Trial,
-    TuneOptions, evaluate, rank, tune,
+    TuneOptions, Unranked, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
 /// Runs a stage that counts what is done, and calls `progress(done, total)` of Python meanwhile.
@@ -129,6 +129,7 @@ pub(super) fn ranking<'py>(
     seed: u64,
     folder: Option<PathBuf>,
     flown: BTreeMap<usize, String>,
+    unranked: BTreeMap<String, String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let mut study = study(scenes, words, seed);
@@ -137,7 +138,9 @@ pub(super) fn ranking<'py>(
     let total = each * study.contenders.len() - flown.len();
     let (text, json) = counted(py, progress, total, move |until, counter| {
         study.conditions = Conditions::find(&conditions)?;
-        study.check()?;
+        if unranked.is_empty() || !study.contenders.is_empty() {
+            study.check()?;
+        }
         let trials: Vec<Trial> = study.trials().collect();
         let rest = trials.iter().enumerate().filter(|(at, _)| !flown.contains_key(at));
         let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
@@ -157,12 +160,37 @@ pub(super) fn ranking<'py>(
             },
         };
         let records: Vec<Record> = trials.iter().enumerate().map(record).collect();
-        let report = ranking_report(&study, &rank(&study, &records), records.len());
+        let mut ranking = rank(&study, &records);
+        let unranked = unranked.into_iter();
+        ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
+        let report = ranking_report(&study, &ranking, records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
+        json["csv"] = json!({
+            "marks": marks_csv(&ranking), "ranking": ranking_csv(&ranking),
+            "flights": flights_csv(&records),
+        });
         Ok((report.text, json))
     })?;
     Ok((text, to_python(py, &json)?))
+}
+
+/// A task's scene with the allowed keys of a submission: see `noctograph/grade.py`.
+#[pyfunction]
+pub(super) fn submission(
+    py: Python<'_>,
+    task: &PyScene,
+    may: Vec<String>,
+    path: PathBuf,
+) -> PyResult<PyScene> {
+    let task = SceneTask::new(task.0.clone(), &may).map_err(|error| raised(py, &error))?;
+    task.submission(&path).map(PyScene).map_err(|error| raised(py, &error))
+}
+
+/// Flights of each of some contenders below which no two can be told apart.
+#[pyfunction]
+pub(super) fn least_flights(n_contenders: usize) -> u32 {
+    noctograph::studies::least_flights(n_contenders)
 }
 
 /// Tunes a scene: see `tune` of `noctograph/studies.py`. The table, the keys of

@@ -17,6 +17,17 @@ pub struct Ranking {
     pub pairs: Vec<Pair>,
     /// Flights of each contender below which no two can be told apart, however they differ.
     pub least_flights: u32,
+    /// Those that are not ranked.
+    pub unranked: Vec<Unranked>,
+}
+
+/// A contender that is not ranked.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unranked {
+    /// Its name.
+    pub contender: String,
+    /// Why: `refused: ...` before the flights, `failed: ...` in one of them.
+    pub note: String,
 }
 
 /// How a contender did over all its flights.
@@ -24,8 +35,9 @@ pub struct Ranking {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best; those indistinguishable from a better one share its place.
-    pub place: usize,
+    /// 1 for the best; those that cannot be told from the first of a place share it. `None` where
+    /// the drone was lost on every flight.
+    pub place: Option<usize>,
     /// Flights.
     pub n_flights: usize,
     /// Flights in which the drone was lost.
@@ -78,20 +90,36 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
         records.map(|record| record.outcome.probability).collect()
     };
     let names = measures.iter().map(|measures| measures.contender.as_str());
-    let (pairs, least_flights) = pairs(&names.map(|n| (n, probabilities(n))).collect::<Vec<_>>());
-    for measures in &mut measures {
-        let worse = pairs.iter().filter(|pair| pair.worse == measures.contender);
-        measures.place += worse.filter(|pair| pair.distinguishable).count();
+    let pairs = pairs(&names.map(|n| (n, probabilities(n))).collect::<Vec<_>>());
+    let mut first_of_place = 0;
+    for index in 0..measures.len() {
+        let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
+        let both = |pair: &&Pair| (&pair.better, &pair.worse) == (best, this);
+        if pairs.iter().find(both).is_some_and(|pair| pair.distinguishable) {
+            first_of_place = index;
+        }
+        let is_lost = measures[index].n_lost == measures[index].n_flights;
+        measures[index].place = (!is_lost).then_some(first_of_place + 1);
     }
-    Ranking { measures, pairs, least_flights }
+    let least_flights = least_flights(measures.len());
+    Ranking { measures, pairs, least_flights, unranked: Vec::new() }
 }
 
-/// Every two contenders, by their probabilities flight by flight, the better ones first; and the
-/// flights that are needed to tell any apart.
-fn pairs(contenders: &[(&str, Vec<f64>)]) -> (Vec<Pair>, u32) {
-    let n_pairs = contenders.len() * contenders.len().saturating_sub(1) / 2;
-    let level = 1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64;
-    let mut pairs = Vec::with_capacity(n_pairs);
+/// Flights of each of some contenders below which no two can be told apart, however they differ.
+#[must_use]
+pub fn least_flights(n_contenders: usize) -> u32 {
+    least_for_center(level(n_contenders))
+}
+
+/// Level of the interval of one pair, so that those of all pairs hold together (Bonferroni).
+fn level(n_contenders: usize) -> f64 {
+    let n_pairs = n_contenders * n_contenders.saturating_sub(1) / 2;
+    1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
+}
+
+/// Every two contenders, by their probabilities flight by flight, the better ones first.
+fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
+    let (level, mut pairs) = (level(contenders.len()), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
         for (worse, b) in &contenders[place + 1..] {
             let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
@@ -105,7 +133,7 @@ fn pairs(contenders: &[(&str, Vec<f64>)]) -> (Vec<Pair>, u32) {
             });
         }
     }
-    (pairs, least_for_center(level))
+    pairs
 }
 
 /// The values of one contender's records that have one, word by word.
@@ -138,7 +166,7 @@ fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     };
     Measures {
         contender: records[0].contender.clone(),
-        place: 1,
+        place: None,
         n_flights: records.len(),
         n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
         legibility: mean_of_probabilities(&probabilities),
@@ -190,13 +218,53 @@ mod tests {
         let ranking = ranked(&[&steps, &steadily_better]);
         assert_eq!(ranking.measures[0].contender, "b", "paired, 0.004 is enough");
         assert!(ranking.pairs[0].distinguishable, "{:?}", ranking.pairs);
-        assert_eq!((ranking.measures[0].place, ranking.measures[1].place), (1, 2));
+        assert_eq!(places(&ranking), [Some(1), Some(2)]);
 
         let shuffled: Vec<f64> = (0..40).map(|k| 0.306 + 0.01 * f64::from(k * 7 % 40)).collect();
         let ranking = ranked(&[&steps, &shuffled]);
         assert!(ranking.pairs[0].difference.value > 0.005);
         assert!(!ranking.pairs[0].distinguishable, "{:?}", ranking.pairs);
-        assert_eq!((ranking.measures[0].place, ranking.measures[1].place), (1, 1));
+        assert_eq!(places(&ranking), [Some(1), Some(1)]);
+    }
+
+    fn places(ranking: &Ranking) -> Vec<Option<usize>> {
+        ranking.measures.iter().map(|measures| measures.place).collect()
+    }
+
+    #[test]
+    fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
+        // b is steadily a little worse than a; c is worse still, and now and then the best.
+        let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
+        let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
+        let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
+        let ranking = ranked(&[&c, &b, &a]);
+        let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
+        assert_eq!(names, ["c", "b", "a"], "by P(read)");
+        let [of_b, of_c] = [("c", "b"), ("c", "a")].map(|(better, worse)| {
+            let pair = ranking.pairs.iter().find(|p| p.better == better && p.worse == worse);
+            pair.unwrap().distinguishable
+        });
+        assert_eq!((of_b, of_c), (true, false));
+        assert_eq!(places(&ranking), [Some(1), Some(2), Some(2)]);
+    }
+
+    #[test]
+    fn a_controller_that_lost_every_drone_has_no_place() {
+        let study = Study {
+            contenders: vec![NamedScene::new("a", Scene::preset(Preset::Ae4832022))],
+            words: vec![("I".to_owned(), 2)],
+            conditions: Conditions::still(),
+            seed: 0,
+        };
+        let record = |trial: super::super::Trial| Record {
+            scene: String::new(),
+            contender: "a".into(),
+            word: "I".into(),
+            seed: trial.seed,
+            outcome: Outcome::lost("I", "it turns over".into()),
+        };
+        let records: Vec<Record> = study.trials().map(record).collect();
+        assert_eq!(places(&rank(&study, &records)), [None]);
     }
 
     /// Share of studies in which contenders that do not differ are told apart.
@@ -209,7 +277,7 @@ mod tests {
             let mut list =
                 || seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal()))).collect();
             let lists: Vec<(&str, Vec<f64>)> = (0..n_contenders).map(|_| ("x", list())).collect();
-            pairs(&lists).0.iter().any(|pair| pair.distinguishable)
+            pairs(&lists).iter().any(|pair| pair.distinguishable)
         };
         let n_wrong = (0..n_studies).into_par_iter().filter(told_apart).count();
         n_wrong as f64 / f64::from(n_studies)
@@ -242,6 +310,6 @@ mod tests {
         assert!((found.worst_decile.value - 0.025).abs() < 1e-12, "mean of 0 and 0.05");
         assert!((found.legible.value - 0.3).abs() < 1e-12, "six are above 0.7: {found:?}");
         assert!((found.all_read.value - 0.45).abs() < 1e-12, "nine are above a half");
-        assert!(ranking.pairs.is_empty() && found.place == 1);
+        assert!(ranking.pairs.is_empty() && found.place == Some(1));
     }
 }

@@ -23,10 +23,31 @@ pub fn flights_csv(records: &[Record]) -> String {
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
-    let all = columns("place contender flights=n_flights lost=n_lost")
+    let all = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().flatten());
-    table(all, ranking.measures.iter().map(value))
+    let unranked = ranking.unranked.iter().map(value);
+    table(all, ranking.measures.iter().map(value).chain(unranked))
+}
+
+/// A row for each submission: marks are 100 times P(read), 0 for those that are not ranked.
+#[must_use]
+pub fn marks_csv(ranking: &Ranking) -> String {
+    let ranked = ranking.measures.iter().map(|measures| {
+        let (mut row, n_lost) = (value(measures), measures.n_lost);
+        row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
+        let lost = || format!("lost on {n_lost} of {} flights", measures.n_flights);
+        row["note"] = if n_lost > 0 { lost().into() } else { Value::Null };
+        row
+    });
+    let unranked = ranking.unranked.iter().map(|unranked| {
+        let mut row = value(unranked);
+        row["marks"] = 0.into();
+        row
+    });
+    let read = "p_read=legibility/value low=legibility/low high=legibility/high";
+    let all = columns("name=contender place").chain(columns(read)).chain(columns("marks note"));
+    table(all, ranked.chain(unranked))
 }
 
 /// A row for each candidate, in the order of the search, with the scene's value of each key that a

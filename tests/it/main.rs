@@ -10,6 +10,7 @@ mod cli;
 mod compare;
 mod compare_flights;
 mod cooperation;
+mod course;
 mod coverage;
 mod dialects;
 mod digests;

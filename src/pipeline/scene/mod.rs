@@ -31,6 +31,7 @@ mod idle;
 mod implied;
 mod named;
 mod preset;
+mod task;
 mod text;
 
 pub use advice::{Change, SceneAdvice};
@@ -38,6 +39,7 @@ pub use carried::CarriedScene;
 pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
+pub use task::SceneTask;
 
 settings! {
     /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
@@ -196,7 +198,7 @@ impl Scene {
     /// Keys whose values differ from those of its preset: key, value, the preset's value.
     #[must_use]
     pub fn changes(&self) -> Vec<[String; 3]> {
-        text::changes(self)
+        text::changes(self, self.preset.scene())
     }
 
     /// A scene that is the preset and nothing else.

@@ -309,11 +309,11 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Keys whose values differ from the preset's, with both values; `-` where there is none.
-pub(super) fn changes(scene: &Scene) -> Vec<[String; 3]> {
+/// Keys whose values differ from another scene's, with both values; `-` where there is none.
+pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let table = |scene: &Scene| Table::try_from(scene).expect("a checked scene is a TOML table");
     let mut changes = Vec::new();
-    compare(&mut changes, "", &table(scene), &table(scene.preset.scene()));
+    compare(&mut changes, "", &table(scene), &table(other));
     changes
 }
 

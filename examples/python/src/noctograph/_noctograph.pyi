@@ -26,6 +26,8 @@ __all__ = [
     "outcomes",
     "trials",
     "ranking",
+    "submission",
+    "least_flights",
     "tuning",
 ]
 
@@ -189,8 +191,11 @@ def ranking(
     seed: int,
     folder: _Path | None,
     flown: Mapping[int, str],
+    unranked: Mapping[str, str],
     progress: Callable[[int, int], Any] | None,
 ) -> tuple[str, dict[str, Any]]: ...
+def submission(task: Scene, may: Sequence[str], path: _Path) -> Scene: ...
+def least_flights(n_contenders: int) -> int: ...
 def tuning(
     scene: Scene,
     words: list[tuple[str, int]],

@@ -283,7 +283,7 @@ def rank(
     Returns
     -------
     Report
-        The keys of ``noctograph rank --json``, and ``report["flights"]``.
+        The keys of ``noctograph rank --json``, and ``report["flights"]``; ``report.files`` has the tables as CSV.
     """
     with _bar(progress, "ranking") as show:
         controllers = {name: it[1] for name, it in scenes.items() if not isinstance(it, Scene)}
@@ -300,7 +300,14 @@ def rank(
                 of_word = Scene(scene, word=word)
                 outcomes = _fly_controlled(of_word, drawn, controllers[name], conditions, vectorized, None)[1]
                 flown.update(zip(places, outcomes, strict=True))
-        return Report(*_ranking(named, counted, conditions, seed, folder, flown, show))
+        return _ranked(named, counted, conditions, seed, folder, flown, {}, show)
+
+
+def _ranked(*arguments: Any) -> Report:
+    """The report of a ranking, with its tables as files."""
+    text, keys = _ranking(*arguments)
+    files = {f"{name}.csv": table.encode() for name, table in keys.pop("csv").items()}
+    return Report(text, keys, files)
 
 
 def tune(

@@ -1,0 +1,328 @@
+"""Marks for a class: scenes and controllers in Python under one task, each fault its owner's alone.
+
+A submission is a scene or a few of its keys (TOML), of which the task's controller keys may differ, or a
+controller in Python, as ``nc.fly`` takes it. The simulation runs here; a controller runs in a process of its own
+that is told the estimates and gives motor commands: see `isolated`.
+
+``python -m noctograph.grade TASK SUBMISSIONS -o marks``
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._noctograph import Scene, Sessions, least_flights, submission as _submission, trials as _trials
+from .commands import PathLike, Report, command
+from .errors import InfeasibleError, InputError
+from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
+
+#: Seeds of a word where none are named: enough to tell two of 229 submissions apart.
+SEEDS = 20
+#: Largest source of a controller, bytes.
+MOST_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a controller in Python may take for a word: wall time of one step of all its flights, which are flown
+    together, and to be loaded; wall time and CPU time in all, s; and memory, MB."""
+
+    step_s: float = 5.0
+    load_s: float = 60.0
+    total_s: int = 900
+    memory_mb: int = 4096
+
+
+class Failed(Exception):
+    """Why a submission has no place."""
+
+
+def _line(answer: bytes) -> str:
+    """What a process says, which a table can hold."""
+    text = answer.decode("utf-8", "replace")
+    return "".join(sign if sign.isprintable() else " " for sign in text[:200])
+
+
+class _Process:
+    """A controller in a process of its own."""
+
+    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, hidden: Sequence[str]) -> None:
+        self.limits, self.waited_s = limits, 0.0
+        self.wire, theirs = socket.socketpair()
+        self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
+        own = os.path.realpath(self.folder.name)
+        path = os.pathsep.join(folder for folder in sys.path if folder)
+        threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        kept = {name: os.environ[name] for name in ("PATH", "LD_LIBRARY_PATH") if name in os.environ}
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", "from noctograph.isolated import main; main()", str(theirs.fileno()),
+                 json.dumps({**asdict(limits), "hidden": hidden})],
+                cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                env={"PYTHONPATH": path, "TMPDIR": own, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
+            )  # fmt: skip
+        try:
+            for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
+                self._send(message)
+            self.left = _line(self._receive("n", 0, limits.load_s))
+        except BaseException:
+            self.end()
+            raise
+
+    def ask(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Motor commands for the flights that are not over."""
+        begun = time.monotonic()
+        self._send(rows.tobytes())
+        answer = self._receive("m", 32 * len(rows), self.limits.step_s)
+        self.waited_s += time.monotonic() - begun
+        if self.waited_s > self.limits.total_s:
+            raise Failed(f"more than {self.limits.total_s} s in all")
+        motors = np.frombuffer(answer).reshape(-1, 4) if len(answer) == 32 * len(rows) else np.array([np.nan])
+        if not np.isfinite(motors).all():
+            raise Failed("its answer is broken")
+        return motors
+
+    def _send(self, message: bytes) -> None:
+        self.wire.settimeout(self.limits.load_s)
+        try:
+            self.wire.sendall(struct.pack("<I", len(message)) + message)
+        except TimeoutError:
+            raise Failed("it does not listen") from None
+        except OSError:
+            pass  # it ended: what it said last is read
+
+    def _receive(self, kind: str, most: int, within_s: float) -> bytes:
+        """The answer of a kind, or why there is none."""
+        until, parts, length = time.monotonic() + within_s, bytearray(), 4
+        while len(parts) < length:
+            try:
+                self.wire.settimeout(max(until - time.monotonic(), 1e-3))
+                part = self.wire.recv(length - len(parts))
+            except TimeoutError:
+                raise Failed(f"no answer within {within_s:g} s") from None
+            except OSError:
+                part = b""
+            if not part:
+                raise Failed(f"its process ended: {self._status()}")
+            parts += part
+            if len(parts) == length == 4:
+                length = 4 + struct.unpack("<I", parts)[0]
+                if not 5 <= length <= 5 + max(most, 1000):
+                    raise Failed("its answer is broken")
+        answer = bytes(parts[5:])
+        if parts[4] == ord("f"):
+            raise Failed(_line(answer))
+        if parts[4] != ord(kind):
+            raise Failed("its answer is broken")
+        return answer
+
+    def _status(self) -> str:
+        try:
+            code = self.process.wait(1)
+        except subprocess.TimeoutExpired:
+            return "it closed its pipe"
+        number = -code if code < 0 else code - 128
+        names = {it.value: it.name for it in signal.Signals}
+        return f"killed by {names[number]} (memory or CPU time)" if number in names else f"exit code {code}"
+
+    def end(self) -> None:
+        """Ends it and all that it started."""
+        self.wire.close()
+        try:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        except OSError:
+            pass  # it has ended
+        self.process.wait()
+        self.folder.cleanup()
+
+
+def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, hidden: Sequence[str]) -> tuple[list[str], str]:
+    """Outcomes of a controller's flights as JSON, and what was not shut off."""
+    sessions = Sessions(scene, len(seeds), conditions)
+    sessions.reset(list(seeds))
+    process, motors = _Process(source, scene, len(seeds), limits, hidden), np.zeros((len(seeds), 4))
+    seen = sessions.look()
+    try:
+        while not (over := seen["landed"] | seen["lost"]).all():
+            flying = np.flatnonzero(~over)
+            rows = [flying.astype(float), seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
+            motors[over] = 0
+            motors[flying] = process.ask(np.column_stack(rows))
+            sessions.step(motors, [1] * len(seeds))
+            seen = sessions.look()
+        return sessions.outcomes()[1], process.left
+    finally:
+        process.end()
+
+
+def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
+    """Files by the names of their rows: those without their endings, where no two share one."""
+    if isinstance(given, (str, os.PathLike)):
+        folder = Path(given)
+        files = sorted(it for it in folder.iterdir() if not it.name.startswith((".", "_"))) if folder.is_dir() else [folder]
+    else:
+        files = [Path(path) for path in given]
+    same = Counter(file.stem for file in files)
+    return {file.stem if same[file.stem] == 1 else str(file): file for file in files}
+
+
+def grade(
+    task: Scene | str,
+    submissions: PathLike | Sequence[PathLike],
+    *,
+    may: Sequence[str] = (),
+    words: Words | None = None,
+    seeds: int | None = None,
+    conditions: str = "room",
+    seed: int = 0,
+    workers: int | None = None,
+    limits: Limits | None = None,
+    progress: Any = True,
+) -> Report:
+    """Ranks the submissions of a class and marks them; a mark is 100 times P(read).
+
+    Parameters
+    ----------
+    task : Scene or str
+        What is flown; its word by default.
+    submissions : path or sequence of path
+        Files (``.toml``, ``.py``) or a folder of them.
+    may : sequence of str
+        Keys that a scene may change, as ``"controller.*"``: the default with the weights of the observers. Never
+        one that names a file, never the true state.
+    words, conditions
+        As for `rank`.
+    seeds : int, optional
+        Seeds of each word: by default 20, or as many as tell two submissions apart.
+    seed : int
+        Seed that all seeds are drawn from; one that the class does not know keeps its weather hidden.
+    workers : int, optional
+        Controllers in Python that run at once; by default one for each core. The marks are the same.
+    limits : Limits, optional
+        Time and memory of a controller in Python.
+    progress : bool or callable
+        As for `rank`; of its flights.
+
+    Returns
+    -------
+    Report
+        As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
+        with ``marks.csv``.
+    """
+    task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
+    files = _submissions(submissions)
+    unranked: dict[str, str] = {}
+    scenes: dict[str, Scene] = {}
+    sources: dict[str, bytes] = {}
+    for name, file in files.items():
+        try:
+            if file.suffix == ".py" and file.is_file() and os.name == "posix":
+                if file.stat().st_size > MOST_BYTES:
+                    raise Failed(f"more than {MOST_BYTES} bytes")
+                sources[name] = file.read_bytes()
+            elif file.suffix != ".toml":
+                raise Failed("wanted a scene (.toml) or a controller in Python (.py, on Linux and macOS)")
+            scenes[name] = task if name in sources else _submission(task, may, file)
+        except (InputError, InfeasibleError, Failed, OSError) as error:
+            if isinstance(error, InputError) and error.place == "may":
+                raise
+            unranked[name] = f"refused: {error}"
+    least = least_flights(len(scenes))
+    seeds = seeds or max(SEEDS, least)
+    counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
+    trials = _trials([("task", task)], counted, seed)
+    print(f"{len(scenes)} submissions fly {len(trials)} times each; at least {least} tell two apart", file=sys.stderr)
+    needed = [Path(it).resolve() for it in [*sys.path, sys.prefix, tempfile.gettempdir()] if it]
+    hidden = {"/proc", os.getcwd(), *(str(file.resolve().parent) for file in files.values())}
+    hidden = sorted((it for it in hidden if not any(path.is_relative_to(it) for path in needed)), reverse=True)
+
+    def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
+        name, index = job
+        drawn = [trial[2] for trial in trials if trial[1] == index]
+        try:
+            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, hidden)
+        except Failed as failed:
+            return failed
+
+    jobs = [(name, index) for name in sources for index in range(len(counted))]
+    outcomes: dict[str, list[str]] = {name: [] for name in sources}
+    left: set[str] = set()
+    with ThreadPoolExecutor(workers or os.cpu_count()) as pool, _bar(progress if jobs else False, "controllers") as show:
+        for done, ((name, _), result) in enumerate(zip(jobs, pool.map(of_word, jobs), strict=True), 1):
+            if isinstance(result, Failed):
+                unranked.setdefault(name, f"failed: {result}")
+                scenes.pop(name, None)
+            else:
+                outcomes[name] += result[0]
+                left |= {result[1]} - {""}
+            if show is not None:
+                show(done, len(jobs))
+    for warning in sorted(left):
+        print(f"warning: {warning}", file=sys.stderr)
+    flown = {
+        index * len(trials) + at: outcome
+        for index, name in enumerate(scenes)
+        for at, outcome in enumerate(outcomes[name] if name in sources else [])
+    }
+    with _bar(progress, "ranking") as show:
+        return _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Grades a folder; 1 where a submission was refused or failed."""
+    parser = argparse.ArgumentParser(prog="python -m noctograph.grade", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("task", metavar="TASK", help="scene: a file or a name, as for noctograph")
+    parser.add_argument("submissions", metavar="SUBMISSION", nargs="+", help="folder, or files (.toml, .py)")
+    parser.add_argument("-o", "--output", metavar="DIR", default="noctograph-grade", help="folder for marks.csv, tables and report.html")
+    parser.add_argument("--may", metavar="KEY", action="append", default=[], help="a key that a scene may change; repeatable")
+    parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds [default: the task's]")
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed that all seeds are drawn from: keep it to yourself")
+    parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
+    parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
+    for name, most in asdict(Limits()).items():
+        kind = int if isinstance(most, int) else float
+        parser.add_argument(f"--{name.replace('_', '-')}", metavar="N", type=kind, default=most, help=f"limit of a controller in Python [default: {most}]")
+    args = parser.parse_args(arguments)
+    try:
+        words = [word.partition(":") for word in args.words.split(",")] if args.words else None
+        output = Path(args.output)
+        output.mkdir(parents=True, exist_ok=True)
+        given: Any = args.submissions if len(args.submissions) > 1 else args.submissions[0]
+        limits = Limits(**{name: getattr(args, name) for name in asdict(Limits())})
+        counted = {word: int(n or SEEDS) for word, _, n in words} if words else None
+        report = grade(
+            args.task, given, may=args.may, words=counted, conditions=args.conditions, seed=args.seed,
+            workers=args.workers, limits=limits,
+        )  # fmt: skip
+        files = {**report.files, "ranking.json": (json.dumps(dict(report), indent=2) + "\n").encode()}
+        for name, table in files.items():
+            (output / name).write_bytes(table)
+        command("report", output, output=output / "report.html")
+    except (ValueError, InfeasibleError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{report.text}\nfiles     {output / 'marks.csv'}\n          {output / 'report.html'}")
+    return 1 if report["unranked"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

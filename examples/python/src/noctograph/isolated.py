@@ -1,0 +1,189 @@
+"""The process of one submission: estimates come in, motor commands go out, and nothing else.
+
+What the system cannot forbid is told to the grader in the first answer. Python itself forbids less than a kernel:
+its audit events are there to name what a submission tried.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import ctypes
+import importlib
+import json
+import os
+import random
+import resource
+import signal
+import socket
+import struct
+import sys
+import warnings
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
+
+NAME = "submission.py"
+#: Flight, estimate, reference and time of a row.
+COLUMNS = 1 + 12 + 9 + 1
+#: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
+NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
+IMPORTS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")
+#: Those that it has no reason for once it flies.
+FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
+#: What it may write while it is loaded, in its own folder, bytes.
+WRITTEN = 4 << 20
+# Linux: unshare(2), mount(2), mount_setattr(2), prctl(2).
+NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
+NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR, DEATH_SIGNAL = 0x1000_0000, 1, 0x8000, 442, 1
+
+
+def receive(wire: socket.socket) -> bytes:
+    """One message: its length, then its bytes."""
+
+    def exactly(n: int) -> bytes:
+        parts = bytearray()
+        while len(parts) < n:
+            part = wire.recv(n - len(parts))
+            if not part:
+                os._exit(0)  # the grader has enough
+            parts += part
+        return bytes(parts)
+
+    return exactly(struct.unpack("<I", exactly(4))[0])
+
+
+def send(wire: socket.socket, message: bytes) -> None:
+    """Sends one message."""
+    wire.sendall(struct.pack("<I", len(message)) + message)
+
+
+def fail(wire: socket.socket, why: str) -> NoReturn:
+    """Ends the process with the reason."""
+    send(wire, b"f" + why[:200].encode("utf-8", "replace"))
+    os._exit(1)
+
+
+def shut_off(hidden: list[str], own: str) -> str:
+    """Takes network, files and other processes away where the system allows; what it does not."""
+    libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
+    if not hasattr(libc, "unshare") or libc.unshare(NAMESPACES):
+        return "network and files are not shut off here: the system has no namespaces for users"
+    failed: list[str] = []
+    try:
+        for name, text in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
+            with open(f"/proc/self/{name}", "w") as file:
+                file.write(text)
+    except OSError:
+        failed, hidden = ["files"], []  # as where AppArmor leaves such a namespace without rights
+    # The process after a fork is the first of the new namespace, and ends with this one.
+    child = os.fork()
+    if child:
+        status = os.waitpid(child, 0)[1]
+        os._exit(os.WEXITSTATUS(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status))
+    libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
+    read_only = (ctypes.c_uint64 * 4)(READ_ONLY, 0, 0, 0)
+    failed += [folder for folder in hidden if libc.mount(b"none", os.fsencode(folder), b"tmpfs", READ_ONLY, None)]
+    if hidden and libc.syscall(MOUNT_SETATTR, -100, b"/", RECURSIVE, read_only, 32):
+        failed.append("/")
+    elif hidden:
+        libc.mount(b"none", os.fsencode(own), b"tmpfs", 0, f"size={2 * WRITTEN}".encode())
+        os.chdir(own)
+    libc.unshare(NEW_USER)  # without it the mounts could be undone
+    return f"not shut off here: {', '.join(failed)}" if failed else ""
+
+
+def controller_of(source: bytes) -> Any:
+    """What a submission hands in: `controller` or `Controller`, else the last class or function that can be one."""
+    module: dict[str, Any] = {"__name__": "submission", "__file__": NAME}
+    exec(compile(source, NAME, "exec"), module)
+    own = [it for it in module.values() if getattr(it, "__module__", None) == "submission"]
+    classes = [it for it in own if isinstance(it, type) and "__call__" in dir(it)]
+    functions = [it for it in own if hasattr(it, "__code__") and it.__code__.co_argcount in (2, 3)]
+    for handed_in in (module.get("controller"), module.get("Controller"), *classes[::-1], *functions[::-1]):
+        if handed_in is not None:
+            return handed_in
+    raise TypeError("no class with __call__ and no function of state and reference")
+
+
+def said(error: BaseException) -> str:
+    """An exception and the line of the submission that raised it."""
+    trace, line = error.__traceback__, ""
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == NAME:
+            line = f", line {trace.tb_lineno}"
+        trace = trace.tb_next
+    name = "it exits" if isinstance(error, SystemExit) else type(error).__name__
+    try:
+        text = str(error)
+    except BaseException:
+        text = ""
+    return name + (text and f": {text}") + line
+
+
+def fly(wire: socket.socket, each: list[Any]) -> NoReturn:
+    """Answers rows of the flights that are not over with their motor commands."""
+    timed = _takes_time(each[0])
+    while True:
+        rows = np.frombuffer(receive(wire)).reshape(-1, COLUMNS)
+        motors = np.empty((len(rows), 4))
+        for row, command in zip(rows, motors, strict=True):
+            state, reference = row[1:13], row[13:22]
+            controller = each[int(row[0])]
+            found = controller(state, reference, row[22]) if timed else controller(state, reference)
+            found = np.asarray(found)
+            if found.shape != (4,) or found.dtype.kind not in "fiu":
+                raise TypeError(f"four motor commands are wanted, not {found.dtype} of shape {found.shape}")
+            if not np.isfinite(found).all():
+                raise ValueError(f"a motor command is {found[~np.isfinite(found)][0]}")
+            command[:] = found
+        send(wire, b"m" + motors.tobytes())
+
+
+def main() -> NoReturn:
+    """Loads the submission and flies by it, until the grader has enough."""
+    wire = socket.socket(fileno=int(sys.argv[1]))
+    limits, own, flying = json.loads(sys.argv[2]), os.getcwd(), False
+
+    def audit(event: str, arguments: tuple[Any, ...]) -> None:
+        if not event.startswith((*NEVER, *FLYING)):
+            return
+        named = arguments[0] if arguments and isinstance(arguments[0], (str, bytes)) else ""
+        is_own = bool(named) and os.path.abspath(os.fsdecode(named)).startswith(own + os.sep)
+        writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
+        forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
+        if flying or (forbidden and not is_own):
+            hint = " (import it at the top of the file)" if flying and os.fsdecode(named).endswith((".py", ".pyc", ".so")) else ""
+            fail(wire, f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's" + hint)
+
+    def limit(what: int, most: int) -> None:
+        with contextlib.suppress(ValueError, OSError):  # lower already, or unknown to macOS
+            resource.setrlimit(what, (most, most))
+
+    try:
+        warnings.simplefilter("ignore")
+        for lazy in ("fft", "linalg", "ma", "polynomial", "random"):
+            importlib.import_module(f"numpy.{lazy}")  # no file can be opened in flight
+        random.seed(0)
+        np.random.seed(0)
+        left = shut_off(limits["hidden"], own)
+        source, (n,) = receive(wire), struct.unpack("<I", receive(wire))
+        with open("task.toml", "wb") as task:
+            task.write(receive(wire))
+        limit(resource.RLIMIT_CORE, 0)
+        limit(resource.RLIMIT_FSIZE, WRITTEN)
+        limit(resource.RLIMIT_CPU, limits["total_s"])
+        limit(resource.RLIMIT_AS, limits["memory_mb"] << 20)
+        sys.addaudithook(audit)
+        made = controller_of(source)
+        each = [made() if isinstance(made, type) else copy.deepcopy(made) for _ in range(n)]
+        limit(resource.RLIMIT_FSIZE, 0)
+        limit(resource.RLIMIT_NOFILE, 0)
+        limit(resource.RLIMIT_NPROC, 0)
+        flying = True
+        send(wire, b"n" + left.encode())
+        fly(wire, each)
+    except BaseException as error:
+        fail(wire, said(error))

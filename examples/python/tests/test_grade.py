@@ -1,0 +1,140 @@
+"""Marks for a class: cheats and faults cost their owner alone."""
+
+import csv
+import io
+import os
+import subprocess
+import sys
+import textwrap
+
+import noctograph as nc
+import pytest
+from noctograph.grade import Limits, grade, main
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="a process cannot be limited here")
+
+TASK = nc.Scene("cf-brushless", word="I")
+#: The controller of docs/tutorials/first-controller.md; its gains are a class's own.
+CASCADE = """
+import numpy as np
+import noctograph as nc
+
+scene = nc.Scene("cf-brushless", word="I")
+mixer = scene.motors_from_wrench
+weight_n = 9.81 * scene.mass_kg
+inertia = 1 / np.diag(np.array(nc.gains(scene)["B"])[9:])
+
+
+class Cascade:
+    kp, kd = np.array({kp}), np.array({kd})
+    attitude_p, attitude_d = np.array([10.0, 80.0, 80.0]), np.array([5.0, 16.0, 16.0])
+
+    def __call__(self, state, reference):
+        position, angles, velocity, rate = np.split(state, 4)
+        wanted = self.kp * (reference[:3] - position) + self.kd * (reference[3:6] - velocity) + reference[6:]
+        lean = np.clip([0, wanted[0] / 9.81, -wanted[1] / 9.81], -0.4, 0.4)
+        turn = self.attitude_p * (lean - angles) - self.attitude_d * rate[::-1]
+        return mixer @ [*(inertia * turn[::-1]), weight_n + scene.mass_kg * wanted[2]]
+"""
+HONEST = {
+    "stiff.py": CASCADE.format(kp=[9.0, 9.0, 20.0], kd=[5.0, 5.0, 8.0]),
+    "soft.py": CASCADE.format(kp=[2.0, 2.0, 12.0], kd=[2.0, 2.0, 6.0]),
+    "gains.toml": 'controller.kind = "lqr-integral"\n',
+}
+ZERO = "    return [0, 0, 0, 0]\n"
+#: What it does and, in its row, why it has no place.
+CHEATS = {
+    "frame.py": ("import sys\ndef controller(state, reference):\n    try:\n        sys._getframe(1).f_locals\n"
+                 "    except BaseException:\n        pass\n" + ZERO, "failed: sys._getframe is not a controller's"),
+    "reads.py": ("def controller(state, reference):\n    open('/etc/hostname')\n" + ZERO, "failed: open /etc/hostname"),
+    "writes.py": ("open('/tmp/marks.csv', 'w')\ndef controller(state, reference):\n" + ZERO, "failed: open /tmp/marks.csv"),
+    "calls.py": ("import socket\ndef controller(state, reference):\n    socket.socket()\n"
+                 + ZERO, "failed: socket."),
+    "kills.py": ("import os\nos.kill(os.getppid(), 9)\ndef controller(state, reference):\n" + ZERO, "failed: os.kill"),
+    "mass.toml": ("vehicle.mass_kg = 0.02\n", "refused: vehicle.mass_kg differs from the task's"),
+}  # fmt: skip
+FAULTY = {
+    "raises.py": ("def controller(state, reference):\n    return 1 / 0\n", "failed: ZeroDivisionError: division by zero, line 2"),
+    "sleeps.py": ("import time\ndef controller(state, reference):\n    time.sleep(1e6)\n", "failed: no answer within"),
+    "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: four motor commands are wanted"),
+    "assigns.py": ("def controller(state, reference):\n    state[0] = 0\n" + ZERO, "failed: ValueError: assignment destination is read-only"),
+    "exits.py": ("import os\ndef controller(state, reference):\n    os._exit(3)\n", "failed: its process ended: exit code 3"),
+    "leaves.py": ("def controller(state, reference):\n    raise SystemExit\n", "failed: it exits"),
+    "grows.py": ("def controller(state, reference):\n    return [bytearray(1 << 36)]\n", "failed: MemoryError"),
+    "nan.py": ("def controller(state, reference):\n    return [float('nan')] * 4\n", "failed: ValueError: a motor command is nan"),
+    "broken.py": ("def controller(state, reference:\n", "failed: SyntaxError"),
+    "nothing.py": ("import numpy as np\n", "failed: TypeError: no class with __call__"),
+    "essay.txt": ("I flew well.\n", "refused: wanted a scene"),
+}
+
+
+def rows(report):
+    return list(csv.DictReader(io.StringIO(report.files["marks.csv"].decode())))
+
+
+def hand_in(folder, submissions):
+    folder.mkdir()
+    for name, text in submissions.items():
+        (folder / name).write_text(text if isinstance(text, str) else text[0])
+    return folder
+
+
+def graded(folder, workers):
+    limits = Limits(step_s=5 if workers == 1 else 10)
+    return grade(TASK, folder, seeds=2, seed=5, workers=workers, limits=limits, progress=False)
+
+
+def test_cheats_and_faults_cost_their_owner_alone(tmp_path):
+    alone = graded(hand_in(tmp_path / "honest", HONEST), 1)
+    report = graded(hand_in(tmp_path / "all", {**HONEST, **CHEATS, **FAULTY}), 4)
+    assert not alone["unranked"] and rows(alone)[0]["place"] == "1"
+    assert rows(report)[:3] == rows(alone), "honest order and marks unchanged"
+    assert report["measures"] == alone["measures"] and report["flights"] == alone["flights"], "bit for bit"
+    notes = {row["name"]: row["note"] for row in rows(report)[3:]}
+    for name, (_, why) in {**CHEATS, **FAULTY}.items():
+        note = notes.pop(name.rsplit(".", 1)[0])
+        assert note.startswith(why), f"{name}: {note}"
+    assert not notes
+
+
+def test_a_controller_flies_as_it_does_without_a_process_of_its_own(tmp_path):
+    source = HONEST["stiff.py"]
+    module = {}
+    exec(source, module)
+    report = graded(hand_in(tmp_path / "a", {"stiff.py": source}), 1)
+    free = nc.rank({"stiff": (TASK, module["Cascade"])}, seeds=2, seed=5, progress=False)
+    assert report["measures"] == free["measures"] and report["flights"] == free["flights"]
+
+
+def test_what_the_system_forbids_is_out_of_reach(tmp_path):
+    spy = """
+    import ctypes, os
+    libc = ctypes.CDLL(None)
+    libc.open.argtypes = libc.umount2.argtypes = (ctypes.c_char_p, ctypes.c_int)
+    free = [libc.open(b"/tmp/noctograph-spy", 0o101) >= 0, libc.kill(os.getppid(), 0) == 0 and os.getppid() != 0,
+            libc.open(b"%s", 0) >= 0, libc.umount2(b"%s", 2) == 0]
+    def controller(state, reference):
+        raise RuntimeError(f"free {free}")
+    """
+    folder = tmp_path / "all"
+    others = os.fsencode(folder / "other.toml").decode()
+    hand_in(folder, {"other.toml": HONEST["gains.toml"], "spy.py": textwrap.dedent(spy % (others, folder))})
+    note = rows(graded(folder, 1))[-1]["note"]
+    if subprocess.run(["unshare", "-rn", "true"], check=False).returncode:
+        pytest.skip("no namespaces for users here")
+    assert "free [False, False, False, False]" in note, note
+
+
+def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
+    folder = hand_in(tmp_path / "all", {"good.toml": HONEST["gains.toml"], "bad<b>.toml": "[vehicle]\nmass_kg = 0.02\n"})
+    TASK.save(tmp_path / "task.toml")
+    output = tmp_path / "marks"
+    arguments = [str(tmp_path / "task.toml"), str(folder), "-o", str(output), "--words", "I:2", "--seed", "5"]
+    assert main(arguments) == 1, "one was refused"
+    assert "refused: vehicle.mass_kg" in capsys.readouterr().out
+    page = (output / "report.html").read_text()
+    assert "refused: vehicle.mass_kg" in page and "bad&lt;b>" in page
+    assert (output / "marks.csv").read_text().startswith("name,place,p_read,low,high,marks,note\ngood,1,")
+    assert main([*arguments, "--may", "letters.font"]) == 2
+    command = [sys.executable, "-m", "noctograph.grade", "--help"]
+    assert b"--memory-mb" in subprocess.run(command, check=True, capture_output=True).stdout

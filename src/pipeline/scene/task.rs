@@ -1,0 +1,162 @@
+//! Task: a scene with some keys that others may change, as the controller's in a course.
+//!
+//! Product in: the text of a submission, a whole scene or a few keys. Product out: the task's scene
+//! with the allowed keys of the submission.
+
+use std::path::Path;
+
+use toml::Table;
+
+use super::{LIMIT, Scene, text};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::settings::{Described, paths, suggestion};
+
+/// Keys that a submission may change where no others are named.
+const MAY: [&str; 3] = ["controller.*", "observer.luenberger.*", "observer.ekf.*"];
+/// Keys that name files: these are always the task's.
+const FILES: [&str; 5] = [
+    "letters.font",
+    "letters.fallback",
+    "letters.drawing",
+    "letters.drawing_sha256",
+    "photo.background",
+];
+/// Differences that are told with their values, and characters of a value.
+const TOLD: usize = 3;
+const TOLD_CHARACTERS: usize = 40;
+
+/// A scene, and the keys that submissions may change.
+#[derive(Clone, Debug)]
+pub struct SceneTask {
+    scene: Scene,
+    may: Vec<String>,
+}
+
+impl SceneTask {
+    /// A task whose submissions may change keys, such as `controller.lqr.q`, and all of a table,
+    /// such as `controller.*`; by default those of the controller and the weights of the observers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a key that no scene has or that names a file.
+    pub fn new(scene: Scene, may: &[String]) -> Result<Self> {
+        let usual = || MAY.map(str::to_owned).to_vec();
+        let may = if may.is_empty() { usual() } else { may.to_vec() };
+        let mut keys = paths(Scene::SHAPE.settings());
+        keys.retain(|key| !FILES.contains(&key.as_str()));
+        for named in &may {
+            if !keys.iter().any(|key| covers(named, key)) {
+                let wanted = "a key of a scene that names no file, or a table: controller.*";
+                let hint = suggestion(named, keys.iter().map(String::as_str), || text::HINT.into());
+                return Err(Error::input("may", named, wanted, hint));
+            }
+        }
+        Ok(Self { scene, may })
+    }
+
+    /// The task's scene with the keys of a submission (TOML), whose word and seed are not used.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::read`]; [`Error::Infeasible`] with the keys that it may not change.
+    pub fn submission(&self, path: &Path) -> Result<Scene> {
+        let (toml, file) = (LIMIT.read_text(path)?, path.display().to_string());
+        if toml.trim().is_empty() {
+            return Err(Error::input(file, "an empty file", "keys of a scene", text::HINT));
+        }
+        let mut values = Table::try_from(&self.scene).expect("a checked scene is a TOML table");
+        text::overlay(&mut values, text::read(&toml, &file)?, Scene::SHAPE.settings());
+        let checked = text::scene_of(values).and_then(|scene| scene.check().map(|()| scene));
+        let mut scene = checked.map_err(|error| text::with_line(error, &toml, &file))?;
+        let mut task = self.scene.clone();
+        scene.seed = task.seed;
+        scene.word.clone_from(&task.word);
+        // A file of the task's has another path on another machine.
+        for (theirs, ours) in scene.files_mut().zip(task.files_mut()) {
+            let [name, wanted] = [&*theirs, &*ours].map(|path| Path::new(path).file_name());
+            if name.is_some() && name == wanted {
+                theirs.clone_from(ours);
+            }
+        }
+        let mut refused = text::changes(&scene, &self.scene);
+        refused.retain(|[key, value, _]| !self.allows(key, value));
+        match told(&refused) {
+            None => Ok(scene),
+            Some(what) => {
+                let hint = format!("a submission may change {}", self.may.join(", "));
+                Err(Error::Infeasible { what, hint })
+            }
+        }
+    }
+
+    /// Whether a submission may give a key this value. The true state is no estimate.
+    fn allows(&self, key: &str, value: &str) -> bool {
+        let is_truth = (key, value) == ("observer.kind", "\"truth\"");
+        !is_truth && !FILES.contains(&key) && self.may.iter().any(|named| covers(named, key))
+    }
+}
+
+/// Whether a name is a key, or a table around it.
+fn covers(named: &str, key: &str) -> bool {
+    let table = named.strip_suffix(".*").unwrap_or(named);
+    key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+/// Keys that differ, as a sentence: the first with both values.
+fn told(changes: &[[String; 3]]) -> Option<String> {
+    let short = |value: &str| -> String { value.chars().take(TOLD_CHARACTERS).collect() };
+    let one = |[key, value, task]: &[String; 3]| {
+        format!("{key} differs from the task's: {} for {}", short(value), short(task))
+    };
+    let first: Vec<String> = changes.iter().take(TOLD).map(one).collect();
+    let more = match changes.len().saturating_sub(TOLD) {
+        0 => String::new(),
+        n => format!("; and {n} keys more"),
+    };
+    (!first.is_empty()).then(|| first.join("; ") + &more)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn submitted(toml: &str, may: &[&str]) -> Result<Scene> {
+        let scene = Scene::find("cf-brushless", &[("photo.background", "/task/night.png")]);
+        let may: Vec<String> = may.iter().map(|key| (*key).to_owned()).collect();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), toml).unwrap();
+        SceneTask::new(scene.unwrap().scene, &may)?.submission(file.path())
+    }
+
+    #[test]
+    fn the_task_is_flown_with_the_keys_that_are_allowed() {
+        let scene = submitted("[controller]\nkind = \"lqr\"\nlqr.r = [1e6, 1e6, 1e7, 500]", &[]);
+        let scene = scene.unwrap();
+        assert_eq!(scene.controller.lqr.r, [1e6, 1e6, 1e7, 500.0]);
+        assert_eq!(scene.photo.background, "/task/night.png");
+        let printed = scene.to_toml().replace("/task/", "/home/student/");
+        assert_eq!(submitted(&printed, &[]).unwrap(), scene, "a whole scene, printed elsewhere");
+        let other = "word = \"HI\"\nseed = 3\n";
+        assert_eq!(submitted(other, &[]).unwrap().word, "", "the ranking has its own");
+        let even = submitted("[plan]\nstroke_speed_m_s = 0.1", &["plan"]).unwrap();
+        assert_eq!(even.plan.stroke_speed_m_s, 0.1);
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_named_and_files_and_the_truth_never_are() {
+        let refused = |toml: &str, may: &[&str]| submitted(toml, may).unwrap_err().to_string();
+        let mass = refused("[vehicle]\nmass_kg = 0.02", &[]);
+        assert!(mass.starts_with("vehicle.mass_kg differs from the task's: 0.02 for 0."), "{mass}");
+        let picture = refused("[photo]\nbackground = \"tea.png\"", &["photo.*", "controller.*"]);
+        assert!(picture.contains("\"tea.png\" for \"/task/night.png\""), "{picture}");
+        let truth = refused("[observer]\nkind = \"truth\"", &["observer.*"]);
+        assert!(truth.starts_with("observer.kind differs"), "{truth}");
+        let preset = refused("preset = \"cf21\"", &[]);
+        assert!(preset.contains("preset differs"), "{preset}");
+        let many = refused("[camera]\niso = 1\nf_number = 9\nwidth_px = 9\nheight_px = 9", &[]);
+        assert!(many.ends_with("; and 1 keys more"), "{many}");
+        let font = refused("", &["letters.font"]);
+        assert!(font.contains("a key of a scene that names no file"), "{font}");
+        assert!(refused("", &["controller.kinds"]).contains("may: found controller.kinds"));
+    }
+}
